@@ -83,11 +83,11 @@ def host_clock_state() -> str:
     return "free-running" if state in (_UNSYNCHRONISED, -1) else "kept by NTP or PTP"
 
 
-def clock_metadata(scale: Timescale, host: str | None = None) -> dict[str, str]:
+def clock_metadata(scale: Timescale) -> dict[str, str]:
     """Which clock a part's times come from."""
     return {
         "times": "host clock when the part began, carried on by the monotonic clock",
-        "host_clock": host_clock_state() if host is None else host,
+        "host_clock": host_clock_state(),
         "utc_minus_monotonic_ns": str(scale.offset_ns),
     }
 

@@ -31,6 +31,7 @@ MOST_BYTES = 65_536
 """A client that says more than this is not heard to its end."""
 PATIENCE_S = 3.0
 """How long a client may take to say what it wants, and how long it waits for an answer."""
+_SHORT_PATIENCE_S = 1.0  # of who asks again and again
 _MOST_CLIENTS = 16  # at once; one more, and whoever has kept us waiting longest must go
 _LOOK_S = 0.2
 
@@ -239,11 +240,11 @@ def send_mark(text: str, folder: Path | None = None) -> int:
     return heard
 
 
-def running_recorders(folder: Path | None = None, patience_s: float = 1.0) -> list[tuple[Path, RecorderState]]:
+def running_recorders(folder: Path | None = None) -> list[tuple[Path, RecorderState]]:
     """The recorders that run here, each with its socket; those that do not answer in time are left out."""
     found = []
     for path in servers(folder):
-        running = _running(ask(path, _QUESTION, patience_s))
+        running = _running(ask(path, _QUESTION, _SHORT_PATIENCE_S))
         if running is not None:
             found.append((path, running))
     return found
@@ -256,10 +257,10 @@ def _running(answer: bytes | None) -> RecorderState | None:
         return None
 
 
-def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "", patience_s: float = 1.0) -> str:
+def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> str:
     """Give a prediction to the recorder at a socket. Returns why it did not take it, or nothing."""
     message = orjson.dumps({"prediction": dict(body), "geojson": geojson}, option=orjson.OPT_SERIALIZE_NUMPY)
-    answer = ask(path, message, patience_s)
+    answer = ask(path, message, _SHORT_PATIENCE_S)
     if answer is None:
         return "the recorder does not answer"
     return "" if answer == b"ok" else answer.removeprefix(_REFUSED).decode(errors="replace")

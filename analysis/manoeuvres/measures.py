@@ -29,7 +29,7 @@ from analysis.manoeuvres.motion import Motion, noise_of, running_median, stretch
 APPROACH_S = 10.0
 
 
-_LONGEST_CHANGE_S = 15.0
+_LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
 _SLOWEST_RUDDER_DPS = 2.0
 """Steering gear takes 28 s at most from 35 deg to 30 deg on the other side, 2.3 deg/s (SOLAS II-1/29)."""
 
@@ -48,18 +48,14 @@ def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[floa
 
 
 def level_before(
-    motion: Motion,
-    command: Floats,
-    plateau: Plateau,
-    seconds: float = 4.0,
-    longest_s: float = _LONGEST_CHANGE_S + 1.0,
+    motion: Motion, command: Floats, plateau: Plateau, longest_s: float = _LONGEST_CHANGE_S + 1.0
 ) -> float:
-    """The level a command had shortly before it went to a plateau: the median of ``seconds`` before the change.
+    """The level a command had shortly before it went to a plateau: the median of 4 s before the change.
 
     The change itself, which takes ``longest_s`` at most, is where the command is nearer to the plateau than to
     where it was before.
     """
-    rows = round(seconds / motion.step_s)
+    rows = round(_BEFORE_S / motion.step_s)
     first = motion.row_before(plateau.first, longest_s)
     ahead = command[first : plateau.first + 1]
     start = float(np.median(ahead[: max(rows, 1)]))
@@ -203,14 +199,13 @@ def bootstrap_indices(
     half_width: float,
     measure: Measure,
     unsure_rows: float = 0.5,
-    seed: int = _SEED,
 ) -> dict[str, tuple[float, float]]:
     """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
 
     The moments of the commands are only known to a row: each is moved about by ``unsure_rows``, and all together
     by as much, since what the shape of a command between rows does to one it does to all.
     """
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(_SEED)
     smooth = smooth_motion(motion, half_width)
     values = measure(smooth, executes_s)
     spectra = {name: _spectrum(getattr(motion, name) - getattr(smooth, name), half_width / motion.step_s)

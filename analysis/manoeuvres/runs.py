@@ -39,13 +39,14 @@ from analysis.manoeuvres.motion import Motion, noise_of, stretches
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0
 _STEADY_SHARE = 0.04
-_LEAST_RUN_S = 30.0
+_LEAST_RUN_S, _LEAST_HELD_S = 30.0, 5.0
 _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
 _STOPPED_SHARE = 0.6
 _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
 _RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
 _LONGEST_BETWEEN_S = 2 * 3600.0
+_BLOCKS = 6
 REACHED_SHARE = 0.9
 
 
@@ -54,12 +55,12 @@ def shaft_along(motion: Motion) -> Floats:
     return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / len(motion.drives)))
 
 
-def shaft_plateaus(motion: Motion, least_s: float = 5.0) -> list[Plateau]:
+def shaft_plateaus(motion: Motion) -> list[Plateau]:
     """Where the thrust along the bow was held."""
     along = shaft_along(motion)
     largest = float(np.percentile(np.abs(along), 99))
     # An idle shaft's noise is magnified by the root of its square: it counts no more than a running one's.
-    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), least_s)
+    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S)
 
 
 def _changes(values: Floats, step_s: float) -> Floats:
@@ -115,10 +116,10 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     )  # fmt: skip
 
 
-def _mean_of_blocks(values: Floats, blocks: int = 6) -> tuple[float, float]:
+def _mean_of_blocks(values: Floats) -> tuple[float, float]:
     """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
-    means = [float(block.mean()) for block in np.array_split(values, blocks)]
-    return float(values.mean()), 2.57 * float(np.std(means, ddof=1)) / np.sqrt(blocks)
+    means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
+    return float(values.mean()), 2.57 * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
 
 
 def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:

@@ -31,9 +31,7 @@ _MAT_TITLE, _MAT_TITLE_BYTES = b"MATLAB 5.0 MAT-file, written by Seatrial", 116
 _RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
 
 
-def export_table(
-    table: pd.DataFrame, path: Path, rate_hz: float | None = None, options: Mapping[str, Any] | None = None
-) -> list[Path]:
+def export_table(table: pd.DataFrame, path: Path, options: Mapping[str, Any] | None = None) -> list[Path]:
     """Write a table as Parquet, CSV or .mat by the suffix of ``path`` and return the files that were written.
 
     Units, trial and :func:`analysis.tables.table.provenance_of` go with it. A file appears under its
@@ -42,7 +40,7 @@ def export_table(
     """
     path = Path(path)
     kind = expect_suffix(path, *_WRITERS)
-    about = _about(table, rate_hz if rate_hz is not None else table.attrs.get("rate_hz"), options or {})
+    about = _about(table, options or {})
     return _WRITERS[kind](table, path, about)
 
 
@@ -88,14 +86,14 @@ def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> ND
     return result
 
 
-def _about(table: pd.DataFrame, rate_hz: float | None, options: Mapping[str, Any]) -> dict[str, Any]:
+def _about(table: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
     units = {str(name): unit for name in table.columns if (unit := unit_of(str(name)))}
     provenance = provenance_of(table, options)
     return {
         "units": units,
         "trial": provenance.pop("trial"),
         "recording": provenance["recording"],
-        "rate_hz": rate_hz,
+        "rate_hz": table.attrs.get("rate_hz"),
         "provenance": provenance,
     }
 

@@ -178,7 +178,7 @@ def delays_in_ns(delays: Mapping[str, float]) -> dict[str, int]:
     return {name: round(delay_s * NANO) for name, delay_s in delays.items()}
 
 
-def require(table: pd.DataFrame, names: tuple[str, ...] | None = None, where: str = "") -> None:
+def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
     """Raise :class:`InputError` naming the channels of ``names``, by default the trial's, that a table lacks."""
     missing = [
         name for name in names or trial_channels(table) if name not in table or not table[name].notna().any()
@@ -186,7 +186,7 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None, where: st
     if missing:
         raise InputError(
             f"has no {', '.join(missing)}",
-            where=where or str(table.attrs.get("recording", "table")),
+            where=str(table.attrs.get("recording", "table")),
             fix="record the channel, or import with a map that gives it a constant",
         )
 

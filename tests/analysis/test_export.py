@@ -82,7 +82,7 @@ def test_any_number_comes_back_to_the_last_bit(
 @pytest.mark.parametrize("suffix", KINDS)
 def test_every_product_says_where_it_comes_from(recording: Path, tmp_path: Path, suffix: str) -> None:
     table = resample(add_step(read_table(recording), "repair", text="put right"), 2.0)
-    written = export_table(table, tmp_path / f"voyage{suffix}", 2.0, {"rate_hz": 2.0, "repair": True})
+    written = export_table(table, tmp_path / f"voyage{suffix}", {"rate_hz": 2.0, "repair": True})
     assert all(path.exists() for path in written)
     said = about(tmp_path / f"voyage{suffix}")
     assert {name: said["units"][name] for name in NAMES} == {name: BY_NAME[name].unit for name in NAMES}

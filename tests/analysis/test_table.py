@@ -77,7 +77,7 @@ def test_an_export_imports_again_without_a_map(tmp_path: Path, suffix: str) -> N
 
 
 def test_a_resampled_export_says_its_units(tmp_path: Path) -> None:
-    export_table(resample(steady_table(20), 2.0), tmp_path / "table.parquet", 2.0)
+    export_table(resample(steady_table(20), 2.0), tmp_path / "table.parquet")
     schema = pq.read_schema(tmp_path / "table.parquet")
     assert {name: schema.field(name).metadata[b"unit"].decode() for name in NAMES} == {
         name: BY_NAME[name].unit for name in NAMES
