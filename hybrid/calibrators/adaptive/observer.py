@@ -26,9 +26,10 @@ TURN_RADPS, TURNS = 0.02, 4
 """The gains are there for four yaw rates that far apart, the first of them none."""
 WIND_DIRECTION, WIND_SPEED, FIRST_CONTROL = 6, 7, 8
 """Where they stand in a row of channels, after the state."""
-Force = tuple[float, float, float]
-Swing = tuple[float, float, float, float, float, float]
-"""Displacement in waves ahead, aside [m] and in heading [rad], and their rates."""
+Force = Floats
+"""In surge, sway and yaw [3]."""
+Swing = Floats
+"""Displacement in waves ahead, aside [m] and in heading [rad], and its rate [2, 3]."""
 
 
 @compiled
@@ -48,70 +49,63 @@ def fill_mean_control(p: Record, result: Control, before: Control, after: Contro
 @compiled
 def add_bias_force(p: Record, own: Force, bias: Force) -> None:
     """Give the plant its own constant force and, per mass and with the added mass, the bias force."""
-    surge, sway, yaw = bias
-    p.constant_X_n = own[0] + (p.mass_kg - p.Xud) * surge
-    p.constant_Y_n = own[1] + (p.mass_kg - p.Yvd) * sway - p.Yrd * yaw
-    p.constant_N_nm = own[2] - p.Yrd * sway + (p.yaw_inertia_kgm2 - p.Nrd) * yaw
+    p.constant_X_n = own[0] + (p.mass_kg - p.Xud) * bias[0]
+    p.constant_Y_n = own[1] + (p.mass_kg - p.Yvd) * bias[1] - p.Yrd * bias[2]
+    p.constant_N_nm = own[2] - p.Yrd * bias[1] + (p.yaw_inertia_kgm2 - p.Nrd) * bias[2]
+
+
+@compiled
+def weighed(gain: Floats, position: float, speed: float) -> float:
+    """What an innovation of position and one of speed correct one quantity by, with its gain [2]."""
+    return float(gain[0] * position + gain[1] * speed)
 
 
 @compiled
 def measurement_update(
     state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats
-) -> tuple[bool, State, Force, Swing]:
-    """Whether the measurement can be the ship's; and state, bias force and swing in waves after it."""
+) -> tuple[bool, State]:
+    """Whether the measurement can be the ship's, and the state after it; bias force and swing are corrected.
+
+    ``gain`` [3 axes, 5, 2] as of :func:`~hybrid.calibrators.adaptive.adaptation.kalman_gains`.
+    """
     north, east, psi, u, v, r = state
-    surge, sway, yaw = bias
     cosine, sine = cos(psi), sin(psi)
     off_north, off_east = measured[0] - north, measured[1] - east
-    ahead = off_north * cosine + off_east * sine - swing[0]
-    aside = off_east * cosine - off_north * sine - swing[1]
-    turned = measured[2] - psi - swing[2]
-    du, dv, dr = measured[3] - u - swing[3], measured[4] - v - swing[4], measured[5] - r - swing[5]
-    possible = (
-        hypot(ahead, aside) < LEAP_M
-        and abs(turned) < LEAP_RAD
-        and hypot(du, dv) < LEAP_MPS
-        and abs(dr) < LEAP_RADPS
+    position = (
+        off_north * cosine + off_east * sine - swing[0, 0],
+        off_east * cosine - off_north * sine - swing[0, 1],
+        measured[2] - psi - swing[0, 2],
     )
-    x = gain[0, 0, 0] * ahead + gain[0, 0, 1] * du
-    y = gain[1, 0, 0] * aside + gain[1, 0, 1] * dv
-    return (
-        possible,
-        (
-            north + x * cosine - y * sine,
-            east + x * sine + y * cosine,
-            psi + gain[2, 0, 0] * turned + gain[2, 0, 1] * dr,
-            u + gain[0, 1, 0] * ahead + gain[0, 1, 1] * du,
-            v + gain[1, 1, 0] * aside + gain[1, 1, 1] * dv,
-            r + gain[2, 1, 0] * turned + gain[2, 1, 1] * dr,
-        ),
-        (
-            surge + gain[0, 2, 0] * ahead + gain[0, 2, 1] * du,
-            sway + gain[1, 2, 0] * aside + gain[1, 2, 1] * dv,
-            yaw + gain[2, 2, 0] * turned + gain[2, 2, 1] * dr,
-        ),
-        (
-            swing[0] + gain[0, 3, 0] * ahead + gain[0, 3, 1] * du,
-            swing[1] + gain[1, 3, 0] * aside + gain[1, 3, 1] * dv,
-            swing[2] + gain[2, 3, 0] * turned + gain[2, 3, 1] * dr,
-            swing[3] + gain[0, 4, 0] * ahead + gain[0, 4, 1] * du,
-            swing[4] + gain[1, 4, 0] * aside + gain[1, 4, 1] * dv,
-            swing[5] + gain[2, 4, 0] * turned + gain[2, 4, 1] * dr,
-        ),
+    speed = (measured[3] - u - swing[1, 0], measured[4] - v - swing[1, 1], measured[5] - r - swing[1, 2])
+    possible = (
+        hypot(position[0], position[1]) < LEAP_M
+        and abs(position[2]) < LEAP_RAD
+        and hypot(speed[0], speed[1]) < LEAP_MPS
+        and abs(speed[2]) < LEAP_RADPS
+    )
+    for axis in range(3):
+        bias[axis] += weighed(gain[axis, 2], position[axis], speed[axis])
+        swing[0, axis] += weighed(gain[axis, 3], position[axis], speed[axis])
+        swing[1, axis] += weighed(gain[axis, 4], position[axis], speed[axis])
+    x, y = weighed(gain[0, 0], position[0], speed[0]), weighed(gain[1, 0], position[1], speed[1])
+    return possible, (
+        north + x * cosine - y * sine,
+        east + x * sine + y * cosine,
+        psi + weighed(gain[2, 0], position[2], speed[2]),
+        u + weighed(gain[0, 1], position[0], speed[0]),
+        v + weighed(gain[1, 1], position[1], speed[1]),
+        r + weighed(gain[2, 1], position[2], speed[2]),
     )
 
 
 @compiled
-def advance_swing(swing: Swing, step: Floats) -> Swing:
-    """The swing in waves a second later."""
-    return (
-        step[0, 0] * swing[0] + step[0, 1] * swing[3],
-        step[0, 0] * swing[1] + step[0, 1] * swing[4],
-        step[0, 0] * swing[2] + step[0, 1] * swing[5],
-        step[1, 0] * swing[0] + step[1, 1] * swing[3],
-        step[1, 0] * swing[1] + step[1, 1] * swing[4],
-        step[1, 0] * swing[2] + step[1, 1] * swing[5],
-    )
+def pass_second(bias: Force, kept: Floats, swing: Swing, step: Floats) -> None:
+    """Bias force and swing in waves a second later: the one decays, the other goes on."""
+    for axis in range(3):
+        bias[axis] *= kept[axis]
+        displaced, rate = swing[0, axis], swing[1, axis]
+        swing[0, axis] = step[0, 0] * displaced + step[0, 1] * rate
+        swing[1, axis] = step[1, 0] * displaced + step[1, 1] * rate
 
 
 @compiled
@@ -120,15 +114,9 @@ def store(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
     cosine, sine = cos(state[2]), sin(state[2])
     for j in range(6):
         states[j] = state[j]
-    waves[0] = swing[0] * cosine - swing[1] * sine
-    waves[1] = swing[0] * sine + swing[1] * cosine
-    waves[2] = swing[2]
-
-
-@compiled
-def decay(bias: Force, kept: Floats) -> Force:
-    """The bias force a second later."""
-    return bias[0] * kept[0], bias[1] * kept[1], bias[2] * kept[2]
+    waves[0] = swing[0, 0] * cosine - swing[0, 1] * sine
+    waves[1] = swing[0, 0] * sine + swing[0, 1] * cosine
+    waves[2] = swing[0, 2]
 
 
 def _make_observer(stamp: int) -> Callable[..., None]:
@@ -156,9 +144,8 @@ def _make_observer(stamp: int) -> Callable[..., None]:
         for i in prange(states.shape[0]):
             p = plants[i]
             mass, lag = inverse_mass(p), lag_over(p, 1.0)
-            own = (p.constant_X_n, p.constant_Y_n, p.constant_N_nm)
-            bias = (0.0, 0.0, 0.0)
-            swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            own = np.array([p.constant_X_n, p.constant_Y_n, p.constant_N_nm])
+            bias, swing = np.zeros(3), np.zeros((2, 3))
             second, since = known_s[i], 0
             row = past[i, second]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
@@ -170,16 +157,15 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                 add_bias_force(p, own, bias)
                 air = (now[WIND_DIRECTION], now[WIND_SPEED])
                 state = advance(p, mass, lag, order, acting, scratch, air, 0.0, 1.0, 1, state, extra, parameters[0])
-                bias = decay(bias, kept)
-                swing = advance_swing(swing, wave)
+                pass_second(bias, kept, swing, wave)
                 turn = min(int(abs(now[5]) / TURN_RADPS + 0.5), TURNS - 1)
                 gain = gains[turn, min(since, gains.shape[1] - 1)]
-                possible, state, bias, swing = measurement_update(state, bias, swing, now, gain)
+                possible, state = measurement_update(state, bias, swing, now, gain)
                 since += 1
                 if not possible:
                     state = (now[0], now[1], now[2], now[3], now[4], now[5])
-                    bias = (0.0, 0.0, 0.0)
-                    swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                    bias[:] = 0.0
+                    swing[:] = 0.0
                     since = 0
                 second -= 1
             store(state, swing, states[i, 0], waves[i, 0])
@@ -189,8 +175,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                 state = advance(
                     p, mass, lag, control[i, k], acting, scratch, air, 0.0, 1.0, 1, state, extra, parameters[0]
                 )
-                bias = decay(bias, kept)
-                swing = advance_swing(swing, wave)
+                pass_second(bias, kept, swing, wave)
                 store(state, swing, states[i, k + 1], waves[i, k + 1])
 
     return observe_and_predict  # type: ignore[no-any-return]
