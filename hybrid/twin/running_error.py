@@ -7,8 +7,8 @@ its error says little of the model: such errors are counted, marked and left out
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,9 @@ class TrackError:
         return {"start": self.start_ns / NANO, **{name: getattr(self, name) for name in names}}
 
 
+_MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band")
+
+
 @dataclass(frozen=True, slots=True)
 class MeanErrors:
     """Means over judged predictions in whose horizon no thruster moved, None where there is none.
@@ -61,14 +64,24 @@ class MeanErrors:
     ``along_m`` and ``across_m`` keep their sign. ``left_out`` counts those in which one moved.
     """
 
-    predictions: int
-    left_out: int
+    predictions: int = 0
+    left_out: int = 0
     mean_distance_m: float | None = None
     end_distance_m: float | None = None
     along_m: float | None = None
     across_m: float | None = None
     heading_deg: float | None = None
     inside_band: float | None = None
+
+    def with_error(self, error: TrackError) -> MeanErrors:
+        """The means with one prediction more."""
+        if error.thrusters_moved:
+            return replace(self, left_out=self.left_out + 1)
+        number, means = self.predictions + 1, dict[str, Any]()
+        for name in _MEANS:
+            value, mean = getattr(error, name), getattr(self, name)
+            means[name] = value if mean is None else mean + (value - mean) / number
+        return replace(self, predictions=number, **means)
 
 
 def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> TrackError:
@@ -89,19 +102,6 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
         heading_deg=float(np.rad2deg(np.abs(turn)).mean()),
         inside_band=inside,
     )
-
-
-def mean_errors(errors: Iterable[TrackError]) -> MeanErrors:
-    """The means over judged predictions."""
-    every = list(errors)
-    counted = [each for each in every if not each.thrusters_moved]
-    result = MeanErrors(len(counted), len(every) - len(counted))
-    if not counted:
-        return result
-    names = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg")
-    means: dict[str, Any] = {name: float(np.mean([getattr(each, name) for each in counted])) for name in names}
-    inside = [each.inside_band for each in counted if each.inside_band is not None]
-    return replace(result, **means, inside_band=float(np.mean(inside)) if inside else None)
 
 
 def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int) -> bool:
@@ -158,7 +158,7 @@ class RunningError:
 
     def mean(self) -> MeanErrors:
         """The means over the last ``over_s`` seconds of predictions that have been judged."""
-        return mean_errors(self._last)
+        return reduce(MeanErrors.with_error, self._last, MeanErrors())
 
     def _error(
         self, prediction: Prediction, table: pd.DataFrame, start_ns: int, horizon_s: int

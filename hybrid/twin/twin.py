@@ -32,7 +32,7 @@ from hybrid.twin.forecast import (
     predict_now,
     track_geojson,
 )
-from hybrid.twin.running_error import RunningError, TrackError
+from hybrid.twin.running_error import MeanErrors, RunningError, TrackError
 
 if TYPE_CHECKING:
     from hybrid.calibrators.predictor import Predictor
@@ -52,27 +52,12 @@ def keep_s(horizon_s: int) -> float:
 
 @dataclass(slots=True)
 class Statistics:
-    """Counts, and one number for each prediction or each evaluated one, since the start."""
+    """Counts and means since the start, and the latency of each prediction [s]."""
 
     made: int = 0
     recorded: int = 0
-    left_out: int = 0
     latency_s: array[float] = field(default_factory=lambda: array("d"))
-    mean_distance_m: array[float] = field(default_factory=lambda: array("d"))
-    end_distance_m: array[float] = field(default_factory=lambda: array("d"))
-    heading_deg: array[float] = field(default_factory=lambda: array("d"))
-    inside_band: array[float] = field(default_factory=lambda: array("d"))
-
-    def add(self, error: TrackError) -> None:
-        """Add the error of a prediction."""
-        if error.thrusters_moved:
-            self.left_out += 1
-            return
-        self.mean_distance_m.append(error.mean_distance_m)
-        self.end_distance_m.append(error.end_distance_m)
-        self.heading_deg.append(error.heading_deg)
-        if error.inside_band is not None:
-            self.inside_band.append(error.inside_band)
+    errors: MeanErrors = field(default_factory=MeanErrors)
 
 
 class Twin:
@@ -137,7 +122,7 @@ class Twin:
     def _evaluate(self, forecast: Forecast, until_ns: int) -> None:
         errors = self.errors.evaluate(forecast.table, until_ns)
         for error in errors:
-            self.statistics.add(error)
+            self.statistics.errors = self.statistics.errors.with_error(error)
         self.last_error = errors[-1] if errors else None
 
     def _publish(self, forecast: Forecast) -> None:

@@ -73,24 +73,21 @@ class Summary:
 def summary_of(statistics: Statistics, unmeasured: int) -> Summary:
     """The statistics in a few numbers."""
     median_s, most_s, longest_s = (_quantile(statistics.latency_s, share) for share in (0.5, 0.95, 1.0))
+    errors = statistics.errors
     return Summary(
         made=statistics.made,
         recorded=statistics.recorded,
-        judged=len(statistics.mean_distance_m),
-        left_out=statistics.left_out,
+        judged=errors.predictions,
+        left_out=errors.left_out,
         unmeasured=unmeasured,
-        mean_distance_m=_mean(statistics.mean_distance_m),
-        end_distance_m=_mean(statistics.end_distance_m),
-        heading_deg=_mean(statistics.heading_deg),
-        inside_band=_mean(statistics.inside_band),
+        mean_distance_m=errors.mean_distance_m,
+        end_distance_m=errors.end_distance_m,
+        heading_deg=errors.heading_deg,
+        inside_band=errors.inside_band,
         latency_median_s=median_s,
         latency_95_s=most_s,
         latency_max_s=longest_s,
     )
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_error import FILTER_REACH_S, RunningError, mean_errors, track_error
+from hybrid.twin.running_error import FILTER_REACH_S, RunningError, track_error
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import summary_of
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
@@ -131,7 +131,7 @@ def test_what_lies_before_the_table_or_in_another_recording_is_not_judged(table:
 
 
 def test_nothing_judged_has_no_mean() -> None:
-    mean = mean_errors([])
+    mean = RunningError().mean()
     assert (mean.predictions, mean.left_out, mean.mean_distance_m, mean.inside_band) == (0, 0, None, None)
 
 
@@ -141,7 +141,7 @@ def test_a_summary_counts_all_and_means_what_was_held(table: pd.DataFrame) -> No
     for second in range(30, 60):
         errors.add(prediction(second, 0.1, band_m=0.55))
     for error in errors.evaluate(table, ns(100)):
-        statistics.add(error)
+        statistics.errors = statistics.errors.with_error(error)
     statistics.latency_s.extend([0.1] * 90 + [0.5] * 10)
     summary = summary_of(statistics, errors.unmeasured)
     assert (summary.made, summary.recorded, summary.judged, summary.left_out) == (30, 29, 20, 10)
