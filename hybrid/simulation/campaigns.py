@@ -20,8 +20,9 @@ from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from analysis.batch.one_recording import Row
-from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, run_jobs
+from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, map_calls, run_jobs
 from analysis.products import Options
+from analysis.tables.table import sha256_of
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named
@@ -138,7 +139,7 @@ def run_campaign(
     ]
     with exclusive_folder(out):
         if workers == 1 and scheduler is None:
-            rows = [_here(job, number / len(jobs), progress) for number, job in enumerate(jobs, 1)]
+            rows = map_calls([(make, job) for job in jobs], 1, progress)
         else:
             rows = run_jobs(jobs, make, workers, scheduler, progress)
         index = out / INDEX
@@ -161,12 +162,6 @@ def fingerprint(trial: PlannedTrial) -> str:
     return sha256(json.dumps(plan, sort_keys=True, default=str).encode()).hexdigest()
 
 
-def _here(job: TrialJob, share: float, progress: Progress) -> Row:
-    row = make(job)
-    progress(share)
-    return row
-
-
 def _made(job: Job) -> Row:
     """Simulate and write one trial; the truth comes last and marks it as complete."""
     assert isinstance(job, TrialJob)
@@ -174,14 +169,14 @@ def _made(job: Job) -> Row:
     trial, recording = job.trial, Path(job.path)
     truth_path, plan = recording.with_suffix(".truth.json"), fingerprint(trial)
     if recording.is_file() and _plan_of(truth_path) == plan:
-        return {"status": "done", "cause": "", "sha256": _digest(recording), "reused": True}
+        return {"status": "done", "cause": "", "sha256": sha256_of(recording), "reused": True}
     truth_path.unlink(missing_ok=True)
     table, truth = simulate_trial(
         trial.vessel, trial.sea_state, trial.manoeuvre, trial.duration_s, trial.rate_hz, trial.seed, trial.hidden,
         noise=trial.noise, heading_deg=trial.heading_deg,
     )  # fmt: skip
     record_trial(table, truth, recording, plan=plan)
-    return {"status": "done", "cause": "", "sha256": _digest(recording)}
+    return {"status": "done", "cause": "", "sha256": sha256_of(recording)}
 
 
 def _name(vessel: str, sea_state: str, manoeuvre: str, seed: int) -> str:
@@ -201,7 +196,3 @@ def _plan_of(truth: Path) -> str | None:
     except (OSError, ValueError, LookupError, TypeError):
         return None
     return str(plan)
-
-
-def _digest(path: Path) -> str:
-    return sha256(path.read_bytes()).hexdigest()

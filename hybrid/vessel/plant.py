@@ -170,10 +170,6 @@ class Plant:
         """This plant with numbers, or tables, of these names instead."""
         return self._with({name: partial(_second, value) for name, value in values.items()})
 
-    def changed(self, change: Callable[[Any], Any], *names: str) -> Plant:
-        """This plant with ``change`` made to each of the named numbers, of every actuator that a name means."""
-        return self._with(dict.fromkeys(names, change))
-
     def _with(self, changes: Mapping[str, Callable[[Any], Any]]) -> Plant:
         scalars = {name: change(getattr(self, name)) for name, change in changes.items() if name in SCALARS}
         plant = replace(self, **scalars)
@@ -192,7 +188,7 @@ class Plant:
 
     def scaled(self, factor: float, *names: str) -> Plant:
         """This plant with the named numbers, or tables, multiplied by ``factor``."""
-        return self.changed(lambda value: _times(value, factor), *names)
+        return self._with(dict.fromkeys(names, partial(_times, factor=factor)))
 
     def shifted(self, **amounts: float) -> Plant:
         """This plant with each amount added to the number of its name."""

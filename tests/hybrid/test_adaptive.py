@@ -40,7 +40,7 @@ from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
-from tests.hybrid.windows_by_hand import moved, turned, voyages
+from tests.hybrid.windows_by_hand import answers, moved, turned, voyages
 
 SECONDS = 10
 FORM = Form("polynomial", DEFAULT)
@@ -341,8 +341,9 @@ def test_nothing_after_the_start_is_looked_at(
     track = windows.track.copy()
     track[:, 1:] = random.normal(0.0, 1e3, track[:, 1:].shape)
     alone = reference(windows, plant)
-    for each in (learned.predict, learned.uncertainty, learned.outside_domain):
-        assert np.array_equal(each(windows, alone), each(replace(windows, track=track), alone))
+    after = replace(windows, track=track)
+    for one, other in zip(answers(learned, windows, alone), answers(learned, after, alone), strict=True):
+        assert np.array_equal(one, other)
 
 
 @settings(max_examples=10, deadline=None)
@@ -395,9 +396,9 @@ def test_a_window_is_predicted_alone_as_among_others(
 ) -> None:
     windows = noisy(voyages(truth, 6, SECONDS, seed=3))
     alone = reference(windows, plant)
-    for each in (learned.predict, learned.uncertainty, learned.outside_domain):
-        single = [each(windows.subset(np.array([row])), alone[[row]])[0] for row in range(6)]
-        assert np.stack(single) == pytest.approx(each(windows, alone), rel=1e-9)
+    single = [answers(learned, windows.subset(np.array([row])), alone[[row]]) for row in range(6)]
+    for each, together in zip(zip(*single, strict=True), answers(learned, windows, alone), strict=True):
+        assert np.concatenate(each) == pytest.approx(together, rel=1e-9)
 
 
 def test_what_the_training_hardly_varied_is_not_outside_at_once(
@@ -462,6 +463,5 @@ def test_it_comes_back_to_the_bit(
         assert np.array_equal(getattr(loaded.fallback, name), getattr(trained.fallback, name))
     restored = AdaptiveCalibrator(learned.seed, plant).load_state_dict(learned.state_dict())
     for other in (restored, loaded.calibrator):
-        for name in ("predict", "uncertainty", "outside_domain"):
-            then, now = (getattr(each, name)(windows, alone) for each in (learned, other))
+        for then, now in zip(answers(learned, windows, alone), answers(other, windows, alone), strict=True):
             assert np.array_equal(then, now)

@@ -33,7 +33,7 @@ from hybrid.prediction.baselines import Fallback
 from hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant, bare_plant
-from tests.hybrid.windows_by_hand import random_windows
+from tests.hybrid.windows_by_hand import answers, random_windows
 
 SECONDS = 6
 FILES = ("calibrator.safetensors", "data_driven.safetensors", SIDECAR)
@@ -107,8 +107,7 @@ def test_every_method_comes_back_to_the_bit(
     for before, after in ((trained.calibrator, loaded.calibrator), (trained.data_driven, loaded.data_driven)):
         assert (after.method, after.seed, after.plant) == (before.method, before.seed, before.plant)
         for each in (windows, unlike):
-            for name in ("predict", "outside_domain", "uncertainty"):
-                then, now = (getattr(one, name)(each, each.track) for one in (before, after))
+            for then, now in zip(answers(before, each, each.track), answers(after, each, each.track), strict=True):
                 assert np.array_equal(then, now)
 
 

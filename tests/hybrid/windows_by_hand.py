@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
+from hybrid.calibrators.calibrator import Calibrator
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.vessel.plant import Plant
@@ -88,3 +89,8 @@ def turned(points: Floats, turn_rad: float) -> Floats:
     sine, cosine = np.sin(turn_rad), np.cos(turn_rad)
     north, east = points[..., 0], points[..., 1]
     return np.stack([north * cosine - east * sine, north * sine + east * cosine], axis=-1)
+
+
+def answers(calibrator: Calibrator, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats, Bools]:
+    """All that a calibrator says of windows: tracks, their uncertainty, and which lie outside its domain."""
+    return (*calibrator.predict_with_uncertainty(windows, reference), calibrator.outside_domain(windows, reference))
