@@ -293,16 +293,20 @@ def predict(
 
     ``at`` is ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start.
     """
+    from functools import partial
+
     from analysis.tables.resample import resample
     from analysis.tables.table import read_table, require
+    from analysis.windows.recordings import second_by_second
     from hybrid.calibrators.predict import parse_time
     from hybrid.calibrators.predict import predict as predict_at
 
     by = _predictor(recording, calibrator, vessel, horizon_s)
     table = read_table(recording)
     require(table)
-    table = resample(table)
-    return replace(predict_at(table, parse_time(at, table), by.horizon_s, by.plant, by.trained), model=by.said)
+    recorded = second_by_second(partial(resample, table))
+    instant = parse_time(at, recorded.table)
+    return replace(predict_at(recorded, instant, by.horizon_s, by.plant, by.trained), model=by.said)
 
 
 def diagnose(

@@ -25,7 +25,6 @@ import pandas as pd
 from acquisition.core.angles import unwrap, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
-from analysis.tables.table import NANO, times_ns
 
 HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
 _LEAST_SAMPLES = 5
@@ -84,35 +83,29 @@ def _around(values: Floats, kernel: Floats) -> Floats:
     return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])
 
 
-def motion_known_after(table: pd.DataFrame, at: pd.Timestamp) -> bool:
-    """Whether all of the ship's motion is known at some time after ``at``."""
-    after = table.loc[table.index > at, list(POSE_AND_VELOCITY)]
-    return bool(after.notna().all(axis=1).any())
+def newest_motion(past: Floats, half_width_s: float = HALF_WIDTH_S) -> Floats:
+    """The motion at second 0 [N, 6] by what was measured then and second by second before, newest first [N, P, 6].
 
-
-def one_sided_motion(table: pd.DataFrame, at: pd.Timestamp, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
-    """The motion channels at ``at`` by the samples of the last ``half_width_s`` seconds, one row.
-
-    A channel of which fewer than five samples are near keeps its measured value; NaN where it has none at ``at``.
+    The columns are those of :data:`.POSE_AND_VELOCITY`, the heading without jumps. A channel of which fewer than
+    five seconds are near keeps its measured value; NaN where it has none at second 0.
     """
-    before_s = (times_ns(table) - at.as_unit("ns").value) / NANO
-    near = (before_s > -half_width_s) & (before_s <= 0.0)
-    row = {}
-    for name in POSE_AND_VELOCITY:
-        values = table[name].to_numpy(dtype=float)[near]
-        series = unwrap(values) if is_circular(name) else values
-        end = one_sided_value(before_s[near] / half_width_s, series, 2 if name in _PARABOLIC else 1)
-        row[name] = float(wrap_360(end)) if is_circular(name) else end
-    return pd.DataFrame(row, index=pd.DatetimeIndex([at], name=table.index.name))
+    half_width_s = max(half_width_s, float(_LEAST_SAMPLES))
+    near = past[:, : int(np.ceil(half_width_s))]
+    before = -np.arange(near.shape[1]) / half_width_s
+    degrees = (2 if name in _PARABOLIC else 1 for name in POSE_AND_VELOCITY)
+    columns = [one_sided_value(before, near[..., number], degree) for number, degree in enumerate(degrees)]
+    return np.stack(columns, axis=-1)
 
 
-def one_sided_value(before: Floats, values: Floats, degree: int) -> float:
-    """A weighted polynomial through values [n] at times -1 to 0 [n], at 0; NaN where the last value is."""
+def one_sided_value(before: Floats, values: Floats, degree: int) -> Floats:
+    """Weighted polynomials through values [N, n] at times 0 to -1 [n], newest first, at 0; [N]."""
     present = np.isfinite(values)
-    if not present.size or not present[-1] or present.sum() < _LEAST_SAMPLES:
-        return float(values[-1]) if present.size else float("nan")
-    weight = np.sqrt(0.5 + 0.5 * np.cos(np.pi * before[present]))
-    powers = np.vander(before[present], degree + 1, increasing=True)
-    offset = values[-1]
-    fitted, *_ = np.linalg.lstsq(powers * weight[:, None], (values[present] - offset) * weight, rcond=None)
-    return float(offset + fitted[0])
+    newest = values[:, :1]
+    weight = present * (0.5 + 0.5 * np.cos(np.pi * before))
+    powers = np.vander(before, degree + 1, increasing=True)
+    normal = np.einsum("nt,ti,tj->nij", weight, powers, powers)
+    right = np.einsum("nt,ti,nt->ni", weight, powers, np.where(present, values - newest, 0.0))
+    enough = present[:, 0] & (present.sum(axis=1) >= _LEAST_SAMPLES)
+    result = newest[:, 0].copy()
+    result[enough] += np.linalg.solve(normal[enough], right[enough][..., None])[:, 0, 0]
+    return result

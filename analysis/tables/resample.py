@@ -14,7 +14,7 @@ on the circle.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -50,12 +50,14 @@ _LEAST_SPREAD = 1e-6  # of a fit's normal equations, scaled: below it its sample
 class Filter:
     """A local polynomial of some degree over ``reach`` output steps to either side.
 
-    The weight is a raised cosine to the power of ``taper``.
+    The weight is a raised cosine to the power of ``taper``. Of samples further than ``ahead`` steps ahead, where
+    that is given, nothing is known.
     """
 
     degree: int
     reach: int
     taper: float
+    ahead: int | None = None
 
 
 MOTION_FILTER = Filter(degree=2, reach=3, taper=1.5)
@@ -68,15 +70,17 @@ def resample(
     rate_hz: float = 1.0,
     longest_gap_s: float | None = None,
     delays: Mapping[str, float] | None = None,
+    known_steps: int | None = None,
 ) -> pd.DataFrame:
     """The table on whole multiples of 1 / ``rate_hz`` in UTC [Hz], each channel by itself.
 
     Rows may be unsorted, repeat a time, and hold NaN where a channel has no sample. Between samples that lie
-    further apart than ``longest_gap_s`` [s] the result is NaN; without it the limit is 3 s, for a channel
-    that is slower 2.5 of its median intervals, and never more than 10 s. Beyond a channel's first and last
-    sample it is NaN too. ``delays`` [s by channel] are taken off the times first; positive means stamped that
-    much too late. The history in ``attrs`` gains a step for each. Raises :class:`DataShortageError` for a table
-    without samples, :class:`InputError` for an impossible rate or delay.
+    further apart than ``longest_gap_s`` [s] the result is NaN; without it the limit is 3 s, for a channel that is
+    slower 2.5 of its median intervals, and never more than 10 s. Beyond a channel's first and last sample it is NaN
+    too. ``delays`` [s by channel] are taken off the times first; positive means stamped that much too late. The
+    history in ``attrs`` gains a step for each. With ``known_steps`` each row is what was known of it so many rows
+    later: no sample further ahead is filtered in, as aboard where there is none yet. Raises
+    :class:`DataShortageError` for a table without samples, :class:`InputError` for an impossible rate or delay.
     """
     time_ns = times_ns(table)
     names = [str(name) for name in table.columns]
@@ -84,7 +88,7 @@ def resample(
     def samples(name: str) -> TimedValues:
         return time_ns, table[name].to_numpy(dtype=float)
 
-    return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays)
+    return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays, known_steps)
 
 
 def resample_recording(
@@ -93,6 +97,7 @@ def resample_recording(
     longest_gap_s: float | None = None,
     delays: Mapping[str, float] | None = None,
     part_percent: tuple[float, float] = (0.0, 100.0),
+    known_steps: int | None = None,
 ) -> pd.DataFrame:
     """As :func:`resample` of a part of the recording's joined table, to the last bit, without joining it.
 
@@ -109,7 +114,7 @@ def resample_recording(
             return series.measured_ns, valid_values(series)
         return series.measured_ns[inside], valid_values(series)[inside]
 
-    return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays)
+    return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays, known_steps)
 
 
 def _on_grid(
@@ -119,6 +124,7 @@ def _on_grid(
     rate_hz: float,
     longest_gap_s: float | None,
     delays: Mapping[str, float] | None,
+    known_steps: int | None,
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
     rate = rate_fraction(rate_hz)
@@ -134,7 +140,7 @@ def _on_grid(
         first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
     )
     grid_ns = grid(first_ns, last_ns, rate)
-    columns = {name: _resampled(name, *valid(name), grid_ns, rate, longest_gap_s) for name in names}
+    columns = {name: _resampled(name, *valid(name), grid_ns, rate, longest_gap_s, known_steps) for name in names}
     result = pd.DataFrame(columns, index=index_of(grid_ns))
     result.attrs = {**attributes, "rate_hz": float(rate_hz)}
     if delays:
@@ -166,7 +172,13 @@ def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
 
 
 def _resampled(
-    name: str, time_ns: Ints, values: Floats, grid_ns: Ints, rate: Fraction, longest_gap_s: float | None
+    name: str,
+    time_ns: Ints,
+    values: Floats,
+    grid_ns: Ints,
+    rate: Fraction,
+    longest_gap_s: float | None,
+    known_steps: int | None,
 ) -> Floats:
     """One channel's valid samples on the grid; NaN where it has nothing to say."""
     circular = is_circular(name)
@@ -180,6 +192,8 @@ def _resampled(
     result[covered] = _interpolated(samples, before[covered], share[covered], circular)
     if 0 < interval_ns < _FASTER * NANO / rate:
         rule = SETTING_FILTER if is_setting(name) else MOTION_FILTER
+        if known_steps is not None:
+            rule = replace(rule, ahead=known_steps)
         smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
@@ -282,15 +296,19 @@ def _centres(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: 
 
 def _neighbours(
     times: Ints, grid_ns: Ints, step_ns: float, rule: Filter
-) -> Iterator[tuple[NDArray[np.int64], slice, Floats, Floats]]:
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]]:
     """All pairs of a grid point and a sample within reach of it: points, samples, distance and weight.
 
     The distance is in reaches, -1 to 1. Each turn pairs every sample with the grid point that many further on.
     """
     left = np.searchsorted(grid_ns, times, side="right") - 1  # -1: before the first grid point
-    for further in range(1 - rule.reach, rule.reach + 1):
+    ahead = rule.reach if rule.ahead is None else min(rule.ahead, rule.reach)
+    for further in range(max(-ahead, 1 - rule.reach), rule.reach + 1):
         first, last = np.searchsorted(left, (-further, grid_ns.size - further))  # points 0 to the last
-        point = left[first:last] + further
-        apart = (times[first:last] - grid_ns[point]) / (rule.reach * step_ns)
+        point, of = left[first:last] + further, np.arange(first, last)
+        if further == -ahead:  # of these only what lies right at the end of what is known
+            near = times[of] - grid_ns[point] <= ahead * step_ns
+            point, of = point[near], of[near]
+        apart = (times[of] - grid_ns[point]) / (rule.reach * step_ns)
         np.clip(apart, -1.0, 1.0, out=apart)
-        yield point, slice(first, last), apart, (0.5 + 0.5 * np.cos(np.pi * apart)) ** rule.taper
+        yield point, of, apart, (0.5 + 0.5 * np.cos(np.pi * apart)) ** rule.taper

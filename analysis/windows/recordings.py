@@ -4,10 +4,10 @@ A prediction starts from a state that nobody measured without noise. Here it is 
 covariance, from the raw samples at their own times (:mod:`analysis.estimation.smoother`): the motion as perfect
 sensors would have measured it, waves included, and beside it the ship's own slow motion without them.
 
-Predictions do not start from that slow motion but from :mod:`analysis.estimation.local_polynomial`:
-held at constant speed over 15 s and 30 s, neither is the better everywhere. The smoother's is on a docking (1.3
-m for 1.45 m rms at 15 s), and in waves it is as good in position and up to 10 % worse in heading; on a
-recording whose positions jitter in time it is much worse (16.9 m for 6.8 m).
+Predictions do not start from that slow motion but from :mod:`analysis.estimation.local_polynomial`, by what was
+known at second 0. Both looking ahead, held at constant speed over 15 s and 30 s, neither is the better everywhere.
+The smoother's is on a docking (1.3 m for 1.45 m rms at 15 s), and in waves it is as good in position and up to 10 %
+worse in heading; on a recording whose positions jitter in time it is much worse (16.9 m for 6.8 m).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from acquisition.recording.reader import read_recording
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
-from analysis.tables.resample import resample, resample_recording
+from analysis.tables.resample import MOTION_FILTER, resample, resample_recording
 from analysis.tables.table import (
     actuator_attributes,
     provenance_of,
@@ -39,6 +40,28 @@ from analysis.tables.table import (
 from analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
 
 
+@dataclass(frozen=True, slots=True)
+class SecondBySecond:
+    """A recording at 1 Hz: ``table`` as it is known afterwards, ``newest`` as its rows were known 0, 1, ... seconds
+    later, while what came after was not measured yet.
+
+    A channel that is recorded more often than once a second is filtered, by samples of the seconds to either side.
+    """
+
+    table: pd.DataFrame
+    newest: tuple[pd.DataFrame, ...] = ()
+
+    def known(self, seconds: int) -> pd.DataFrame:
+        """The rows as they were known so many seconds after each."""
+        return self.newest[seconds] if seconds < len(self.newest) else self.table
+
+
+def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
+    """Samples at 1 Hz by one of the functions of :mod:`analysis.tables.resample`, its samples given."""
+    newest = (resampled(known_steps=seconds) for seconds in range(MOTION_FILTER.reach))
+    return SecondBySecond(resampled(), tuple(newest))
+
+
 def tables_of_recordings(
     paths: Sequence[Path],
     progress: Callable[[float], None] = lambda share: None,
@@ -46,7 +69,7 @@ def tables_of_recordings(
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
-) -> dict[str, pd.DataFrame]:
+) -> dict[str, SecondBySecond]:
     """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's.
 
     ``repair`` puts right before what a check of the whole recording is certain of, ``rebuild_positions`` with the
@@ -57,23 +80,23 @@ def tables_of_recordings(
         recording = read_recording(path)
         if repair:
             whole = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
-            tables[trial] = resample(select(whole, part_percent), 1.0)
+            tables[trial] = second_by_second(partial(resample, select(whole, part_percent)))
         else:
-            tables[trial] = resample_recording(recording, 1.0, part_percent=part_percent)
+            tables[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
         progress((number + 1) / len(paths))
     return tables
 
 
 def windows_of_tables(
-    tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, stride_s: int = 5, *, keep_moving: bool = False
+    tables: Mapping[str, SecondBySecond], horizon_s: int = 15, stride_s: int = 5, *, keep_moving: bool = False
 ) -> HeldWindows:
     """The held windows of 1 Hz tables by trial, joined; with ``keep_moving`` all windows that have data.
 
     Raises :class:`DataShortageError` with the counts by reason when there is none in any of them.
     """
     parts = [
-        held_windows(table, horizon_s, stride_s, trial=trial, keep_moving=keep_moving)
-        for trial, table in tables.items()
+        held_windows(each.table, horizon_s, stride_s, trial=trial, keep_moving=keep_moving)
+        for trial, each in tables.items()
     ]
     return require_windows(join_windows(parts), ", ".join(tables))
 

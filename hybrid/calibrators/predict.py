@@ -12,15 +12,10 @@ from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from acquisition.core.result import ModelResult
-from analysis.estimation.local_polynomial import (
-    USUAL_LENGTH_M,
-    half_width_for,
-    motion_known_after,
-    one_sided_motion,
-)
+from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for
 from analysis.tables.table import trial_channels
+from analysis.windows.recordings import SecondBySecond
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import start_motion
 from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
 from hybrid.vessel.plant import Plant
 
@@ -90,15 +85,14 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
 
 
 def window_at(
-    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, length_m: float = USUAL_LENGTH_M
+    recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int, length_m: float = USUAL_LENGTH_M
 ) -> tuple[PredictionWindows, bool]:
-    """The window that starts at ``at`` in a 1 Hz table, of a ship of ``length_m``, and whether the recording covers
-    all of it.
+    """The window that starts at ``at`` in a recording at 1 Hz, of a ship of ``length_m``, and whether the recording
+    covers all of it.
 
-    Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`one_sided_motion`).
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
     """
-    times = pd.DatetimeIndex(table.index)
+    table, times = recorded.table, pd.DatetimeIndex(recorded.table.index)
     first, last = pd.Timestamp(times[0]), pd.Timestamp(times[-1])
     if not first <= at <= last:
         raise InputError(
@@ -115,26 +109,25 @@ def window_at(
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    if motion_known_after(table, start):
-        motion = start_motion(labelled, table, length_m)
-    else:
-        motion = one_sided_motion(table, start, half_width_for(length_m))
-    return windows_from_rows(labelled, motion, {"prediction": table}), bool(
-        rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
-    )
+    windows = windows_from_rows(labelled, tables={"prediction": recorded}, half_width_s=half_width_for(length_m))
+    return windows, bool(rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None))
 
 
 def predict(
-    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: TrainedCalibrator | None = None
+    recorded: SecondBySecond,
+    at: pd.Timestamp,
+    horizon_s: int,
+    plant: Plant,
+    trained: TrainedCalibrator | None = None,
 ) -> Prediction:
     """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it.
 
     Raises :class:`InputError` for another horizon than the calibrator's or an instant that is not in the
-    table, :class:`ModelRangeError` where the reference leaves its range.
+    recording, :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:
         trained.refuse_horizon(horizon_s)
-    windows, covered = window_at(table, at, horizon_s, plant.length_overall_m)
+    windows, covered = window_at(recorded, at, horizon_s, plant.length_overall_m)
     track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(

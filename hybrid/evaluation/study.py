@@ -13,10 +13,11 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import predict_with_fallback
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
-from hybrid.prediction.baselines import Fallback, conformal_radius, constant_velocity
+from hybrid.prediction.baselines import Fallback, conformal_radius, constant_velocity, straight_line
+from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.dataset import within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
-from hybrid.prediction.scores import distances
+from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
+from hybrid.prediction.scores import TWO_SIDED, distances
 from hybrid.vessel.plant import Plant
 
 Examples = tuple[PredictionWindows, Floats]
@@ -24,6 +25,7 @@ Examples = tuple[PredictionWindows, Floats]
 Predict = Callable[[PredictionWindows, Floats], Floats]
 
 BASELINES: dict[str, Predict] = {
+    "straight_line": lambda windows, reference: straight_line(windows),
     "constant_velocity": lambda windows, reference: constant_velocity(windows),
     "reference": lambda windows, reference: reference,
 }
@@ -110,17 +112,28 @@ def study(
 def evaluate_draw(
     draw: Draw, examples: Examples, methods: Sequence[str], plant: Plant, seed: int, progress: Progress
 ) -> dict[str, Errors]:
-    """Every method's errors on the windows that ``draw`` holds out."""
+    """Every method's errors on the windows that ``draw`` holds out.
+
+    They start from what was known at second 0, and beside it, as methods whose names end in :data:`TWO_SIDED`, from
+    what is known afterwards.
+    """
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
-    errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
+    afterwards = starting_two_sided(held_out[0])
+    judged = {"": held_out, TWO_SIDED: (afterwards, model_tracks(afterwards, plant))}
+    errors = {
+        f"{name}{ending}": _errors(predict, stopping, examples)
+        for name, predict in BASELINES.items()
+        for ending, examples in judged.items()
+    }
     fallback = Fallback.fit(*fitting, plant)
     for number, method in enumerate(methods):
         calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
         radius_m = calibrator.conformal_radius(stopping)
-        predicted = predict_with_fallback(calibrator, plant, radius_m, fallback, *held_out)
-        errors[method] = errors_of(predicted.tracks, held_out[0], predicted.radius_m, predicted.outside_domain)
+        for ending, (windows, reference) in judged.items():
+            found = predict_with_fallback(calibrator, plant, radius_m, fallback, windows, reference)
+            errors[f"{method}{ending}"] = errors_of(found.tracks, windows, found.radius_m, found.outside_domain)
         progress(number + 1.0)
     return errors
 

@@ -14,7 +14,7 @@ from acquisition.core.serialisation import to_json
 from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import Interval, LegBootstrap
+from hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, start_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,14 +71,21 @@ class Summary:
 class SplitSummary:
     """The figures of one split, as a whole and by kind of class and class (``breakdown``).
 
-    ``leaked`` is the share of the seconds judged that were learned from too.
+    ``leaked`` is the share of the seconds judged that were learned from too. All methods start from what was known
+    at second 0; in ``two_sided`` from what is known afterwards, and so does the baseline they are measured by.
     """
 
     kind: str
     fitted: tuple[int, ...]
     leaked: float
     whole: Summary
+    two_sided: Summary
     breakdown: dict[str, dict[str, Summary]]
+
+    @property
+    def by_start(self) -> dict[str, Summary]:
+        """The summaries of all windows, by what predictions start from."""
+        return {"causal": self.whole, "two-sided": self.two_sided}
 
     @property
     def shown(self) -> dict[str, dict[str, Summary]]:
@@ -145,7 +152,7 @@ def leak_of(study: Study, seed: int) -> dict[str, Interval]:
             honest.errors[name].distance_m[both[honest.held_out]].mean(axis=1),
             leaky.errors[name].distance_m[both[leaky.held_out]].mean(axis=1),
         )
-        for name in honest.errors
+        for name in _by_start(honest.errors)[0]
     }
 
 
@@ -185,11 +192,19 @@ def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: fl
     for kind, classes in classes_of(windows, length_m).items():
         breakdown[kind] = {}
         for name, mask in classes.items():
-            errors = {method: each.subset(mask) for method, each in result.errors.items()}
+            errors = {method: each.subset(mask) for method, each in _by_start(result.errors)[0].items()}
             breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
+    causal, two_sided = _by_start(result.errors)
     return SplitSummary(
-        result.kind, result.fitted, result.leaked, summarise(result.errors, windows, seed), breakdown
-    )
+        result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
+        summarise(two_sided, windows, seed), breakdown,
+    )  # fmt: skip
+
+
+def _by_start(errors: Mapping[str, Errors]) -> tuple[dict[str, Errors], dict[str, Errors]]:
+    """The errors from causal and from two-sided starts, each by the method's own name."""
+    causal = {name: each for name, each in errors.items() if start_of(name) == "causal"}
+    return causal, {name: errors[f"{name}{TWO_SIDED}"] for name in causal}
 
 
 def _split_dict(split: SplitSummary) -> dict[str, Any]:
@@ -198,7 +213,11 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
         "fitted_windows": list(split.fitted),
         "shared_seconds": split.leaked,
         **_counts(split.whole),
-        "methods": {name: each.as_dict() for name, each in split.whole.methods.items()},
+        "methods": {
+            name: {"start": start_of(name), **each.as_dict()}
+            for summary, ending in ((split.whole, ""), (split.two_sided, TWO_SIDED))
+            for name, each in ((f"{method}{ending}", figures) for method, figures in summary.methods.items())
+        },
         "breakdown": {
             kind: {name: {**_counts(each), "methods": _short(each)} for name, each in classes.items()}
             for kind, classes in split.breakdown.items()
@@ -213,6 +232,7 @@ def _counts(summary: Summary) -> dict[str, Any]:
 def _short(summary: Summary) -> dict[str, Any]:
     return {
         name: {
+            "start": start_of(name),
             "mean_distance_m": each.mean_distance_m.as_dict(),
             "ratio_to_best_baseline": each.ratio.as_dict(),
             "coverage_95": each.coverage_95.as_dict(),

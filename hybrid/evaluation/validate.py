@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,19 +12,20 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
 from acquisition.core.result import ModelResult
-from acquisition.core.serialisation import to_json
 from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.baselines import constant_velocity, reference, straight_line
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.scores import Score, distances, score
+from hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
+from hybrid.prediction.scores import TWO_SIDED, Score, distances, score, scores_json
 from hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)
 class Validation(ModelResult):
-    """Scores and tracks by method, on the same windows for all.
+    """Scores and tracks by method, on the same windows for all, from starts as they were known at second 0.
+
+    ``two_sided`` has the scores from the starts as they are known afterwards, by the seconds to either side.
 
     ``outside`` counts the windows left out because the reference model left its range in them. With a calibrator,
     ``outside_domain`` [N] marks the windows outside its domain of applicability, where the fallback predicts;
@@ -34,6 +36,7 @@ class Validation(ModelResult):
     windows: PredictionWindows
     tracks: dict[str, Floats]
     scores: dict[str, Score]
+    two_sided: dict[str, Score]
     outside: int
     coverage_95: float | None
     band_m: Floats | None
@@ -66,7 +69,7 @@ class Validation(ModelResult):
             "windows": len(self.windows),
             "outside_model_range": self.outside,
             "outside_training_range": None if self.outside_domain is None else int(self.outside_domain.sum()),
-            "methods": to_json(self.scores),
+            "methods": scores_json(self.scores | self.two_sided),
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
             "band_m": None if self.band_m is None else [float(each) for each in self.band_m],
@@ -95,16 +98,13 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         trained.refuse_horizon(dataset.windows.horizon_s)
         trained.refuse_commands(dataset.windows)
     windows, reference_tracks = within_model_range(dataset.windows, plant)
-    tracks = {"constant_velocity": constant_velocity(windows), "reference": reference_tracks}
-    hybrid = None
-    if trained is not None:
-        tracks["data_driven"] = trained.data_driven.predict(windows, reference_tracks)
-        hybrid = trained.predict_tracks(windows, reference_tracks)
-        tracks["hybrid"] = hybrid.tracks
+    tracks, hybrid = _tracks(windows, reference_tracks, trained)
+    afterwards = starting_two_sided(windows)
     return Validation(
         windows=windows,
         tracks=tracks,
-        scores={name: score(track, windows.track) for name, track in tracks.items()},
+        scores=_scores(tracks, windows),
+        two_sided=_scores(_tracks(afterwards, reference(afterwards, plant), trained)[0], windows, TWO_SIDED),
         outside=len(dataset.windows) - len(windows),
         coverage_95=None if hybrid is None else _coverage(hybrid, windows),
         band_m=None if hybrid is None else np.median(hybrid.radius_m, axis=0),
@@ -112,6 +112,26 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         radius_m=None if hybrid is None else hybrid.radius_m,
         source=None if hybrid is None else hybrid.source,
     )
+
+
+def _scores(tracks: Mapping[str, Floats], windows: PredictionWindows, ending: str = "") -> dict[str, Score]:
+    return {f"{name}{ending}": score(track, windows.track) for name, track in tracks.items()}
+
+
+def _tracks(
+    windows: PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
+) -> tuple[dict[str, Floats], PredictedTracks | None]:
+    """The tracks by method, and the calibrator's with their regions where there is one."""
+    tracks = {
+        "straight_line": straight_line(windows),
+        "constant_velocity": constant_velocity(windows),
+        "reference": reference_tracks,
+    }
+    if trained is None:
+        return tracks, None
+    hybrid = trained.predict_tracks(windows, reference_tracks)
+    data_driven = trained.data_driven.predict(windows, reference_tracks)
+    return {**tracks, "data_driven": data_driven, "hybrid": hybrid.tracks}, hybrid
 
 
 def _coverage(predicted: PredictedTracks, windows: PredictionWindows) -> float:

@@ -23,7 +23,7 @@ from hybrid.identification.fit import Fit, fit
 from hybrid.identification.next_trial import Candidate, rank_trials
 from hybrid.identification.response import Model, model_of
 from hybrid.identification.segments import segments_of
-from hybrid.prediction.scores import Score
+from hybrid.prediction.scores import Score, scores_json
 from hybrid.vessel.parameters import Vessel
 
 _NORMAL_95 = 1.959964
@@ -118,7 +118,7 @@ class Identification(ModelResult):
                 "horizon_s": judged.horizon_s,
                 "windows": judged.windows,
                 "held_out": judged.held_out,
-                "methods": to_json(dict(judged.scores)),
+                "methods": scores_json(judged.scores),
             },
             "next_manoeuvres": to_json(self.candidates),
         }

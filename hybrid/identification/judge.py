@@ -7,6 +7,7 @@ that the others give; with fewer the last third of each is, by the model of what
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from analysis.tables.resample import resample
 from analysis.tables.table import select
+from analysis.windows.recordings import second_by_second
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.fit import Fit, fit
 from hybrid.identification.identify import Judgement
@@ -79,7 +81,7 @@ def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     length_m = model.vessel.dimensions.length_overall_m
     try:
-        even = {name: resample(table, 1.0) for name, table in others.items()}
+        even = {name: second_by_second(partial(resample, table)) for name, table in others.items()}
         windows = any_command_windows(even, horizon_s, _STRIDE_S, length_m)
     except DataShortageError:
         return {}

@@ -1,7 +1,8 @@
 """Predictions without anything learned, the 95 % regions about predictions, and the fallback made of the baselines.
 
 Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines are
-the present motion held (constant velocity) and the reference model.
+the present motion held (constant velocity, in a turn a circle), the same without the turn (straight line), and the
+reference model.
 
 A region is a circle about each predicted position. Its radius is a quantile of the errors on legs that took no part
 in the training (split conformal prediction, Lei et al. 2018), normalised by the relative uncertainty that a method
@@ -22,13 +23,20 @@ from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_win
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.channels import check_ship
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import arc
+from hybrid.vessel.sensors import YAW_RATE, arc
 from hybrid.vessel.simulate import simulate_batch
 
 
 def constant_velocity(windows: PredictionWindows) -> Floats:
     """The present surge, sway and yaw rate of the windows' starts held."""
     return present_motion_held(windows.start, windows.horizon_s)
+
+
+def straight_line(windows: PredictionWindows) -> Floats:
+    """Heading, and speed ahead and aside, of the windows' starts held: no turn."""
+    still = windows.start.copy()
+    still[:, YAW_RATE] = 0.0
+    return present_motion_held(still, windows.horizon_s)
 
 
 def present_motion_held(states: Floats, horizon_s: int) -> Floats:

@@ -17,9 +17,14 @@ from acquisition.core.progress import Progress
 from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for, smooth_motion
 from analysis.tables.table import refuse_duplicates
 from analysis.windows.held import HeldWindows
-from analysis.windows.recordings import tables_of_recordings, windows_of_tables
+from analysis.windows.recordings import SecondBySecond, tables_of_recordings, windows_of_tables
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows, windows_from_rows
+from hybrid.prediction.prediction_windows import (
+    PredictionWindows,
+    concatenate_windows,
+    starting_two_sided,
+    windows_from_rows,
+)
 from hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
@@ -85,13 +90,12 @@ def load_dataset(
     hashes = refuse_duplicates(paths)
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
-    smooth = {trial: smooth_motion(table, half_width_for(length_m)) for trial, table in tables.items()}
-    windows = _as_arrays(held, tables, smooth, any_commands=any_commands)
+    windows = _as_arrays(held, tables, length_m, any_commands=any_commands)
     if any_commands:
         windows = replace(windows, leg=_shorter_legs(windows))
     elif shorter and horizon_s // 2 >= SHORTEST_S:
         short = windows_of_tables(tables, horizon_s // 2, stride_s)
-        windows = _with_shorter(windows, _as_arrays(short, tables, smooth))
+        windows = _with_shorter(windows, _as_arrays(short, tables, length_m))
     sources = tuple(
         Source(path, digest, part, *_counts(windows, trial))
         for path, digest, trial in zip(paths, hashes, tables, strict=True)
@@ -100,27 +104,23 @@ def load_dataset(
 
 
 def any_command_windows(
-    tables: Mapping[str, pd.DataFrame], horizon_s: int, stride_s: int, length_m: float
+    tables: Mapping[str, SecondBySecond], horizon_s: int, stride_s: int, length_m: float
 ) -> PredictionWindows:
     """All windows of 1 Hz tables by trial that have data, of a ship of ``length_m``, with the commands as recorded.
 
     Raises :class:`DataShortageError` with the counts by reason when there is none.
     """
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=True)
-    smooth = {trial: smooth_motion(table, half_width_for(length_m)) for trial, table in tables.items()}
-    return _as_arrays(held, tables, smooth, any_commands=True)
+    return _as_arrays(held, tables, length_m, any_commands=True)
 
 
 def _as_arrays(
-    held: HeldWindows,
-    tables: Mapping[str, pd.DataFrame],
-    smooth: Mapping[str, pd.DataFrame],
-    *,
-    any_commands: bool = False,
+    held: HeldWindows, tables: Mapping[str, SecondBySecond], length_m: float, *, any_commands: bool = False
 ) -> PredictionWindows:
-    """The windows of 1 Hz tables by trial, with the ``smooth`` motion they start from and what came before."""
-    motion = [_at_starts(held.rows[held.rows["trial"] == trial], each) for trial, each in smooth.items()]
-    return windows_from_rows(held.rows, pd.concat(motion), tables, any_commands=any_commands)
+    """The windows of 1 Hz tables by trial, with the motion they start from and what came before."""
+    rows, width_s = held.rows, half_width_for(length_m)
+    motion = [start_motion(rows[rows["trial"] == trial], each.table, length_m) for trial, each in tables.items()]
+    return windows_from_rows(rows, pd.concat(motion), tables, half_width_s=width_s, any_commands=any_commands)
 
 
 def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
@@ -176,23 +176,22 @@ def _counts(windows: PredictionWindows, trial: str) -> tuple[int, int, tuple[dat
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:
-    """The motion at the start of each window, smoothed as for a ship of ``length_m``; one row a window in the order
-    of their numbers.
+    """The motion at the start of each window by seconds to either side, smoothed as for a ship of ``length_m``; one
+    row a window in the order of their numbers.
     """
-    return _at_starts(rows, smooth_motion(table, half_width_for(length_m)))
-
-
-def _at_starts(rows: pd.DataFrame, smooth: pd.DataFrame) -> pd.DataFrame:
+    smooth = smooth_motion(table, half_width_for(length_m))
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
 
 
 def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[PredictionWindows, Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
 
-    Raises :class:`DataShortageError` when there are none.
+    From the start that is known afterwards it has to stay in its range too. Raises :class:`DataShortageError` when
+    there are none.
     """
     tracks = reference(windows, plant)
-    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
+    both = np.stack([tracks, reference(starting_two_sided(windows), plant)])
+    inside = np.asarray(np.isfinite(both).all(axis=(0, 2, 3)))
     if not inside.any():
         raise DataShortageError(
             "the reference model leaves its range in every window",

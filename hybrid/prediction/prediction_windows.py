@@ -16,11 +16,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.angles import difference, unwrap
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE, VELOCITY, trial_names
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
+from analysis.estimation.local_polynomial import HALF_WIDTH_S, newest_motion
 from analysis.tables.table import NANO, table_actuators
+from analysis.windows.recordings import SecondBySecond
 from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
 from hybrid.vessel.sensors import HEADING
@@ -36,15 +38,15 @@ PAST_S = 60
 class PredictionWindows:
     """N windows of H seconds, arrays with N first.
 
-    ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, of recordings
-    smoothed over seconds to either side (:func:`hybrid.prediction.dataset.start_motion`);
-    ``track`` [N, H+1, 3]: measured north, east [m] and heading [rad] without jumps, second by second;
-    ``wind`` [N, 2]: direction it comes from [rad], speed [m/s]; ``control`` [N, controls]: those of
-    ``actuators`` in their order, in SI; ``trial``, ``leg`` [N] name where each window comes from and
-    ``start_time`` [N] when it starts.
+    ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, as it was
+    known then, by the seconds before (:func:`analysis.estimation.local_polynomial.newest_motion`); ``two_sided``
+    [N, 6]: the same as it is known afterwards, by the seconds to either side, or None; ``track`` [N, H+1, 3]:
+    measured north, east [m] and heading [rad] without jumps, second by second; ``wind`` [N, 2]: direction it comes
+    from [rad], speed [m/s]; ``control`` [N, controls]: those of ``actuators`` in their order, in SI; ``trial``,
+    ``leg`` [N] name where each window comes from and ``start_time`` [N] when it starts.
 
-    ``past`` [N, P+1, channels] is what was measured at second 0 and at each of the P seconds before, newest
-    first, as it was measured: the six columns of ``start``, the two of ``wind``, those of ``control``; NaN where
+    ``past`` [N, P+1, channels] is what was measured at second 0 and at each of the P seconds before, newest first,
+    as it was known at second 0: the six columns of ``start``, the two of ``wind``, those of ``control``; NaN where
     nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
     A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
@@ -63,6 +65,7 @@ class PredictionWindows:
     past: Floats
     actuators: Actuators = DEFAULT
     commands: Floats | None = None
+    two_sided: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.start)
@@ -112,16 +115,17 @@ def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows
 def windows_from_rows(
     rows: pd.DataFrame,
     motion: pd.DataFrame | None = None,
-    tables: Mapping[str, pd.DataFrame] | None = None,
+    tables: Mapping[str, SecondBySecond] | None = None,
     *,
+    half_width_s: float = HALF_WIDTH_S,
     any_commands: bool = False,
 ) -> PredictionWindows:
     """Arrays from the long table of windows: one row a window and second, second 0 first.
 
-    ``motion`` has the state that each window starts from, in the order of the windows' numbers; without it
-    the measured values at second 0 are taken. ``tables`` of one row a second by trial give what came before;
-    without them nothing but second 0 is known of it. With ``any_commands`` the controls of all rows are taken as
-    the windows' commands; otherwise those of second 0 as held.
+    ``tables`` by trial give what came before; without them nothing but second 0 is known of it. Windows start from
+    what was known at second 0, fitted over ``half_width_s``; ``motion``, in the order of the windows' numbers, is
+    what is known afterwards. With ``any_commands`` the controls of all rows are taken as the windows' commands;
+    otherwise those of second 0 as held.
 
     Raises :class:`DataShortageError` when there is no window in it.
     """
@@ -140,16 +144,17 @@ def windows_from_rows(
     past = _past(now, first, tables or {}, actuators)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     return PredictionWindows(
-        start=_start(value, motion),
+        start=newest_motion(past[..., : WIND.start], half_width_s),
         track=track,
-        wind=now[:, WIND],
-        control=now[:, CONTROLS],
+        wind=past[:, 0, WIND],
+        control=past[:, 0, CONTROLS],
         trial=first["trial"].to_numpy(dtype=str),
         leg=first["leg"].to_numpy(dtype=str),
         start_time=pd.DatetimeIndex(first["start"]),
         past=past,
         actuators=actuators,
         commands=mean_controls(_si(cube, actuators)[..., CONTROLS], actuators) if any_commands else None,
+        two_sided=None if motion is None else _known_afterwards(motion, track[:, 0, HEADING]),
     )
 
 
@@ -168,22 +173,30 @@ def _si(channels: Floats, actuators: Actuators) -> Floats:
     return np.asarray(channels * np.concatenate([STATE_UNITS, WIND_UNITS, control_units(actuators)]))
 
 
-def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame], actuators: Actuators) -> Floats:
+def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, SecondBySecond], actuators: Actuators) -> Floats:
     """What was measured at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
-    names = trial_names(actuators)
-    past = np.full((len(first), PAST_S + 1, len(names)), np.nan)
+    past = np.full((len(first), PAST_S + 1, now.shape[1]), np.nan)
     past[:, 0] = now
     trial, start_ns = first["trial"].to_numpy(dtype=str), pd.DatetimeIndex(first["start"]).as_unit("ns").asi8
-    for name, table in tables.items():
-        times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+    for name, recorded in tables.items():
         mine = np.flatnonzero(trial == name)
-        wanted = start_ns[mine, None] - np.arange(1, PAST_S + 1) * 1_000_000_000
-        row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
-        values = _si(table[list(names)].to_numpy(dtype=float), actuators)[row]
-        past[mine, 1:] = np.where((times_ns[row] == wanted)[..., None], values, np.nan)
+        settled = np.arange(len(recorded.newest), PAST_S + 1)
+        past[np.ix_(mine, settled)] = _rows_before(recorded.table, start_ns[mine], settled, actuators)
+        for second, table in enumerate(recorded.newest):
+            past[mine, second] = _rows_before(table, start_ns[mine], np.array([second]), actuators)[:, 0]
     turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
     past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
     return past
+
+
+def _rows_before(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
+    """The rows of a table so many seconds before each start [N, seconds, channels]; NaN where there is none."""
+    times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+    wanted = start_ns[:, None] - seconds * NANO
+    row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
+    values = _si(table[list(trial_names(actuators))].to_numpy(dtype=float), actuators)[row]
+    values[times_ns[row] != wanted] = np.nan
+    return np.asarray(values)
 
 
 def hindcast_windows(windows: PredictionWindows, seconds: int) -> PredictionWindows:
@@ -210,14 +223,16 @@ def difference_rad(angle: Floats, other: Floats) -> Floats:
     return np.asarray(np.angle(np.exp(1j * (angle - other))))
 
 
-def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
-    """North, east, heading, surge, sway and yaw rate at second 0 in SI units; the heading as the track's."""
-    measured = {name: value[name][:, 0] for name in (*POSE, *VELOCITY)}
-    if motion is not None:
-        measured = {name: motion[name].to_numpy(dtype=float) for name in measured}
-    north, east, heading, surge, sway, rate = measured.values()
-    near = value["heading_deg"][:, 0] + difference(heading, value["heading_deg"][:, 0])
-    return np.column_stack([north, east, np.deg2rad(near), surge, sway, np.deg2rad(rate)])
+def _known_afterwards(motion: pd.DataFrame, heading: Floats) -> Floats:
+    """The ``motion`` in SI units [N, 6], its heading in the turn of ``heading`` [N]."""
+    states = motion[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
+    states[:, HEADING] = heading + difference_rad(states[:, HEADING], heading)
+    return np.asarray(states)
+
+
+def starting_two_sided(windows: PredictionWindows) -> PredictionWindows:
+    """The windows from the start that is known afterwards, by seconds to either side of second 0."""
+    return replace(windows, start=windows.start if windows.two_sided is None else windows.two_sided)
 
 
 def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np.bool_]:

@@ -7,13 +7,15 @@ Ratios are paired: both means come from the same legs. The sequences of a campai
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from acquisition.core.serialisation import Number
+from acquisition.core.serialisation import Number, to_json
 from hybrid.prediction.prediction_windows import difference_rad
 
 DRAWS = 2000
@@ -59,6 +61,20 @@ def score(predicted: Floats, measured: Floats) -> Score:
         heading_error_deg=float(np.rad2deg(np.abs(turn)).mean()),
         by_second=tuple(float(each) for each in distance.mean(axis=0)),
     )
+
+
+TWO_SIDED = "_two_sided"
+"""Ends the name of a method that starts from the state that is known afterwards, by seconds to either side."""
+
+
+def start_of(method: str) -> str:
+    """What a method's predictions start from: the state as it was known then (causal) or afterwards."""
+    return "two_sided" if method.endswith(TWO_SIDED) else "causal"
+
+
+def scores_json(scores: Mapping[str, Score]) -> dict[str, Any]:
+    """Scores by method for JSON, each with what its predictions start from."""
+    return {name: {"start": start_of(name), **to_json(each)} for name, each in scores.items()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -150,7 +150,7 @@ def classes(figure: Figure, summaries: Mapping[str, Summary]) -> None:
 
 
 JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
-HEADER = ["method", "mean distance [m]", "end [m]", "north, east [m]", "heading [deg]", "ratio to best",
+HEADER = ["method", "start", "mean distance [m]", "end [m]", "north, east [m]", "heading [deg]", "ratio to best",
           "in the 95 % region"]  # fmt: skip
 
 
@@ -190,10 +190,11 @@ def ratio_count(evaluation: Evaluation) -> int:
 def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
     """A row a method, and which is the best."""
     rows = [
-        [no_wrap(plain(name)), no_wrap(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
+        [no_wrap(plain(name)), start, no_wrap(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
          no_wrap(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
          f"{each.heading_error_deg.value:.1f}", no_wrap(spread(each.ratio)), _percent(each.coverage_95)]
-        for name, each in split.whole.methods.items()
+        for start, summary in split.by_start.items()
+        for name, each in summary.methods.items()
     ]  # fmt: skip
     return rows, list(split.whole.methods).index(split.whole.best)
 

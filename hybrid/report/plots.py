@@ -26,7 +26,7 @@ from scipy.spatial import ConvexHull
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import is_circular
 from analysis.kinematics import to_ship
-from analysis.report.plots import INK, PALETTE, break_at_wrap, held_shade, label
+from analysis.report.plots import FAINT, INK, PALETTE, break_at_wrap, held_shade, label
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import Interval
 from hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
@@ -41,6 +41,7 @@ _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a t
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
 
 COLOUR = {
+    "straight_line": FAINT,
     "constant_velocity": PALETTE[3],
     "reference": PALETTE[4],
     "data_driven": PALETTE[2],

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hybrid.effects.catalogue import VERSION, Catalogue
-from hybrid.prediction.scores import FEW_LEGS, Interval
+from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED, Interval, start_of
 from hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 
 _UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
-_METHOD_COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
-_SPLIT_COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")
+_METHOD_COLUMNS = ("start", "mean distance m", "at the end m", "north m", "east m", "heading deg")
+_SPLIT_COLUMNS = ("start", "mean m", "end m", "deg", "ratio", "in 95 %")
 _PREDICTION_COLUMNS = {
     "north m": "north_m", "east m": "east_m", "heading deg": "heading_deg", "95 % band m": "band_m",
     "measured north m": "measured_north_m", "measured east m": "measured_east_m",
@@ -62,17 +62,20 @@ def validation_table(validation: Validation) -> Table:
     kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
     return text_table(
         f"{len(windows)} {kind.format(windows.horizon_s)}", ("method", *_METHOD_COLUMNS), *score_rows(validation),
-        caption=_caption(validation),
+        words=2, caption=_caption(validation),
     )  # fmt: skip
 
 
 def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
-    """A row a method: its name, distances and errors [m], heading error [deg]; and which is the best."""
+    """A row a method: its name, what it starts from, distances and errors [m], heading error [deg]; and which is
+    the best of those that look at nothing to come.
+    """
     scores = list(validation.scores.values())
     rows = [
-        [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
-         f"{each.mae_east_m:.3f}", f"{each.heading_error_deg:.2f}"]
-        for name, each in validation.scores.items()
+        [name.removesuffix(TWO_SIDED), start_of(name).replace("_", "-"), f"{each.mean_distance_m:.3f}",
+         f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}", f"{each.mae_east_m:.3f}",
+         f"{each.heading_error_deg:.2f}"]
+        for name, each in (validation.scores | validation.two_sided).items()
     ]  # fmt: skip
     return rows, min(range(len(scores)), key=lambda row: scores[row].mean_distance_m)
 
@@ -149,13 +152,14 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
     rows = [
-        [name, spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}",
+        [name, start, spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}",
          f"{each.heading_error_deg.value:.1f}", spread(each.ratio), f"{each.coverage_95.value:.1%}"]
-        for name, each in split.whole.methods.items()
+        for start, summary in split.by_start.items()
+        for name, each in summary.methods.items()
     ]  # fmt: skip
     title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s"
     best = list(split.whole.methods).index(split.whole.best)
-    return text_table(title, ("", *_SPLIT_COLUMNS), rows, best, caption=caption_of(split))
+    return text_table(title, ("", *_SPLIT_COLUMNS), rows, best, words=2, caption=caption_of(split))
 
 
 def breakdown_table(split: SplitSummary) -> Table:

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.products import Products
 from analysis.report.pages import events_of, run_sheet
-from hybrid.prediction.scores import FEW_LEGS
+from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED
 from hybrid.report.case import Case
 from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, error_rows
 from hybrid.report.tables import score_rows
@@ -116,9 +116,10 @@ def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     """Every method on windows that none has seen, and the best one's row."""
     judged = case.validation
     rows, best = score_rows(judged)
-    whole = judged.scores["reference"].mean_distance_m
     against = [
-        f"{each.mean_distance_m / whole - 1.0:+.1%}".replace("-", "\u2212") for each in judged.scores.values()
+        f"{each.mean_distance_m / scores[reference].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")
+        for scores, reference in ((judged.scores, "reference"), (judged.two_sided, f"reference{TWO_SIDED}"))
+        for each in scores.values()
     ]
     return [[plain(name), *row, less] for (name, *row), less in zip(rows, against, strict=True)], best
 

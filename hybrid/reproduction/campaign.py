@@ -24,12 +24,19 @@ from analysis.batch.workers import map_calls
 from analysis.tables.resample import resample
 from analysis.tables.table import table_actuators
 from analysis.windows.held import held_windows
+from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.dataset import start_motion
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, draw_groups, windows_from_rows
+from hybrid.prediction.prediction_windows import (
+    PAST_S,
+    PredictionWindows,
+    draw_groups,
+    starting_two_sided,
+    windows_from_rows,
+)
 from hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -84,8 +91,8 @@ def paper_campaign(
 ) -> Campaign:
     """The campaign in a sea state of ``trials/sea_states.toml``; the same seed gives the same campaign.
 
-    Starts are smoothed as those of recordings are. Raises :class:`DataShortageError` where the ship's zigzags
-    do not give enough held swings.
+    Windows start from what is known afterwards, as a state that is taken for known. Raises
+    :class:`DataShortageError` where the ship's zigzags do not give enough held swings.
     """
     manoeuvre = _held_for(manoeuvre_named("paper"), horizon_s)
     duration_s = _STRETCHES * (sequences + _SPARE) * (horizon_s + PAST_S)
@@ -97,7 +104,8 @@ def paper_campaign(
         numbers, azimuth_deg = _drawn(rows, sequences, horizon_s, seed)
         if len(numbers) == sequences:
             chosen = rows[rows["window"].isin(numbers)]
-            windows = windows_from_rows(chosen, start_motion(chosen, one_hz), {f"{sea_state}-{seed}": one_hz})
+            before = {f"{sea_state}-{seed}": SecondBySecond(one_hz)}
+            windows = starting_two_sided(windows_from_rows(chosen, start_motion(chosen, one_hz), before))
             ship = _ship_states(windows, table.index[0], truth["states"])
             return Campaign(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])
         duration_s, found = 1.5 * duration_s, len(numbers)

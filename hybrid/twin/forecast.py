@@ -28,6 +28,7 @@ from acquisition.core.trial import Trial
 from acquisition.recording.reader import Recording
 from analysis.tables.resample import own_gap_s, resample_recording
 from analysis.tables.table import NANO, actuators_in_recording
+from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators.predict import Prediction, predict
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.vessel.plant import Plant
@@ -94,7 +95,7 @@ def predict_now(
     filled, held = hold_until(recording, start_ns)
     table = resample_recording(filled)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    return Forecast(predict(table, at, horizon_s, plant, trained), table, held)
+    return Forecast(predict(SecondBySecond(table), at, horizon_s, plant, trained), table, held)
 
 
 def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:

@@ -8,14 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.angles import difference, wrap_360
+from acquisition.core.angles import difference, unwrap, wrap_360
 from acquisition.core.channels import POSE_AND_VELOCITY
 from analysis.estimation.local_polynomial import (
     half_width_for,
     local_quadratic,
-    motion_known_after,
-    one_sided_motion,
-    one_sided_value,
+    newest_motion,
     smooth_motion,
 )
 from tests.analysis.conftest import table_at, turn_between
@@ -176,18 +174,19 @@ def turning(noise: float = 0.0, seed: int = 0) -> pd.DataFrame:
     return table
 
 
+def newest(table: pd.DataFrame, second: int) -> dict[str, float]:
+    """The motion at a second of a table by what came before, headings in degrees."""
+    values = table[list(POSE_AND_VELOCITY)].to_numpy()[second::-1].copy()
+    values[:, 2] = unwrap(values[:, 2])
+    return dict(zip(POSE_AND_VELOCITY, newest_motion(values[None])[0].tolist(), strict=True))
+
+
 def test_lines_and_bent_positions_come_out_exactly_at_any_second() -> None:
     table = turning()
     for second in (10, 45, 59):
-        row = one_sided_motion(table.iloc[: second + 1], INDEX[second]).iloc[0]
+        row = newest(table, second)
         for name in POSE_AND_VELOCITY:
             assert difference(row[name], table[name].iloc[second]) == pytest.approx(0.0, abs=1e-6), name
-
-
-def test_what_comes_after_changes_nothing() -> None:
-    table, spoilt = turning(0.3), turning(0.3)
-    spoilt.iloc[41:] = 1e6
-    pd.testing.assert_frame_equal(one_sided_motion(table, INDEX[40]), one_sided_motion(spoilt, INDEX[40]))
 
 
 def test_in_waves_the_start_is_calmer_than_the_one_sided_parabola() -> None:
@@ -199,7 +198,7 @@ def test_in_waves_the_start_is_calmer_than_the_one_sided_parabola() -> None:
         for name in ("surge_mps", "sway_mps", "yaw_rate_dps"):
             table[name] += wave
             true = turning()[name].iloc[-1]
-            ours.append(one_sided_motion(table, INDEX[-1])[name].iloc[0] - true)
+            ours.append(newest(table, 59)[name] - true)
             parabola.append(smooth_motion(table)[name].iloc[-1] - true)
     assert np.std(ours) < 0.7 * np.std(parabola)
 
@@ -209,17 +208,18 @@ def test_a_value_that_is_missing_at_the_end_stays_missing_and_few_stay_as_they_a
     table.loc[INDEX[-1], "sway_mps"] = np.nan
     table.loc[INDEX[50:57], "surge_mps"] = np.nan
     table.loc[INDEX[-1], "surge_mps"] = 9.0
-    row = one_sided_motion(table, INDEX[-1]).iloc[0]
+    row = newest(table, 59)
     assert np.isnan(row["sway_mps"])
     assert row["surge_mps"] == 9.0
-    assert np.isnan(one_sided_value(np.empty(0), np.empty(0), 1))
 
 
-def test_a_recording_goes_on_where_all_motion_is_known_later() -> None:
-    table = turning()
-    table.loc[INDEX[55:], "east_m"] = np.nan
-    assert motion_known_after(table, INDEX[53])
-    assert not motion_known_after(table, INDEX[54])
+def test_each_window_is_fitted_by_what_it_knows() -> None:
+    """Windows with holes at different seconds, all at once or one by one."""
+    random = np.random.default_rng(1)
+    past = random.normal(size=(20, 15, 6))
+    past[random.random(past.shape) < 0.2] = np.nan
+    alone = np.concatenate([newest_motion(each[None]) for each in past])
+    assert newest_motion(past) == pytest.approx(alone, nan_ok=True)
 
 
 def test_on_a_model_the_fit_reaches_less_far_and_follows_her_turns() -> None:

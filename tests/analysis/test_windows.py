@@ -15,7 +15,7 @@ from acquisition.core.channels import COMMAND, NAMES
 from acquisition.core.errors import DataShortageError, InputError
 from analysis.estimation.noise_levels import noise_of
 from analysis.windows.held import columns_for, held_windows, join_windows
-from analysis.windows.recordings import read_windows, trial_names, windows_of_tables, write_windows
+from analysis.windows.recordings import SecondBySecond, read_windows, trial_names, windows_of_tables, write_windows
 from tests.analysis.conftest import steady_table, table_at
 
 NOISES = ((0.0, 0.0), (0.3, 0.2), (2.0, 1.0))
@@ -167,7 +167,7 @@ def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path
 def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:
     table = steady_table(60).assign(port_angle_deg=np.linspace(0, 90, 60))
     with pytest.raises(DataShortageError, match="9 azimuth_moved"):
-        windows_of_tables({"voyage": table})
+        windows_of_tables({"voyage": SecondBySecond(table)})
     assert held_windows(table.iloc[:10]).candidates == 0
     with pytest.raises(InputError, match="1 Hz"):
         held_windows(table_at(np.arange(0, 60, 2.5), {name: np.zeros(24) for name in NAMES}))

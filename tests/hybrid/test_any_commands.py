@@ -64,7 +64,7 @@ def fitted(plant: Plant) -> Callable[[str], Calibrator]:
 
 def test_every_window_with_data_counts_and_only_missing_data_drop_one(simulated: Simulated) -> None:
     path = simulated("gentle", 3, 900.0)
-    (table,) = tables_of_recordings([path]).values()
+    table = next(iter(tables_of_recordings([path]).values())).table
     dataset = load_dataset([path], 15, 5, any_commands=True)
     rows = table[list(NAMES)].notna().all(axis=1).to_numpy()
     whole = [rows[begin : begin + 16].all() for begin in range(0, len(rows) - 15, 5)]
@@ -77,7 +77,7 @@ def test_every_window_with_data_counts_and_only_missing_data_drop_one(simulated:
 
 def test_commands_are_what_was_recorded_over_each_second(simulated: Simulated) -> None:
     path = simulated("calm", 3, 600.0)
-    (table,) = tables_of_recordings([path]).values()
+    table = next(iter(tables_of_recordings([path]).values())).table
     windows = load_dataset([path], 15, 5, any_commands=True).windows
     assert windows.commands is not None
     recorded = np.deg2rad(table["port_angle_deg"])

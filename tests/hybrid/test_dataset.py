@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
+from analysis.windows.recordings import tables_of_recordings
+from hybrid.calibrators.predict import window_at
 from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -115,3 +117,20 @@ def test_only_whole_windows_are_judged(both: tuple[PredictionWindows, Prediction
         assert longer.whole[draw.held_out].all()
         assert (~longer.whole)[draw.fitting].any()
         assert shared_seconds(longer, draw.fitting | draw.stopping, draw.held_out) == 0
+
+
+def test_nothing_that_was_measured_later_enters_a_start(tmp_path: Path) -> None:
+    """What is known at second 0 of a window, at ten samples a second: the same with all that follows cut off."""
+    table, _ = simulate_trial("gunnerus_short", "moderate", "voyage", 300.0, 10.0, 4)
+    last = table.index[1800]
+    paths = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
+    for path, each in zip(paths, (table, table[table.index <= last]), strict=True):
+        write_table(each, path, Trial(name="voyage"), source="simulated")
+    whole = load_dataset([paths[0]], 15, 1, any_commands=True).windows
+    (cut,) = tables_of_recordings(paths[1:]).values()
+    known = window_at(cut, last, 15)[0]
+    (one,) = np.flatnonzero(whole.start_time == last)
+    for name in ("start", "wind", "control", "past"):
+        assert getattr(whole, name)[one] == pytest.approx(getattr(known, name)[0], abs=1e-9), name
+    assert whole.two_sided is not None
+    assert np.abs(whole.two_sided[one] - whole.start[one]).max() > 1e-3

@@ -14,6 +14,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
+from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators.predict import parse_time, predict, window_at
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import reference
@@ -58,12 +59,12 @@ def test_a_time_without_a_zone_is_none(text: str, table: pd.DataFrame) -> None:
 @pytest.mark.parametrize("seconds", [-1.0, -1e6, 1200.0, 1e6])
 def test_outside_the_recording_says_what_is_inside(seconds: float, table: pd.DataFrame, plant: Plant) -> None:
     with pytest.raises(InputError, match="lies outside the recording; choose from 2026-06-01T08:00:00"):
-        predict(table, at(table, seconds), 15, plant)
+        predict(SecondBySecond(table), at(table, seconds), 15, plant)
 
 
 def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Plant) -> None:
-    found = predict(table, at(table, 300.0), 20, plant)
-    windows, covered = window_at(table, at(table, 300.0), 20)
+    found = predict(SecondBySecond(table), at(table, 300.0), 20, plant)
+    windows, covered = window_at(SecondBySecond(table), at(table, 300.0), 20)
     assert covered
     assert found.method == "reference"
     assert found.band_m is None
@@ -74,8 +75,8 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
     """The band is nothing at the start, never falls, and is that of the training."""
-    found = predict(table, at(table, 300.0), SMALL_HORIZON_S, plant, small)
-    windows, _ = window_at(table, at(table, 300.0), SMALL_HORIZON_S)
+    found = predict(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S, plant, small)
+    windows, _ = window_at(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S)
     assert found.method == "hybrid"
     assert np.array_equal(found.track, small.calibrator.predict(windows, reference(windows, plant))[0])
     assert found.band_m is not None
@@ -89,12 +90,12 @@ def test_a_calibrator_predicts_its_own_horizon_only(
     horizon_s: int, table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
     with pytest.raises(InputError, match=f"predicts {SMALL_HORIZON_S} s, not {horizon_s} s"):
-        predict(table, at(table, 300.0), horizon_s, plant, small)
+        predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant, small)
 
 
 def test_it_starts_at_the_nearest_second_near_the_ship(table: pd.DataFrame, plant: Plant) -> None:
     """The smoothed start lies within the waves' reach of what was measured there."""
-    found = predict(table, at(table, 300.4), 10, plant)
+    found = predict(SecondBySecond(table), at(table, 300.4), 10, plant)
     assert found.at == at(table, 300.0)
     measured = table.loc[found.at]
     assert np.hypot(*(found.track[0, :2] - measured[["north_m", "east_m"]].to_numpy())) < 2.0
@@ -102,7 +103,7 @@ def test_it_starts_at_the_nearest_second_near_the_ship(table: pd.DataFrame, plan
 
 
 def test_the_measured_track_stands_beside_it_while_there_is_one(table: pd.DataFrame, plant: Plant) -> None:
-    inside, beyond = (predict(table, at(table, seconds), 15, plant) for seconds in (600.0, 1190.0))
+    inside, beyond = (predict(SecondBySecond(table), at(table, seconds), 15, plant) for seconds in (600.0, 1190.0))
     assert inside.measured is not None
     expected = table.loc[inside.at :, ["north_m", "east_m"]].iloc[:16].to_numpy()
     assert inside.measured[:, :2] == pytest.approx(expected)
@@ -112,7 +113,9 @@ def test_the_measured_track_stands_beside_it_while_there_is_one(table: pd.DataFr
 
 def test_json_has_one_object_a_second(table: pd.DataFrame, plant: Plant) -> None:
     """Finite numbers, headings in 0 to 360."""
-    plain = json.loads(json.dumps(predict(table, at(table, 600.0), 15, plant).as_dict(), allow_nan=False))
+    plain = json.loads(
+        json.dumps(predict(SecondBySecond(table), at(table, 600.0), 15, plant).as_dict(), allow_nan=False)
+    )
     assert set(plain) >= {"at", "horizon_s", "method", "track"}
     assert plain["horizon_s"] == 15
     assert [row["second"] for row in plain["track"]] == list(range(16))
@@ -127,7 +130,7 @@ def test_a_hole_at_the_start_is_named(name: str, table: pd.DataFrame, plant: Pla
     holed = table.copy()
     holed.loc[at(table, 300.0), name] = np.nan
     with pytest.raises(InputError, match=f"{name} has no value at .*choose another time"):
-        predict(holed, at(table, 300.0), 15, plant)
+        predict(SecondBySecond(holed), at(table, 300.0), 15, plant)
 
 
 def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: TrainedCalibrator) -> None:
@@ -135,8 +138,8 @@ def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: Traine
     later = table.copy()
     later.loc[at(table, 301.0) :, ["port_rpm", "starboard_angle_deg", "wind_speed_mps"]] += 20.0
     for trained in (None, small):
-        there = predict(later, at(table, 300.0), SMALL_HORIZON_S, plant, trained)
-        here = predict(table, at(table, 300.0), SMALL_HORIZON_S, plant, trained)
+        there = predict(SecondBySecond(later), at(table, 300.0), SMALL_HORIZON_S, plant, trained)
+        here = predict(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S, plant, trained)
         assert np.array_equal(here.track, there.track)
 
 
@@ -144,13 +147,13 @@ def test_a_model_out_of_its_range_is_no_prediction(table: pd.DataFrame, plant: P
     """Twenty-five metres a second is no speed of this ship: an error, not a track of NaN."""
     fast = table.assign(surge_mps=25.0)
     with pytest.raises(ModelRangeError, match="leaves its range"):
-        predict(fast, at(table, 300.0), 15, plant)
+        predict(SecondBySecond(fast), at(table, 300.0), 15, plant)
 
 
 @pytest.mark.parametrize("horizon_s", [1, 7, 10, 15, 29, 60])
 def test_the_table_has_the_start_and_the_end(horizon_s: int, table: pd.DataFrame, plant: Plant) -> None:
     """A dozen rows or so at any horizon, the last second among them."""
-    shown = prediction_table(predict(table, at(table, 300.0), horizon_s, plant))
+    shown = prediction_table(predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant))
     seconds = [str(each) for each in shown.columns[0].cells]
     assert (seconds[0], seconds[-1]) == ("0", str(horizon_s))
     assert len(seconds) <= 22

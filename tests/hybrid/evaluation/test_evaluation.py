@@ -112,10 +112,12 @@ def test_the_json_says_everything_and_can_be_read_by_anyone(evaluation: Evaluati
         assert set(split) == {
             "draws", "fitted_windows", "shared_seconds", "windows", "legs", "best_baseline", "methods", "breakdown",
         }  # fmt: skip
-        assert set(split["methods"]) == {"constant_velocity", "reference", *FAKES}
+        causal = {"straight_line", "constant_velocity", "reference", *FAKES}
+        assert set(split["methods"]) == causal | {f"{name}_two_sided" for name in causal}
+        assert {name for name, each in split["methods"].items() if each["start"] == "causal"} == causal
         for figures in split["methods"].values():
             assert set(figures) == {
-                "mean_distance_m", "end_distance_m", "mae_north_m", "mae_east_m", "heading_error_deg",
+                "start", "mean_distance_m", "end_distance_m", "mae_north_m", "mae_east_m", "heading_error_deg",
                 "ratio_to_best_baseline", "coverage_95", "outside_training_range", "by_second",
             }  # fmt: skip
             assert [each["second"] for each in figures["by_second"]] == list(range(1, SECONDS + 1))
