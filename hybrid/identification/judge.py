@@ -24,7 +24,7 @@ from hybrid.identification.identify import Judgement
 from hybrid.identification.response import Model
 from hybrid.identification.segments import segments_of
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import any_command_windows
+from hybrid.prediction.dataset import dataset_of
 from hybrid.prediction.scores import score
 from hybrid.vessel.plant import Plant
 
@@ -82,7 +82,7 @@ def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int
     length_m = model.vessel.dimensions.length_overall_m
     try:
         even = {name: second_by_second(partial(resample, table)) for name, table in others.items()}
-        windows = any_command_windows(even, horizon_s, _STRIDE_S, length_m)
+        windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
     except DataShortageError:
         return {}
     tracks = {

@@ -79,16 +79,35 @@ def load_dataset(
     """The held windows of recordings, or of ``part`` of each one's time in percent; with ``any_commands`` all
     windows that have data, with the commands as they were recorded.
 
-    The starts are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`).
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
+    The rest is as of :func:`dataset_of`. Raises :class:`InputError` when one recording is given twice: its legs
+    would be on both sides of every split.
+    """
+    sources = [Source(path, digest, part) for path, digest in zip(paths, refuse_duplicates(paths), strict=True)]
+    tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
+    return dataset_of(
+        tables, horizon_s, stride_s, sources, shorter=shorter, any_commands=any_commands, length_m=length_m
+    )
+
+
+def dataset_of(
+    tables: Mapping[str, SecondBySecond],
+    horizon_s: int,
+    stride_s: int,
+    sources: Sequence[Source] = (),
+    *,
+    shorter: bool = False,
+    any_commands: bool = False,
+    length_m: float = USUAL_LENGTH_M,
+) -> Dataset:
+    """The windows of recordings at 1 Hz by trial, which come from these ``sources`` if anybody asks.
+
+    The starts are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`).
     With ``shorter`` windows that are held for half the horizon only come behind the whole ones, NaN after that: a
     calibrator learns from them, nothing is judged on them. Where the commands may be any there is no need of them.
 
-    Raises :class:`DataShortageError` with the counts by reason when there is no window in any of them, and
-    :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
+    Raises :class:`DataShortageError` with the counts by reason when there is no window in any of them.
     """
-    hashes = refuse_duplicates(paths)
-    tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
     windows = _as_arrays(held, tables, length_m, any_commands=any_commands)
     if any_commands:
@@ -96,22 +115,8 @@ def load_dataset(
     elif shorter and horizon_s // 2 >= SHORTEST_S:
         short = windows_of_tables(tables, horizon_s // 2, stride_s)
         windows = _with_shorter(windows, _as_arrays(short, tables, length_m))
-    sources = tuple(
-        Source(path, digest, part, *_counts(windows, trial))
-        for path, digest, trial in zip(paths, hashes, tables, strict=True)
-    )
-    return Dataset(windows, sources, held.candidates, held.dropped)
-
-
-def any_command_windows(
-    tables: Mapping[str, SecondBySecond], horizon_s: int, stride_s: int, length_m: float
-) -> PredictionWindows:
-    """All windows of 1 Hz tables by trial that have data, of a ship of ``length_m``, with the commands as recorded.
-
-    Raises :class:`DataShortageError` with the counts by reason when there is none.
-    """
-    held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=True)
-    return _as_arrays(held, tables, length_m, any_commands=True)
+    counted = (_counted(source, windows, trial) for source, trial in zip(sources, tables, strict=False))
+    return Dataset(windows, tuple(counted), held.candidates, held.dropped)
 
 
 def _as_arrays(
@@ -166,13 +171,13 @@ def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
     return legs
 
 
-def _counts(windows: PredictionWindows, trial: str) -> tuple[int, int, tuple[datetime, datetime] | None]:
-    """How many whole windows and their legs a recording gave, and the time they start in."""
+def _counted(source: Source, windows: PredictionWindows, trial: str) -> Source:
+    """A source with how many whole windows and legs its trial gave, and the time they start in."""
     own = windows.subset((windows.trial == trial) & windows.whole)
     if not len(own):
-        return 0, 0, None
+        return source
     first, last = (each.floor("us").to_pydatetime() for each in (own.start_time.min(), own.start_time.max()))
-    return len(own), int(np.unique(own.leg).size), (first, last)
+    return replace(source, windows=len(own), legs=int(np.unique(own.leg).size), span=(first, last))
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:

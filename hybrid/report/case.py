@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +21,9 @@ from acquisition.recording.reader import read_trial
 from analysis.estimation.smoother import smooth
 from analysis.products import Options, Products, analyse
 from analysis.report.pages import Ship
-from analysis.tables.table import percent_of, refuse_duplicates
-from analysis.windows.recordings import trial_names
+from analysis.tables.resample import resample
+from analysis.tables.table import percent_of, refuse_duplicates, select
+from analysis.windows.recordings import second_by_second, trial_names
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.artefact import load
@@ -30,7 +31,7 @@ from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.calibrators.predictor import HORIZON_S, Predictor, predictor_of
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
-from hybrid.prediction.dataset import Dataset, load_dataset
+from hybrid.prediction.dataset import Dataset, Source, dataset_of
 from hybrid.report.errors import (
     Calibration,
     Errors,
@@ -122,13 +123,19 @@ class Case:
     def dataset(self) -> Dataset:
         """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
         none."""
-        held = [name for name, each in self.products.items() if each.windows is not None and each.windows.kept]
-        paths = [self.named_paths[name] for name in held or self.products]
-        dataset = load_dataset(
-            paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair,
+        every = self.products
+        used = {
+            name: each for name, each in every.items() if each.windows is not None and each.windows.kept
+        } or every
+        paths = [self.named_paths[name] for name in used]
+        return dataset_of(
+            {name: second_by_second(partial(resample, select(each.table, self.part_percent)))
+             for name, each in used.items()},
+            self.horizon_s, self.stride_s,
+            [Source(path, digest, self.part_percent)
+             for path, digest in zip(paths, refuse_duplicates(paths), strict=True)],
             length_m=self.plant.length_overall_m,
         )  # fmt: skip
-        return _renamed(dataset, dict(zip(trial_names(paths), held or self.products, strict=True)))
 
     @property
     def training_overlap(self) -> str:
@@ -224,15 +231,6 @@ def ship_of(name: str, recording: Path) -> Ship | None:
         vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
         size.draught_m,
     )  # fmt: skip
-
-
-def _renamed(dataset: Dataset, names: dict[str, str]) -> Dataset:
-    """Trials and their legs under other names."""
-    windows = dataset.windows
-    trial = np.array([names[each] for each in windows.trial.tolist()])
-    leg = np.array([f"{new}{one.removeprefix(old)}" for one, old, new in zip(
-        windows.leg.tolist(), windows.trial.tolist(), trial.tolist(), strict=True)])  # fmt: skip
-    return replace(dataset, windows=replace(windows, trial=trial, leg=leg))
 
 
 def load_case(

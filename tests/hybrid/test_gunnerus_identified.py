@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from acquisition.core.actuators import VESSELS
 from acquisition.tables.import_table import import_table
 from analysis.tables.resample import resample
+from analysis.windows.recordings import second_by_second
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import any_command_windows
+from hybrid.prediction.dataset import dataset_of
 from hybrid.prediction.scores import score
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.reference import ships_of
@@ -67,7 +69,8 @@ def test_she_foretells_the_halves_that_she_was_not_made_from(shared_data: Path, 
     paths = {name: tmp_path / f"{name}.mcap" for name in PARTS}
     tables, _ = usable_tables(paths, (50.0, 100.0), repaired=True, rebuild_positions=True)
     for name, most in (("gunnerus_2019_docking", 0.6), ("gunnerus_2022_trials", 1.0)):
-        windows = any_command_windows({name: resample(tables[name], 1.0)}, 15, 5, 36.25)
+        even = {name: second_by_second(partial(resample, tables[name]))}
+        windows = dataset_of(even, 15, 5, any_commands=True, length_m=36.25).windows
         tracks = [constant_velocity(windows)]
         tracks += [reference(windows, vessel_plant(load_vessel(each))) for each in ("gunnerus_long", SHIP.name)]
         inside = np.isfinite(np.stack([*tracks, windows.track])).all(axis=(0, 2, 3))
