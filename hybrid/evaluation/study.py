@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import predict_with_fallback
+from hybrid.calibrators.calibrator import Examples, predict_with_fallback
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.prediction.baselines import Fallback, conformal_radius, constant_velocity, straight_line
 from hybrid.prediction.baselines import reference as model_tracks
@@ -19,8 +19,6 @@ from hybrid.prediction.dataset import within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
 from hybrid.prediction.scores import TWO_SIDED, distances
 from hybrid.vessel.plant import Plant
-
-Examples = tuple[PredictionWindows, Floats]
 
 Predict = Callable[[PredictionWindows, Floats], Floats]
 

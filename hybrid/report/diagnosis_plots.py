@@ -116,22 +116,18 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
 def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model."""
     whole = diagnosis.gap
-    could = whole.before_m - whole.floor_m
-    steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
-             for each in {part.name: part for part in diagnosis.effects}.values()]  # fmt: skip
-    names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [INK]
-    level = whole.before_m
-    for name, fall, colour in steps:
-        names, starts, widths = [*names, name], [*starts, level - fall], [*widths, fall]
-        colours, level = [*colours, colour], level - fall
-    whole_bars = [
-        ("after", whole.after_m, INK),
-        *((plain(each.name), each.after_m, FAINT) for each in diagnosis.regimes),
-        ("floor", whole.floor_m, FAINT),
-        ("constant velocity", whole.constant_velocity_m, FAINT),
+    rows, level = [("before", 0.0, whole.before_m, INK)], whole.before_m
+    for each in {part.name: part for part in diagnosis.effects}.values():
+        fall = each.share_of_gap * (whole.before_m - whole.floor_m)
+        level -= fall
+        rows.append((plain(each.name), level, fall, FAMILY_COLOUR.get(each.family, FAINT)))
+    rows += [
+        ("after", 0.0, whole.after_m, INK),
+        *((plain(each.name), 0.0, each.after_m, FAINT) for each in diagnosis.regimes),
+        ("floor", 0.0, whole.floor_m, FAINT),
+        ("constant velocity", 0.0, whole.constant_velocity_m, FAINT),
     ]
-    for name, width, colour in whole_bars:
-        names, starts, widths, colours = [*names, name], [*starts, 0.0], [*widths, width], [*colours, colour]
+    names, starts, widths, colours = zip(*rows, strict=True)
     bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"

@@ -225,6 +225,17 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
     return artists
 
 
+def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> list[Artist]:
+    """A box that holds the middle half of ``values``, standing at ``at``; its whiskers reach to 5 and 95 %."""
+    line = {"color": colour}
+    drawn = axes.boxplot(
+        [values], positions=[at], widths=width, whis=(5.0, 95.0), showfliers=False, patch_artist=True,
+        boxprops={"facecolor": colour, "alpha": alpha, "edgecolor": colour}, whiskerprops=line, capprops=line,
+        medianprops={"color": INK, "linewidth": 1.5},
+    )  # fmt: skip
+    return list(drawn["boxes"])
+
+
 def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> list[Artist]:
     """The mean distance of each window [m], a group a trial and a box a method; whiskers hold 5 to 95 %."""
     methods = list(next(iter(by_trial.values())))
@@ -232,12 +243,7 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> li
     for group, errors in enumerate(by_trial.values()):
         for number, method in enumerate(methods):
             at = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
-            drawn = axes.boxplot(
-                [np.maximum(errors[method], 1e-3)], positions=[at], widths=0.7 / len(methods), whis=(5.0, 95.0),
-                showfliers=False, patch_artist=True, boxprops={"facecolor": COLOUR[method], "alpha": 0.75},
-                medianprops={"color": INK},
-            )  # fmt: skip
-            artists += drawn["boxes"]
+            artists += box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
     axes.set_xticks(range(len(by_trial)), [f"{name}\n{len(next(iter(each.values())))} windows"
                                            for name, each in by_trial.items()])  # fmt: skip

@@ -28,7 +28,7 @@ from analysis.report.figures import ENDINGS, fill_figure, write_figure
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.tables.table import table_actuators
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.report.plots import COLOUR, plain_numbers, start_frame
+from hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from hybrid.report.words import plain
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES, Job, Sea, example_sequence, seas_of
 
@@ -147,13 +147,7 @@ def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods
     for place, method in enumerate(methods):
         for split, (beside, alpha, _) in SPLIT_LOOK.items():
             values = errors_m[method, split]
-            drawn = axes.boxplot(
-                values[np.isfinite(values)], positions=[place + beside], widths=0.32, whis=(5, 95),
-                showfliers=False, patch_artist=True, medianprops={"color": INK, "linewidth": 1.5},
-                boxprops={"facecolor": COLOUR[method], "alpha": alpha, "edgecolor": COLOUR[method]},
-                whiskerprops={"color": COLOUR[method]}, capprops={"color": COLOUR[method]},
-            )  # fmt: skip
-            artists += drawn["boxes"]
+            artists += box(axes, values[np.isfinite(values)], place + beside, 0.32, COLOUR[method], alpha)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
     axes.set_xticks(range(len(methods)), [plain(each).replace(" ", "\n") for each in methods], fontsize=7.5)
