@@ -107,7 +107,6 @@ ORIGIN_DEG = (63.44, 10.40)
 """Latitude and longitude that simulated trials start from."""
 SLOWEST_LOOP_HZ = 10.0
 Hidden = Mapping[str, Mapping[str, float]]
-_APPROACH_S = 300
 _LONGEST_S = 7 * 86400.0
 
 

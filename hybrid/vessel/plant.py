@@ -26,7 +26,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from analysis.compiling import source_stamp
 from hybrid.vessel.actuators import CODES, CONTROL, CONTROLS_OF, FIRST_NUMBER, IS_ANGLE, KIND, KINDS, ROW_SIZE
-from hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS, HullModel
+from hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS
+from hybrid.vessel.hulls.kind import HullModel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
 

@@ -21,12 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.compiling import FAST, Record, threads_for
-from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over, scratch_for
+from hybrid.vessel.dynamics import advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.feedback import acting_controls
-from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, Plants, angles_in, controls_in, pack
+from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plants, angles_in, controls_in, pack
 
-STATES = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
 
@@ -177,28 +176,6 @@ def simulate(
     return runs.states[0] if single else runs.states
 
 
-def stepper(plant: Plant, dt_s: float, substeps: int | None = None) -> Callable[..., Floats]:
-    """A function ``(state [6], control [controls], wind [2]) -> state [6]``, for loops closed in Python.
-
-    Such a loop carries its actuators itself: a thruster lag in ``plant`` is not carried from step to step,
-    and a delay of the commands is not seen.
-    Raises :class:`ModelRangeError` as :func:`simulate` does.
-    """
-    extra, parameters = combine_forces(plant)
-    packed, steps = pack(plant), substeps or steps_for(dt_s)
-    states = np.empty((2, 6))
-
-    def step(state: ArrayLike, control: ArrayLike, wind: ArrayLike) -> Floats:
-        begin = np.asarray(state, dtype=np.float64)
-        order, air = np.array(control, dtype=np.float64, ndmin=2), np.array(wind, dtype=np.float64, ndmin=2)
-        left = run(packed[0], begin, order, air, dt_s, steps, order[0], extra, parameters[0], states)
-        if left >= 0:
-            raise range_error(Runs(begin.reshape(1, 1, 6), np.array([0])), plant, dt_s)
-        return np.array(states[1])
-
-    return step
-
-
 def steps_for(dt_s: float) -> int:
     """How many substeps keep the integration step at or below :data:`LONGEST_STEP_S`."""
     return max(1, int(np.ceil(dt_s / LONGEST_STEP_S - 1e-9)))
@@ -269,16 +246,3 @@ def _check_sizes(number: int, sizes: dict[str, int]) -> None:
     wrong = [f"{name} {size}" for name, size in sizes.items() if size not in (1, number)]
     if wrong:
         raise InputError(f"{', '.join(wrong)} for {number} runs", fix="give one for all runs, or one for each")
-
-
-__all__ = [
-    "STATES",
-    "Runs",
-    "State",
-    "acting_controls",
-    "range_error",
-    "simulate",
-    "simulate_batch",
-    "stepper",
-    "steps_for",
-]

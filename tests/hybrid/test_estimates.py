@@ -10,7 +10,7 @@ import pytest
 from acquisition.core.errors import InputError
 from hybrid.vessel.estimate import hull, propeller, resistance, rudder
 from hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
-from hybrid.vessel.estimate.thrusters import pod, tunnel_force
+from hybrid.vessel.estimate.propeller import pod, tunnel_force
 
 KVLCC2 = Particulars(
     length_m=7.0, beam_m=1.27, draught_m=0.46, block=3.27 / (7.0 * 1.27 * 0.46), service_speed_mps=1.179,

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant, pack
-from hybrid.vessel.simulate import run_all, simulate, simulate_batch, stepper
+from hybrid.vessel.simulate import run_all, simulate, simulate_batch
 from tests.hybrid import gunnerus_by_hand as by_hand
 from tests.hybrid.conftest import Held
 
@@ -138,15 +138,6 @@ def test_a_batch_is_its_runs_one_by_one(plant: Plant) -> None:
         assert np.array_equal(together[number], alone)
     shared = simulate(plant, start, controls[:1], wind[:1], 1.0)
     assert np.array_equal(shared[3], simulate(plant, start[3], controls[0], wind[0], 1.0))
-
-
-def test_single_steps_make_a_run(plant: Plant) -> None:
-    """The stepper for loops closed in Python goes the way of the whole run."""
-    start, controls, wind = _wild(1, 10)
-    step, state = stepper(plant, 1.0), start[0]
-    for control, air in zip(controls[0], wind[0], strict=True):
-        state = step(state, control, air)
-    assert np.array_equal(state, simulate(plant, start, controls, wind, 1.0)[0, -1])
 
 
 def test_leaving_the_range_is_said_and_marked(plant: Plant) -> None:

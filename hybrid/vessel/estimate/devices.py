@@ -9,7 +9,7 @@ from typing import Any
 
 from acquisition.core.errors import InputError
 from hybrid.vessel.estimate import propeller as screws
-from hybrid.vessel.estimate import resistance, thrusters
+from hybrid.vessel.estimate import resistance
 from hybrid.vessel.estimate import rudder as steering
 from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel
 from hybrid.vessel.estimate.particulars import Estimate, Particulars
@@ -114,7 +114,7 @@ def _blades(
     if isinstance(said, Azimuth):
         return {
             "propeller_diameter_m": said.diameter,
-            **thrusters.pod(pitch, said.area_ratio, said.blades, known, wake, deduction),
+            **screws.pod(pitch, said.area_ratio, said.blades, known, wake, deduction),
             "azimuth_rate_limit_dps": said.rate or Assumed(12.0, "two turns a minute, usual"),
             "azimuth_lag_s": _lag(ship, 1.0),
         }
@@ -236,4 +236,4 @@ def _tunnel_force(said: Tunnel) -> Estimate:
             why="it follows from the force at full rpm, or from diameter and power",
             fix=f"write {said.name},force=N or {said.name},diameter=M,power=KW",
         )
-    return thrusters.tunnel_force(said.diameter, said.power)
+    return screws.tunnel_force(said.diameter, said.power)

@@ -48,5 +48,3 @@ def _chained(models: list[tuple[int, HullModel]]) -> Callable[..., tuple[float, 
 
 hull_force = _chained(list(enumerate(HULLS.values())))
 """``hull_force(p, u, v, r)``: force and moment X [N], Y [N], N [N m] at velocities through the water."""
-
-__all__ = ["HULLS", "HULL_CODES", "HULL_SIZE", "HullEntry", "HullModel", "hull_force"]
