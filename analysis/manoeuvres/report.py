@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
@@ -191,13 +191,11 @@ def write_report(
     """
     from analysis.report.rendering import render
 
-    plain = folder / "manoeuvres.json"
-    with atomic_file(plain) as partial:
-        content = summary(found, length_m)
-        for each, entry in zip(found, content["recordings"], strict=True):
-            provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
-            entry |= {"recording": provenance["recording"], "provenance": provenance}
-        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    content = summary(found, length_m)
+    for each, entry in zip(found, content["recordings"], strict=True):
+        provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
+        entry |= {"recording": provenance["recording"], "provenance": provenance}
+    plain = write_text(folder / "manoeuvres.json", json.dumps(content, indent=2) + "\n")
     page = render(
         "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
         subtitle="Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information",

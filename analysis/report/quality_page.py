@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.frames import Quality
 from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
@@ -50,8 +50,7 @@ def write_quality(
     """
     found = quality.as_json()
     report = folder / "quality.json"
-    with atomic_file(report) as partial:
-        partial.write_text(json.dumps({**found, "provenance": provenance}, indent=1) + "\n", encoding="utf-8")
+    write_text(report, json.dumps({**found, "provenance": provenance}, indent=1) + "\n")
     flags = folder / "flags.parquet"
     recording = str(provenance["recording"])
     origin = {"recording": recording, "findings": found["findings"], "provenance": provenance}

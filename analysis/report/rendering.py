@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.trial import software_version
-from analysis.tables.files import expect_suffix
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,15 +37,8 @@ class Page:
         return self.html
 
     def write(self, path: Path) -> Path:
-        """Write the page, complete or not at all.
-
-        Raises :class:`InputError` for another suffix than ``.html``, :class:`StorageError` for what the system
-        refuses.
-        """
-        expect_suffix(path, ".html")
-        with atomic_file(path) as partial:
-            partial.write_text(self.html, encoding="utf-8")
-        return path
+        """Write the page, complete or not at all. Raises :class:`StorageError`."""
+        return write_text(path, self.html)
 
 
 @cache

@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.channels import channel_unit
-from acquisition.core.files import atomic_file
+from acquisition.core.files import atomic_file, write_text
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
 from analysis.tables.files import expect_suffix, write_parquet
@@ -112,9 +112,7 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     beside = path.with_name(f"{path.name}.json")
     with atomic_file(path) as partial:
         table.set_axis(index, axis=0).to_csv(partial, index_label="time")
-    with atomic_file(beside) as partial:
-        partial.write_text(json.dumps({"file": path.name, **about}, indent=2) + "\n", encoding="utf-8")
-    return [path, beside]
+    return [path, write_text(beside, json.dumps({"file": path.name, **about}, indent=2) + "\n")]
 
 
 def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:

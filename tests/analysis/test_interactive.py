@@ -180,12 +180,10 @@ def test_predictions_are_lifted_between_windows_and_thinned_by_whole_ones() -> N
     assert lifted == list(range(16, len(plain), 16))
 
 
-def test_the_file_is_written_whole_and_only_as_html(tmp_path: Path) -> None:
+def test_the_file_is_written_whole(tmp_path: Path) -> None:
     path = interactive_page(circling(60), title="Trial 7").write(tmp_path / "deep" / "page.html")
     assert "<title>Trial 7</title>" in path.read_text(encoding="utf-8")
     assert [each.name for each in path.parent.iterdir()] == ["page.html"]
-    with pytest.raises(InputError, match=r"name it \.html"):
-        interactive_page(circling(60)).write(tmp_path / "page.pdf")
 
 
 def test_tables_that_cannot_be_shown_are_refused() -> None:
