@@ -32,22 +32,11 @@ _AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "soft_wrap": T
 
 
 def mount(app: typer.Typer) -> None:
-    """Add this package's commands to the command line."""
-    app.command("record", help="Record a trial; SIGINT and SIGTERM end it cleanly.", rich_help_panel=ABOARD)(record)
-    app.command("emulate", help="Play a recording onto the buses of a configuration.", rich_help_panel=ABOARD)(
-        emulate
-    )
-    app.command("import", help="Turn a table (CSV, Parquet or .mat) into a recording.", rich_help_panel=RECORDINGS)(
-        import_
-    )
-    app.command("mark", help="Set an event mark in the running recording.", rich_help_panel=ABOARD)(mark)
-    app.command("redecode", help="Rebuild a recording's channels from its raw input.", rich_help_panel=ABOARD)(
-        redecode
-    )
-    app.command("info", help="Say what is in a recording.", rich_help_panel=RECORDINGS)(info)
-    app.command(
-        "recover", help="Save what is intact of a damaged recording into a new one.", rich_help_panel=ABOARD
-    )(recover)
+    """Add this package's commands to the command line; their help is what they say of themselves."""
+    for command in (record, emulate, mark, redecode, recover):
+        app.command(rich_help_panel=ABOARD)(command)
+    app.command("import", rich_help_panel=RECORDINGS)(import_)
+    app.command(rich_help_panel=RECORDINGS)(info)
 
 
 def record(
@@ -63,7 +52,7 @@ def record(
     live: Annotated[bool, typer.Option("--live", help="Serve the live view for Foxglove and Lichtblick.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Record a trial."""
+    """Record a trial; SIGINT and SIGTERM end it cleanly."""
     if log not in ("text", "json"):
         raise typer.BadParameter("is neither text nor json", param_hint="--log")
     if output is None and not check:
@@ -131,7 +120,7 @@ def _check_departure(
 def mark(
     text: Annotated[str, typer.Argument(help='What happens now: "start 20/20".')],
 ) -> None:
-    """Set an event mark in the recordings that run on this computer."""
+    """Set an event mark in the running recording."""
     from acquisition.logger.requests import send_mark
 
     count = send_mark(text)
@@ -145,7 +134,7 @@ def redecode(
         Path | None, typer.Option(help="The corrected configuration; the recording's own if none is given.")
     ] = None,
 ) -> None:
-    """Rebuild the channels from the raw input."""
+    """Rebuild a recording's channels from its raw input."""
     from acquisition.config.configuration import load_config
     from acquisition.core.progress import bar
     from acquisition.logger.display import summary
@@ -165,7 +154,7 @@ def emulate(
     config: Annotated[Path, typer.Argument(help="The configuration whose buses and lines it is played onto.")],
     speed: Annotated[float, typer.Option(min=0.01, help="So many times as fast as it was.")] = 1.0,
 ) -> None:
-    """Play a recording onto buses and lines."""
+    """Play a recording onto the buses of a configuration."""
     from acquisition.config.configuration import load_config
     from acquisition.core.progress import bar
     from acquisition.emulator import emulate as run
@@ -195,7 +184,7 @@ def import_(
         str | None, typer.Option(help="Which ship the table tells of: a vessel's name, or its file.")
     ] = None,
 ) -> None:
-    """Turn a table into a recording."""
+    """Turn a table (CSV, Parquet or .mat) into a recording."""
     from acquisition.tables.import_table import import_table
 
     summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel)
@@ -241,7 +230,7 @@ def recover(
     output: Output,
     as_json: AsJson = False,
 ) -> None:
-    """Save what is intact of a damaged recording."""
+    """Save what is intact of a damaged recording into a new one."""
     from acquisition.core.progress import bar
     from acquisition.recording.recover import recover as run
 

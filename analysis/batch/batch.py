@@ -187,16 +187,14 @@ def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
     Counts by code, by reason and by kind stand in columns of their own, like ``findings_by_code.spikes``.
     """
-    columns: dict[str, Any] = {name: pd.array([row.get(name) or "" for row in rows], dtype="str") for name in TEXTS}
-    starts = _array([row.get("start") for row in rows], "object")
+    columns: dict[str, Any] = {name: _array([row.get(name) or "" for row in rows], "str") for name in TEXTS}
     columns["closed"] = _array([row.get("closed") for row in rows], "boolean")
     missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
     columns["missing"] = _array(missing, "str")
+    starts = _array([row.get("start") for row in rows], "object")
     columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
-    for name in MEASURES:
-        columns[name] = _array([row.get(name) for row in rows], "Float64")
-    for name in COUNTS:
-        columns[name] = _array([row.get(name) for row in rows], "Int64")
+    for name, dtype in (dict.fromkeys(MEASURES, "Float64") | dict.fromkeys(COUNTS, "Int64")).items():
+        columns[name] = _array([row.get(name) for row in rows], dtype)
     for name in NESTED_COUNTS:
         columns |= _nested(rows, name, "Int64", 0)
     columns |= _nested(rows, "indices", "Float64", None)

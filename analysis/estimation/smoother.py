@@ -20,7 +20,7 @@ import json
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -215,16 +215,17 @@ def smooth(
     grid_s = (grid_ns - data.epoch_ns) / NANO
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
     spread = np.full((grid_s.size, 9, 9), np.nan)
-    innovations = _Innovations.empty(data)
+    parts = []
     for block in _blocks(data.time_s):
         track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
-        innovations.keep(block, track)
+        parts.append(_innovations_of(block, track))
         some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
         mean, covariance = track.at(grid_s[some])
         sums = track.model.sums
         motion[some] = body_states(mean @ sums.T)
         spread[some] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
         slow[some] = body_states((mean * track.model.may_jump) @ sums.T)
+    innovations = _Innovations(*map(np.concatenate, zip(*parts, strict=True)))
     hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
         values[hidden] = np.nan
@@ -285,32 +286,20 @@ def _blocks(time_s: Floats) -> list[_Block]:
     ]  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class _Innovations:
-    """What each step made of its values, gathered over the blocks; ``mean`` is the smoothed state."""
+class _Innovations(NamedTuple):
+    """What each step made of its values; ``mean`` is the smoothed state."""
 
     innovation: Floats
     deviation: Floats
     refused: Bools
     mean: Floats
 
-    @classmethod
-    def empty(cls, data: MotionSamples) -> _Innovations:
-        shape = data.value.shape
-        return cls(
-            np.full(shape, np.nan),
-            np.full(shape, np.nan),
-            np.zeros(shape, dtype=bool),
-            np.full((shape[0], 9), np.nan),
-        )
 
-    def keep(self, block: _Block, track: Track) -> None:
-        core = slice(block.core_first, block.core_last)
-        local = slice(block.core_first - block.first, block.core_last - block.first)
-        self.innovation[core] = track.filtered.innovation[local]
-        self.deviation[core] = track.filtered.deviation[local]
-        self.refused[core] = track.filtered.refused[local]
-        self.mean[core] = track.mean[local] @ track.model.sums.T
+def _innovations_of(block: _Block, track: Track) -> _Innovations:
+    """Those of the steps that count in a block."""
+    core, filtered = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
+    mean = track.mean[core] @ track.model.sums.T
+    return _Innovations(filtered.innovation[core], filtered.deviation[core], filtered.refused[core], mean)
 
 
 def _rejected(

@@ -62,8 +62,9 @@ SEVERITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "fee
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}
 _WINDS = (("wind_direction_deg", "wind_speed_mps"), ("apparent_wind_angle_deg", "apparent_wind_speed_mps"))
-_EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time_jitter", "heading_time_jitter"}),
-                 "stuck": frozenset({"feedback_frozen"})}  # fmt: skip
+_SPIKES_BY = frozenset({"heading_wrap_interpolated", "position_time_jitter", "heading_time_jitter"})
+_FINDINGS_BY = {"stuck": frozenset({"feedback_frozen"})}
+"""What explains spikes, sample by sample, and findings of one channel altogether."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +199,7 @@ def _drop_explained_spikes(
 ) -> None:
     """Remove spikes from the faults where a check across channels explains them."""
     for each in checked:
-        named = {finding.channel for finding in each.findings if finding.code in _EXPLAINED_BY["spike"]}
+        named = {finding.channel for finding in each.findings if finding.code in _SPIKES_BY}
         for name in named & set(faults) & set(each.flags.columns):
             known = each.flags[name].to_numpy()[rows[name]]
             faults[name].masks["spike"][(known == Quality.SUSPECT) | (known == Quality.BAD)] = False
@@ -233,9 +234,7 @@ def _single_findings(
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
     found: list[Finding] = []
     for code in WORDING:
-        said = (
-            {each.channel for each in across if each.code in _EXPLAINED_BY.get(code, ())} if code == "stuck" else ()
-        )
+        said = {each.channel for each in across if each.code in _FINDINGS_BY.get(code, ())}
         troubles = {
             name: [each for each in fault.stretches(code) if (each.start_ns, each.end_ns) not in jumped]
             for name, fault in faults.items()

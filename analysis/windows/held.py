@@ -34,7 +34,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from acquisition.core.actuators import DEFAULT, Actuators, control_names, part_of_control
 from acquisition.core.angles import difference, unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import is_circular, trial_names
+from acquisition.core.channels import MOTION, is_circular, trial_names
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.result import Result
 from analysis.estimation.noise_levels import noise_of
@@ -167,9 +167,8 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
 
     valid = np.isfinite(values)
     steady = {sort: np.ones(len(always(there)), dtype=bool) for sort in _MOVED}
-    for name, series in zip(trial_names(actuators), values.T, strict=True):
-        if name in control_names(actuators):
-            steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
+    for name, series in zip(control_names(actuators), _settings(values).T, strict=True):
+        steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
         always(np.asarray(there & valid.any(axis=1))),
         always(np.asarray(valid.all(axis=1))),
@@ -177,6 +176,11 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
     )
     failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)
     return np.asarray(failed.argmax(axis=1), dtype=np.int64)
+
+
+def _settings(values: Floats) -> Floats:
+    """The controls [rows, controls] among the channels of a trial [rows, channels], which they stand behind."""
+    return values[:, len(MOTION) :]
 
 
 def _rows_of_windows(
@@ -207,10 +211,8 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
     """
     if starts.size == 0:
         return np.empty(0, dtype=np.int64)
-    names = control_names(actuators)
-    setting = values[:, [trial_names(actuators).index(name) for name in names]][
-        starts[:, None] + np.arange(horizon_s + 1)
-    ]
+    names, settings = control_names(actuators), _settings(values)
+    setting = settings[starts[:, None] + np.arange(horizon_s + 1)]
     apart = np.abs(np.diff(np.median(setting, axis=1), axis=0))
     for column, name in enumerate(names):
         if is_circular(name):
@@ -218,9 +220,8 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
                 difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
             apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
-    columns = (values[:, trial_names(actuators).index(name)] for name in names)
     limit = np.array(
-        [tolerance_of(name, actuators).at(each).span for name, each in zip(names, columns, strict=True)]
+        [tolerance_of(name, actuators).at(each).span for name, each in zip(names, settings.T, strict=True)]
     )
     between = starts[1:] - (starts[:-1] + horizon_s)
     same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))

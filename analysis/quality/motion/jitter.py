@@ -156,16 +156,17 @@ def position_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timesta
     """The finding of positions whose stamps jitter, None where they do not by enough to matter."""
     if not jitter.beyond(SMALLEST_POSITION_JITTER_S):
         return None
+    how = f"The positions err along the way, with {jitter.ratio:.0f} times the variance across: their stamps"
+    remedy = "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile."
+    return _finding("position_time_jitter", "north_m", jitter, how, remedy, start, end)
+
+
+def _finding(
+    code: str, channel: str, jitter: Jitter, how: str, remedy: str, start: pd.Timestamp, end: pd.Timestamp
+) -> Finding:
     low, high = jitter.interval()
-    text = (
-        f"The positions err along the way, with {jitter.ratio:.0f} times the variance across: their stamps jitter"
-        f" by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
-    )
-    return Finding(
-        "position_time_jitter", "north_m", start, end, text,
-        "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile.",
-        {"seconds": jitter.seconds, "low": low, "high": high},
-    )  # fmt: skip
+    text = f"{how} jitter by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
+    return Finding(code, channel, start, end, text, remedy, {"seconds": jitter.seconds, "low": low, "high": high})
 
 
 _SMALLEST_S = 0.1
@@ -361,15 +362,12 @@ def heading_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timestam
     """The finding of headings whose stamps jitter, None where they do not by enough to matter."""
     if not is_certain(jitter):
         return None
-    low, high = jitter.interval()
-    text = (
+    how = (
         f"The heading errs as the ship turns, with {jitter.ratio:.0f} times the variance about the integrated yaw"
-        f" rate that it has without turning: its stamps jitter by {jitter.seconds:.2f} s"
-        f" (95 % {low:.2f} to {high:.2f})"
+        " rate that it has without turning: its stamps"
     )
-    return Finding(
-        "heading_time_jitter", "heading_deg", start, end, text,
+    remedy = (
         "Take the compass's own times; the integrated yaw rate is the better guide to the shape of a turn until"
-        " then, and --rebuild-positions takes it.",
-        {"seconds": jitter.seconds, "low": low, "high": high},
-    )  # fmt: skip
+        " then, and --rebuild-positions takes it."
+    )
+    return _finding("heading_time_jitter", "heading_deg", jitter, how, remedy, start, end)

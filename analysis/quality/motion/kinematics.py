@@ -384,19 +384,15 @@ def _variance(part: Kinematics) -> Floats:
 
 
 def _quarters(motion: Motion) -> list[Motion]:
+    """The quarters of a motion in which no group lacks samples."""
     edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], _PARTS + 1)
-    return [part for part in (_part(motion, *bounds) for bounds in pairwise(edges)) if part is not None]
-
-
-def _part(motion: Motion, begin: float, end: float) -> Motion | None:
-    position, heading, speed, yaw_rate = (_between(each, begin, end) for each in motion.groups)
-    if min(each.time_s.size for each in (position, heading, speed, yaw_rate)) < _SAMPLES:
-        return None
-    return Motion(position, heading, speed, yaw_rate, motion.step_s)
-
-
-def _between(samples: Group, begin: float, end: float) -> Group:
-    return samples.without((samples.time_s < begin) | (samples.time_s > end))
+    quarters = []
+    for begin, end in pairwise(edges):
+        position, heading, speed, yaw_rate = (
+            each.without((each.time_s < begin) | (each.time_s > end)) for each in motion.groups
+        )
+        quarters.append(Motion(position, heading, speed, yaw_rate, motion.step_s))
+    return [each for each in quarters if min(group.time_s.size for group in each.groups) >= _SAMPLES]
 
 
 def _fit_or_none(motion: Motion) -> Kinematics | None:
