@@ -45,11 +45,6 @@ class Moment:
         """Those of ``channels`` that have a value now."""
         return tuple(name for name in channels if name in self.values)
 
-    def both(self, first: str, second: str) -> tuple[float | None, float | None] | None:
-        """Two values that travel in one message; None if neither is there."""
-        pair = self.values.get(first), self.values.get(second)
-        return None if pair == (None, None) else pair
-
 
 class Encoder(Protocol):
     """One source's way of saying an instant."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Callable
+from functools import partial
 from math import floor
 
 from acquisition.config.sections import Thrusters
@@ -47,32 +49,23 @@ class Nmea0183Encoder:
         self._machinery = MachineryEncoder(thrusters, actuators)
 
     def encode(self, moment: Moment) -> list[Packet]:
-        packets = self._navigation(moment) + self._wind(moment) + self._machinery.encode(moment)
-        return [_packet(_zda(moment.time_ns)), *packets] if self._announces else packets
-
-    def _navigation(self, moment: Moment) -> list[Packet]:
-        values, packets = moment.values, []
+        packets = [Packet(sentence(_zda(moment.time_ns)))] if self._announces else []
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             fix = _gga(moment.time_ns, moment.latitude_deg, moment.longitude_deg)
-            packets.append(_packet(fix, *moment.fix_of))
-        if "heading_deg" in values:
-            packets.append(_packet(f"HEHDT,{_turn(values['heading_deg'], 4)},T", "heading_deg"))
-        if "yaw_rate_dps" in values:
-            packets.append(_packet(f"TIROT,{values['yaw_rate_dps'] * 60.0:.3f},A", "yaw_rate_dps"))
-        if speeds := moment.both("surge_mps", "sway_mps"):
-            along, across = (_decimals(each, 1.0 / KNOT_MPS, 4) for each in speeds)
-            carries = moment.present("surge_mps", "sway_mps")
-            packets.append(_packet(f"VDVBW,,,V,{along},{across},A,,V,,V", *carries))
-        return packets
+            packets.append(Packet(sentence(fix), carries=moment.fix_of))
+        for channels, body in _NAVIGATION.items():
+            packets += _said(moment, channels, body)
+        return packets + self._machinery.encode(moment)
 
-    def _wind(self, moment: Moment) -> list[Packet]:
-        wind = moment.both("wind_direction_deg", "wind_speed_mps")
-        if wind is None:
-            return []
-        direction, speed = wind
-        knots, metres = _decimals(speed, 1.0 / KNOT_MPS, 3), _decimals(speed, 1.0, 3)
-        carries = moment.present("wind_direction_deg", "wind_speed_mps")
-        return [_packet(f"WIMWD,{_turn(direction, 3)},T,,M,{knots},N,{metres},M", *carries)]
+
+Body = Callable[..., str]
+"""A sentence's body from the values of channels, None for one that is not known."""
+
+
+def _said(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
+    """The sentence of some channels; none where no value of them is known."""
+    carries = moment.present(*channels)
+    return [Packet(sentence(body(*map(moment.values.get, channels))), carries=carries)] if carries else []
 
 
 class MachineryEncoder:
@@ -81,67 +74,48 @@ class MachineryEncoder:
     def __init__(self, thrusters: Thrusters, actuators: Actuators) -> None:
         self._thrusters = thrusters.numbers
         self._responses = "TRC" if thrusters.channels_from == "demand" else "TRD"
-        self._rudders = rudder_channels(actuators)
+        angles = rudder_channels(actuators)
+        self._rudders = tuple(reversed(angles)) if len(angles) <= 2 else ()
         shafts = shaft_numbers(numbered_shafts(actuators))
         self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
 
     def encode(self, moment: Moment) -> list[Packet]:
-        orders = tuple(map(name_of_order, self._rudders))
-        packets = _rudders("RSA", moment, self._rudders) + _rudders("ROR", moment, orders)
+        packets = _said(moment, self._rudders, partial(_rudders, "RSA"))
+        packets += _said(moment, tuple(map(name_of_order, self._rudders)), partial(_rudders, "ROR"))
         for name, number in self._thrusters.items():
-            rpm, angle = f"{name}_rpm", f"{name}_angle_deg"
-            packets += _thruster(self._responses, number, moment, rpm, angle)
-            packets += _thruster("TRC", number, moment, name_of_order(rpm), name_of_order(angle))
+            pair = (f"{name}_rpm", f"{name}_angle_deg")
+            packets += _said(moment, pair, partial(_thruster, self._responses, number))
+            packets += _said(moment, tuple(map(name_of_order, pair)), partial(_thruster, "TRC", number))
         for name, number in self._shafts.items():
-            packets += _shaft(number, moment, f"{name}_rpm", f"{name}_pitch_percent")
-            packets += _shaft_order(number, moment, f"{name}_order_rpm", f"{name}_order_pitch_percent")
+            pair = (f"{name}_rpm", f"{name}_pitch_percent")
+            packets += _said(moment, pair, partial(_shaft, number))
+            packets += _said(moment, tuple(map(name_of_order, pair)), partial(_shaft_order, number))
         return packets
 
 
-def _rudders(kind: str, moment: Moment, channels: tuple[str, ...]) -> list[Packet]:
+def _rudders(kind: str, starboard_deg: float | None, port_deg: float | None = None) -> str:
     """The starboard or single rudder, then the port one."""
-    carries = moment.present(*channels)
-    if not carries or len(channels) > 2:
-        return []
-    both = (channels[-1], channels[0] if len(channels) == 2 else "")
-    fields = [f"{_decimals(moment.values.get(name), 1.0, 4)},{'A' if name in carries else 'V'}" for name in both]
-    return [_packet(f"ER{kind},{','.join(fields)}{',B' if kind == 'ROR' else ''}", *carries)]
+    fields = [f"{_decimals(each, 1.0, 4)},{_mode(each, 'A')}" for each in (starboard_deg, port_deg)]
+    return f"ER{kind},{','.join(fields)}{',B' if kind == 'ROR' else ''}"
 
 
-def _thruster(kind: str, number: int, moment: Moment, rpm: str, angle: str) -> list[Packet]:
-    pair = moment.both(rpm, angle)
-    if pair is None:
-        return []
+def _thruster(kind: str, number: int, rpm: float | None, angle_deg: float | None) -> str:
     ending = ",B,R" if kind == "TRC" else ""
-    body = f"RC{kind},{number},{_decimals(pair[0], 1.0, 3)},{_mode(pair[0], 'R')},,V,{_turn(pair[1], 3)}{ending}"
-    return [_packet(body, *moment.present(rpm, angle))]
+    return f"RC{kind},{number},{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')},,V,{_turn(angle_deg, 3)}{ending}"
 
 
-def _shaft(number: int, moment: Moment, rpm: str, pitch: str) -> list[Packet]:
-    pair = moment.both(rpm, pitch)
-    if pair is None:
-        return []
-    speed, percent = (_decimals(each, 1.0, 3) for each in pair)
-    return [_packet(f"ERRPM,S,{number},{speed},{percent},A", *moment.present(rpm, pitch))]
+def _shaft(number: int, rpm: float | None, pitch_percent: float | None) -> str:
+    return f"ERRPM,S,{number},{_decimals(rpm, 1.0, 3)},{_decimals(pitch_percent, 1.0, 3)},A"
 
 
-def _shaft_order(number: int, moment: Moment, rpm: str, pitch: str) -> list[Packet]:
-    pair = moment.both(rpm, pitch)
-    if pair is None:
-        return []
-    speed, percent = (
-        f"{_decimals(each, 1.0, 3)},{_mode(each, unit)}" for each, unit in zip(pair, "RP", strict=True)
-    )
-    return [_packet(f"ERPRC,,V,{speed},{percent},B,{number}", *moment.present(rpm, pitch))]
+def _shaft_order(number: int, rpm: float | None, pitch_percent: float | None) -> str:
+    speed, pitch = f"{_decimals(rpm, 1.0, 3)},{_mode(rpm, 'R')}", _decimals(pitch_percent, 1.0, 3)
+    return f"ERPRC,,V,{speed},{pitch},{_mode(pitch_percent, 'P')},B,{number}"
 
 
 def _mode(value: float | None, unit: str) -> str:
     """The letter of a value's unit, V for invalid where it is not there."""
     return "V" if value is None else unit
-
-
-def _packet(body: str, *carries: str) -> Packet:
-    return Packet(sentence(body), carries=carries)
 
 
 def _decimals(value: float | None, scale: float, digits: int) -> str:
@@ -169,3 +143,16 @@ def _gga(time_ns: int, latitude_deg: float, longitude_deg: float) -> str:
     latitude = f"{degrees_and_minutes(latitude_deg, 2)},{'N' if latitude_deg >= 0 else 'S'}"
     longitude = f"{degrees_and_minutes(longitude_deg, 3)},{'E' if longitude_deg >= 0 else 'W'}"
     return f"GPGGA,{clock},{latitude},{longitude},4,12,0.6,0.0,M,0.0,M,,"
+
+
+_NAVIGATION: dict[tuple[str, ...], Body] = {
+    ("heading_deg",): lambda heading: f"HEHDT,{_turn(heading, 4)},T",
+    ("yaw_rate_dps",): lambda rate: f"TIROT,{rate * 60.0:.3f},A",
+    ("surge_mps", "sway_mps"): lambda ahead, aside: (
+        f"VDVBW,,,V,{_decimals(ahead, 1.0 / KNOT_MPS, 4)},{_decimals(aside, 1.0 / KNOT_MPS, 4)},A,,V,,V"
+    ),
+    ("wind_direction_deg", "wind_speed_mps"): lambda direction, speed: (
+        f"WIMWD,{_turn(direction, 3)},T,,M,{_decimals(speed, 1.0 / KNOT_MPS, 3)},N,{_decimals(speed, 1.0, 3)},M"
+    ),
+}
+"""The sentences of motion and wind by the channels that they carry."""
