@@ -8,6 +8,7 @@ set, which is reported elsewhere; samples that repeat are stuck.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -211,17 +212,16 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     interval_s = float(np.median(np.diff(time_s)))
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
     smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
-    places, sizes = _lasting_steps(error, width, interval_s, smallest_m)
-    known = [place for place in places if _recorded_throughout(time_s, place, width, interval_s, fit)]
-    return _pair_returns(
-        [(float(time_s[place] + fit.parameters[2]), sizes[place]) for place in known], np.ptp(time_s)
-    )
+    jumps = [
+        (float(time_s[place] + fit.parameters[2]), size)
+        for place, size in _lasting_steps(error, width, interval_s, smallest_m)
+        if _recorded_throughout(time_s, place, width, interval_s, fit)
+    ]
+    return _pair_returns(jumps, np.ptp(time_s))
 
 
-def _lasting_steps(
-    error: Floats, width: int, interval_s: float, smallest_m: float
-) -> tuple[list[int], dict[int, Floats]]:
-    """First samples after a jump, and its size."""
+def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: float) -> list[tuple[int, Floats]]:
+    """The first sample after each jump, and the jump's size north and east."""
     medians = np.median(sliding_window_view(error, width, axis=0), axis=-1)
     apart = medians[width:] - medians[:-width]  # row r is about the step to sample r + width
     size = np.hypot(*apart.T)
@@ -234,8 +234,8 @@ def _lasting_steps(
     at_once = np.einsum("ij,ij->i", error[places] - error[places - 1], toward)
     rows = np.flatnonzero((size > limit) & (along > _AT_ONCE * size))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1) if rows.size else []
-    best = [int(group[np.argmax(at_once[group])]) for group in groups]
-    return [each + width for each in best], {each + width: apart[each] for each in best}
+    best = (int(group[np.argmax(at_once[group])]) for group in groups)
+    return [(row + width, apart[row]) for row in best]
 
 
 def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: float, fit: Kinematics) -> bool:
@@ -257,18 +257,16 @@ def _recorded(samples: Group, begin: float, end: float) -> bool:
 def _pair_returns(jumps: list[tuple[float, Floats]], lasts_s: float) -> tuple[PositionJump, ...]:
     """Join a jump and the next one where that takes it back."""
     found: list[PositionJump] = []
-    skip = False
-    for number, (time_s, size) in enumerate(jumps):
-        if skip:
-            skip = False
-            continue
+    left = deque(jumps)
+    while left:
+        time_s, size = left.popleft()
         until_s = np.nan
-        if number + 1 < len(jumps):
-            next_s, back = jumps[number + 1]
-            skip = bool(np.hypot(*(size + back)) < _RETURNED * np.hypot(*size))
-            skip = skip and next_s - time_s < _LONGEST_AWAY * lasts_s
-            until_s = next_s if skip else np.nan
-        found.append(PositionJump(time_s, float(size[0]), float(size[1]), float(until_s)))
+        if left:
+            next_s, back = left[0]
+            taken_back = np.hypot(*(size + back)) < _RETURNED * np.hypot(*size)
+            if taken_back and next_s - time_s < _LONGEST_AWAY * lasts_s:
+                until_s, _ = left.popleft()
+        found.append(PositionJump(time_s, float(size[0]), float(size[1]), until_s))
     return tuple(found)
 
 

@@ -219,8 +219,9 @@ def fit_motion(motion: Motion) -> Kinematics:
         )  # fmt: skip
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
-    path = _fitted(motion.position, tuple(path_model(each, grid_s) for each in parts), _PATH_PRIOR, frame)
-    turn = _fitted(motion.heading, tuple(turn_model(each, grid_s) for each in parts), _TURN_PRIOR, frame)
+    paths, turns = (tuple(model(each, grid_s) for each in parts) for model in (path_model, turn_model))
+    path = _Fit(motion.position, paths, _PATH_PRIOR, frame).solved()
+    turn = _Fit(motion.heading, turns, _TURN_PRIOR, frame).solved()
     slowly = np.repeat([_slow_is_better(*path, _ALIKE[:6]), _slow_is_better(*turn, _ALIKE[6:])], [6, 3])
     slow, every = (path[which].beside(turn[which]) for which in (0, 1))
     fit = Kinematics(
@@ -279,60 +280,60 @@ class _Frame:
         return np.asarray(sosfiltfilt(filter_, values, axis=0, padlen=padded))
 
 
-Models = tuple[Model, ...]
-"""By all samples, by every other one, and by the rest."""
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """Levels and the models they are fitted by: of all samples, of every other one, and of the rest."""
 
+    level: Group
+    models: tuple[Model, ...]
+    prior: Floats
+    frame: _Frame
 
-def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> tuple[Solution, Solution]:
-    """Fit levels as they are or, where they jump and that gives a smaller covariance, without their jumps; by the
-    slow motion and by all.
+    def solved(self) -> tuple[Solution, Solution]:
+        """By the slow motion and by all; of the levels as they are or, where they jump and that gives a smaller
+        covariance, without their jumps.
 
-    To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
-    """
-    found = _by_slow_and_all(level, models, prior, frame)
-    steady = remove_jumps(level, models[0], frame.grid_s, found[1].parameters)
-    if steady is level:
-        return found
-    other = _by_slow_and_all(steady, models, prior, frame)
-    return min(found, other, key=lambda each: float(np.linalg.slogdet(each[1].covariance)[1]))
+        To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
+        """
+        found = self._by_slow_and_all()
+        steady = remove_jumps(self.level, self.models[0], self.frame.grid_s, found[1].parameters)
+        if steady is self.level:
+            return found
+        other = replace(self, level=steady)._by_slow_and_all()
+        return min(found, other, key=lambda each: float(np.linalg.slogdet(each[1].covariance)[1]))
 
+    def _by_slow_and_all(self) -> tuple[Solution, Solution]:
+        """Gauss-Newton steps by the slow motion, and on from there by faster and faster."""
+        start = np.where(np.arange(self.prior.size) == 0, 1.0, 0.0)
+        slow = self._gauss_newton(Solution(start, np.diag(self.prior**2), start), _SLOW_STAGES)
+        return slow, self._gauss_newton(slow, _STAGES_HZ)
 
-def _by_slow_and_all(level: Group, models: Models, prior: Floats, frame: _Frame) -> tuple[Solution, Solution]:
-    """Gauss-Newton steps by the slow motion, and on from there by faster and faster."""
-    start = np.where(np.arange(prior.size) == 0, 1.0, 0.0)
-    slow = _gauss_newton(level, models, prior, frame, Solution(start, np.diag(prior**2), start), _SLOW_STAGES)
-    return slow, _gauss_newton(level, models, prior, frame, slow, _STAGES_HZ)
+    def _gauss_newton(self, found: Solution, stages: tuple[float | None, ...]) -> Solution:
+        """Steps from ``found`` by the motion below each of ``stages`` [Hz], None for the slow motion alone.
 
+        A delay or lever arm that is not significant starts the next at zero, or it might settle a whole wave period
+        off; what the last one still moved is not known better.
+        """
+        for limit_hz in stages:
+            unclear = np.abs(found.parameters) < _CLEAR * np.sqrt(np.diag(found.covariance))
+            values = np.where(unclear & (self.prior >= _DELAY_PRIOR_S), 0.0, found.parameters)
+            found = self._step(values, limit_hz)
+        moving = np.diag((2.0 * (found.parameters - values)) ** 2)
+        return replace(found, covariance=found.covariance + moving)
 
-def _gauss_newton(
-    level: Group, models: Models, prior: Floats, frame: _Frame, found: Solution, stages: tuple[float | None, ...]
-) -> Solution:
-    """Steps from ``found`` by the motion below each of ``stages`` [Hz], None for the slow motion alone.
-
-    A delay or lever arm that is not significant starts the next at zero, or it might settle a whole wave period
-    off; what the last one still moved is not known better.
-    """
-    for limit_hz in stages:
-        unclear = np.abs(found.parameters) < _CLEAR * np.sqrt(np.diag(found.covariance))
-        values = np.where(unclear & (prior >= _DELAY_PRIOR_S), 0.0, found.parameters)
-        found = _step(level, models, prior, frame, values, limit_hz)
-    moving = np.diag((2.0 * (found.parameters - values)) ** 2)
-    return replace(found, covariance=found.covariance + moving)
-
-
-def _step(
-    level: Group, models: Models, prior: Floats, frame: _Frame, values: Floats, limit_hz: float | None
-) -> Solution:
-    """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion alone."""
-    most = frame.coefficients(limit_hz or SLOW_HZ)
-    (wanted, slopes), *halves = (model(values) for model in models)
-    times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-    parts = (spline(level)(times) - wanted, slopes, *(half[1] for half in halves))
-    band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
-    residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in band)
-    found = solve(residuals, by, (first, second), prior)
-    far = float(np.max(np.abs(found.parameters[:4]) / (_LONGEST_STEP * prior[:4])))  # lever arms are linear
-    return replace(found, parameters=values + found.parameters / max(far, 1.0))
+    def _step(self, values: Floats, limit_hz: float | None) -> Solution:
+        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
+        level, frame = self.level, self.frame
+        most = frame.coefficients(limit_hz or SLOW_HZ)
+        (wanted, slopes), *halves = (model(values) for model in self.models)
+        times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
+        parts = (spline(level)(times) - wanted, slopes, *(half[1] for half in halves))
+        band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
+        residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in band)
+        found = solve(residuals, by, (first, second), self.prior)
+        bounds = _LONGEST_STEP * self.prior[:4]  # lever arms are linear
+        far = float(np.max(np.abs(found.parameters[:4]) / bounds))
+        return replace(found, parameters=values + found.parameters / max(far, 1.0))
 
 
 _PARTS = 4
