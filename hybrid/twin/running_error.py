@@ -7,7 +7,7 @@ its error says little of the model: such errors are counted, marked and left out
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from typing import Any
 
@@ -49,9 +49,8 @@ class TrackError:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON, as the schema of ``/prediction`` has it."""
-        names = ("method", "thrusters_moved", "mean_distance_m", "end_distance_m", "along_m", "across_m",
-                 "heading_deg", "inside_band")  # fmt: skip
-        return {"start": self.start_ns / NANO, **{name: getattr(self, name) for name in names}}
+        values = asdict(self)
+        return {"start": values.pop("start_ns") / NANO, **values}
 
 
 _MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band")

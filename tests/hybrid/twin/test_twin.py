@@ -88,8 +88,8 @@ def test_it_says_where_the_ship_will_be_and_how_far_off_it_was(recorder: Recorde
     judged = [body for body in said if "error" in body]
     assert [body["error"]["start"] for body in judged] == [body["start"] - HORIZON_S - 3 for body in judged]
     assert twin.statistics.recorded == len(said)
-    assert twin.statistics.left_out == 0
-    assert len(twin.statistics.mean_distance_m) == len(judged) >= 8
+    assert twin.statistics.errors.left_out == 0
+    assert twin.statistics.errors.predictions == len(judged) >= 8
 
 
 @pytest.mark.parametrize("name", ["tunnel_rpm", "north_m"])
