@@ -25,6 +25,7 @@ from hybrid.diagnosis.linearise import (
     acting_settings,
     by_stage,
     one_second_paths,
+    prompt,
     sampling_offset,
     true_states,
 )
@@ -87,8 +88,7 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horiz
     rows = starts[:, None] + np.arange(horizon_s)
     settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    still = replace(plant, command_delay_s=0.0)
-    runs = simulate_batch(still, origin[starts], settings, wind, DT_S, 1, acting[starts])
+    runs = simulate_batch(prompt(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 

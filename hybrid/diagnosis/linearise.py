@@ -16,7 +16,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
 from numba import get_num_threads, set_num_threads
@@ -29,9 +29,9 @@ from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.effects.size import growth, scale_of
-from hybrid.vessel.actuators import KINDS, angle_columns
+from hybrid.vessel.actuators import KINDS, PLAY, angle_columns
 from hybrid.vessel.channels import check_ship
-from hybrid.vessel.feedback import acting_controls
+from hybrid.vessel.feedback import acting_controls, behind_play
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 from hybrid.vessel.sensors import measure, report_alike, report_late
@@ -42,6 +42,7 @@ _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
 _ROUNDS = 4
+_RANGE = 1.69  # of three readings, on average, in standard deviations: wider, and a slow turn back is missed
 _MOST_STAGES = 8  # of effects that change in steps; a drift has more, and signatures take most of the time
 
 
@@ -356,7 +357,7 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     """The way the simulator takes from each of ``origin`` [T, 6], quarter by quarter of a second: [T, 5, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(replace(plant, command_delay_s=0.0), origin, controls, wind, DT_S, 1, acting)
+    runs = simulate_batch(prompt(plant), origin, controls, wind, DT_S, 1, acting)
     if not runs.inside.all():  # a second beyond the model's range says nothing: as if she went on as she is
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
@@ -365,10 +366,11 @@ def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
 def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     """The settings that act in each quarter of a second [T, 4, 5], and those that act at its start [T, 5].
 
-    As reported but for the plant's lag and the delay of its feedback.
+    As reported but for the delay of the plant's feedback and the play behind it, and at the start its lag, which
+    the simulator goes on with (:func:`prompt`).
     """
-    lags_s = lags_of(plant)
-    if plant.command_delay_s == 0.0 and not lags_s.any():
+    lags_s, plays_rad = lags_of(plant), plays_of(plant)
+    if plant.command_delay_s == 0.0 and not lags_s.any() and not plays_rad.any():
         return log.controls, log.controls[:, 0]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
     angles = angle_columns(log.actuators)
@@ -376,9 +378,29 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
         series = acting_controls(series, plant.command_delay_s, DT_S, angles)
+        for column in np.flatnonzero(plays_rad):
+            series[:, column] += _lost_motion(series[:, column], plays_rad[column], log.setting_step_s)
         controls[first:last] = series.reshape(controls[first:last].shape)
         acting[first:last] = _lagged(series, lags_s)[::STEPS_PER_SECOND]
     return controls, acting
+
+
+def prompt(plant: Plant) -> Plant:
+    """The plant for controls as :func:`acting_settings` gives them: without delay and play."""
+    tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.actuators if PLAY in KINDS[each.kind].numbers}
+    still = replace(plant, command_delay_s=0.0)
+    return still.replaced(**tight) if plays_of(plant).any() else still
+
+
+def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
+    """How far the end of a gear with play is from its motor's side [K], recorded every ``step_s`` [s].
+
+    Noise of the feedback would drag the end along to its extremes: what stays in its usual range moves nothing.
+    """
+    every = max(1, round(step_s * STEPS_PER_SECOND))
+    noise_rad = 1.4826 * float(np.median(np.abs(np.diff(motor[::every], 2)))) / sqrt(6.0)
+    moved = behind_play(motor, _RANGE * noise_rad)
+    return np.asarray(behind_play(moved, play_rad) - moved)
 
 
 def _stretches(log: Log) -> Iterator[tuple[int, int]]:
@@ -395,6 +417,16 @@ def lags_of(plant: Plant) -> Floats:
         own = plant.number(f"{each.name}_{kind.lag}") if kind.lag else 0.0
         lags_s += [plant.thruster_lag_s + own] * len(kind.units)
     return np.array(lags_s)
+
+
+def plays_of(plant: Plant) -> Floats:
+    """The play [rad] between each control of a plant as it is reported and as it acts [controls]."""
+    plays_rad = []
+    for each in plant.actuators:
+        kind = KINDS[each.kind]
+        own = plant.number(f"{each.name}_{PLAY}") if PLAY in kind.numbers else 0.0
+        plays_rad += [own if angle else 0.0 for angle in kind.angles]
+    return np.array(plays_rad)
 
 
 def _lagged(series: Floats, lags_s: Floats) -> Floats:

@@ -163,7 +163,9 @@ def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ..
     linear signature of a large effect, taken at zero, is not its signature at its size.
     """
     names = search_effects(evidence)
-    starts = [names, *_single_delays(evidence, names), *_swaps(evidence, names)]
+    starts = list(dict.fromkeys([
+        names, *_single_delays(evidence, names), *_swaps(evidence, names), *_elsewhere(evidence, names)
+    ]))  # fmt: skip
     if len(starts) == 1:
         return fitted_coordinates(evidence, names), {}
     densities, places = dict[tuple[str, ...], float](), []
@@ -204,6 +206,21 @@ def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
             if CLOSE < less < _DOUBT * whole:
                 found.append((less, (*others, rival)))
     return [swapped for _, swapped in sorted(found)[:_SWAPS]]
+
+
+def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """The same effects with a lag or a play on other drives in the place of one that is found.
+
+    They have one side only, and far from nothing do other than near it: one drive is easily taken for another.
+    """
+    catalogue, found = evidence.equations.model.catalogue, []
+    for name in names:
+        effect = catalogue[name]
+        if effect.kind == "actuator" and effect.parameters[0].neutral == effect.parameters[0].low:
+            others = tuple(each for each in names if each != name)
+            alike = (each for each in effect.confused_with if catalogue[each].parameters == effect.parameters)
+            found += [(*others, each) for each in alike if each not in others]
+    return [some for some in found if evidence.possible(some)]
 
 
 def rival_deficits(

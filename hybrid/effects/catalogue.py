@@ -27,7 +27,7 @@ from hybrid.vessel.plant import Plant, bare_plant
 
 Catalogue = Mapping[str, Effect]
 
-VERSION = "5"
+VERSION = "6"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""
 
 

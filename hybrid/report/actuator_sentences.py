@@ -114,6 +114,11 @@ def _lag(subject: _Subject) -> tuple[str]:
     return (f"{subject.does('follows', 'follow')} what is recorded with a lag of {{}} s",)
 
 
+def _play(subject: _Subject) -> tuple[str]:
+    angles = "their reported and true angles" if subject.several else "its reported and its true angle"
+    return (f"{subject.does('has', 'have')} {{}} deg of play between {angles}",)
+
+
 _PROPELLERS = ("propeller", "controllable_propeller")
 _TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]] = {
     "thrust_loss": (("azimuth", *_PROPELLERS, "waterjet"), _loss),
@@ -127,6 +132,7 @@ _TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]]
     "flow_straightening": (("rudder",), _more_or_less_of("meets", "meet", "the drift at the stern")),
     "astern_thrust": (("azimuth", *_PROPELLERS), _astern),
     "speed_loss": (("tunnel",), _speed_loss),
+    "backlash": (("azimuth", "rudder", "waterjet"), _play),
     "lag": (("rudder", *_PROPELLERS, "waterjet"), _lag),
 }
 """By the effect's stem: the kinds that have it, and its texts."""

@@ -22,6 +22,7 @@ from hybrid.vessel.actuators import (
     IS_ANGLE,
     KIND,
     LAG_COLUMN,
+    PLAY_COLUMN,
     WORK_SIZE,
     actuator_force,
     hold_actuator,
@@ -68,10 +69,16 @@ class InverseMass(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Room for a run's steps, so that none of them allocates: controls that act, and the working numbers."""
+    """Room for a run's steps, so that none of them allocates: controls that act, and the working numbers.
+
+    ``behind`` are the controls behind the play of their gears, which stay from step to step; ``loose`` tells
+    whether there is any play.
+    """
 
     control: Control
     work: Floats
+    behind: Control
+    loose: bool
 
 
 class Lag(NamedTuple):
@@ -94,8 +101,11 @@ def inverse_mass(p: Record) -> InverseMass:
 
 @compiled
 def scratch_for(p: Record, control: Control) -> Scratch:
-    """Room for the steps of a run with controls like these."""
-    return Scratch(control.copy(), np.zeros((len(p.actuators), WORK_SIZE)))
+    """Room for the steps of a run that begins with these controls acting."""
+    loose = False
+    for i in range(len(p.actuators)):
+        loose = loose or play_of(p, i) > 0.0
+    return Scratch(control.copy(), np.zeros((len(p.actuators), WORK_SIZE)), control.copy(), loose)
 
 
 @compiled
@@ -236,6 +246,26 @@ def approach(p: Record, result: Control, acting: Control, order: Control, shares
 
 
 @compiled
+def play_of(p: Record, i: int) -> float:
+    """The play [rad] of one actuator's angle."""
+    column = PLAY_COLUMN[int(p.actuators[i, KIND])]
+    return float(p.actuators[i, column]) if column >= 0 else 0.0
+
+
+@compiled
+def take_up(p: Record, behind: Control, order: Control) -> None:
+    """Move ``behind`` with ``order``: an angle with play no further than half of it away, all else to the order."""
+    for i in range(len(p.actuators)):
+        kind, first, half = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL]), 0.5 * play_of(p, i)
+        for j in range(CONTROLS_OF[kind]):
+            off = 0.0
+            if IS_ANGLE[kind, j]:
+                off = behind[first + j] - order[first + j]
+                off = min(max(off - 2.0 * pi * round(off / (2.0 * pi)), -half), half)
+            behind[first + j] = order[first + j] + off
+
+
+@compiled
 def lag_of(p: Record, i: int) -> float:
     """The time constant [s] of one actuator: that of all, and its own."""
     column = LAG_COLUMN[int(p.actuators[i, KIND])]
@@ -275,9 +305,12 @@ def advance(
 ) -> State:
     """The state one step of ``dt_s`` later; ``order`` and the reported wind hold meanwhile.
 
-    Lagging thrusters act with their exact average over each substep, and ``acting`` moves on; without a lag the
-    order acts.
+    Where a gear has play the order acts behind it. Lagging thrusters act with their exact average over each
+    substep, and ``acting`` moves on; without a lag the order acts.
     """
+    if scratch.loose:
+        take_up(p, scratch.behind, order)
+        order = scratch.behind
     direction_rad, speed_mps = air
     h = dt_s / substeps
     held = hold(p, order, scratch.work, direction_rad, speed_mps)

@@ -1,10 +1,11 @@
-"""When the drives' feedback is stamped: from what is recorded to what acts, and back."""
+"""From what the drives' feedback shows to what acts: when it is stamped, and the play of a gear behind it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Floats
@@ -32,3 +33,16 @@ def acting_controls(controls: ArrayLike, delay_s: ArrayLike, dt_s: float, angles
     turn = step[..., angles]
     step[..., angles] = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
     return np.asarray(left + part * step)
+
+
+@njit(cache=True)
+def behind_play(motor: Floats, width: float) -> Floats:
+    """Where the end of a gear with play stands when its motor's side has stood at ``motor`` [K], without jumps.
+
+    The play operator: it stays unless the motor's side is more than half the ``width`` away, and then is dragged
+    along at that distance. It begins in the middle of the play.
+    """
+    end = motor.copy()
+    for k in range(1, len(motor)):
+        end[k] = min(max(end[k - 1], motor[k] - 0.5 * width), motor[k] + 0.5 * width)
+    return end

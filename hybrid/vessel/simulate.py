@@ -138,8 +138,8 @@ def simulate_batch(
     [m/s]), as reported, held over each step of ``dt_s``. Every first dimension may be 1 or missing, then it
     serves all runs. Each step is integrated in ``substeps``, by default as many as keep them below
     :data:`LONGEST_STEP_S`. ``acting_start`` [N, controls] are
-    the controls that act at the start where the thrusters lag; by default the first ones. Controls that a
-    plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
+    the controls that act at the start where the thrusters lag or have play; by default the first ones. Controls
+    that a plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
     """
     packed = pack(plants)
     extra, parameters = combine_forces(plants)

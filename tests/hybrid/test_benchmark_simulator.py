@@ -15,8 +15,10 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, ModelRangeError
 from acquisition.tables.import_table import import_table
 from analysis.tables.table import read_table
+from hybrid.diagnosis.linearise import plays_of
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import controls_of, states_of, wind_of
+from hybrid.vessel.feedback import behind_play
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate
@@ -61,10 +63,14 @@ def worst(plant: Plant, table: pd.DataFrame, truth: dict[str, Any], horizon_s: f
     states, command, wind, seen = truth["states"], controls_of(table), wind_of(table), states_of(table)
     command, wind = (0.5 * (each[:-1] + each[1:]) for each in (command, wind))
     more = steps + round(2.0 / dt_s)  # late commands look ahead
-    begins = range(steps, len(states) - more, steps)  # the first window only fills what lags
+    # The first windows only fill what lags, and show on which side of its play a gear is.
+    begins = range(2 * steps, len(states) - more, steps)
     lagging = {}
     if plant.thruster_lag_s:
         lagging["acting_start"] = _followed(command, plant.thruster_lag_s, dt_s)[list(begins)]
+    if plays_of(plant).any():
+        dragged = [behind_play(*each) for each in zip(command.T, plays_of(plant), strict=True)]
+        lagging["acting_start"] = np.column_stack(dragged)[[begin - 1 for begin in begins]]
     runs = simulate(
         plant,
         states[list(begins)],

@@ -16,7 +16,7 @@ from hybrid.effects import CATALOGUE
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import controls_of, wind_of
-from hybrid.vessel.feedback import acting_controls
+from hybrid.vessel.feedback import acting_controls, behind_play
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate, simulate_batch
@@ -160,6 +160,17 @@ def test_a_steady_change_is_moved_exactly_and_back(slope: Floats, delay_s: float
     assert np.abs(off).max() < 1e-9
     there_and_back = acting_controls(acting_controls(controls, delay_s, 1.0, ANGLES), -delay_s, 1.0, ANGLES)
     assert there_and_back[6:-6] == pytest.approx(controls[6:-6], abs=1e-9)
+
+
+@given(motor=hnp.arrays(np.float64, 30, elements=st.floats(-2.0, 2.0)), width=st.floats(0.0, 2.0))
+def test_play_keeps_within_half_of_itself_and_moves_only_when_pushed(motor: Floats, width: float) -> None:
+    """The end of a loose gear is never further off than half the play, and just that far where it is dragged."""
+    end = behind_play(motor, width)
+    off = end - motor
+    assert np.abs(off).max() <= 0.5 * width + 1e-12
+    pushed = np.abs(np.diff(end)) > 1e-12
+    assert np.abs(np.abs(off[1:][pushed]) - 0.5 * width).max(initial=0.0) < 1e-12
+    assert np.array_equal(behind_play(motor, 0.0), motor)
 
 
 def test_no_delay_is_no_change() -> None:

@@ -15,7 +15,7 @@ from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
 from analysis.compiling import compiled
 from hybrid.vessel.actuators.azimuth import AZIMUTH
-from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND, Drive, Kind
+from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND, PLAY, Drive, Kind
 from hybrid.vessel.actuators.propeller import CONTROLLABLE_PROPELLER, PROPELLER
 from hybrid.vessel.actuators.rudder import RUDDER
 from hybrid.vessel.actuators.tunnel import TUNNEL
@@ -58,6 +58,11 @@ LAG_COLUMN = np.array([
     FIRST_NUMBER + kind.numbers.index(kind.lag) if kind.lag else -1 for kind in KINDS.values()
 ])  # fmt: skip
 """Where in its row an actuator of each kind has a lag of its own; -1 for none."""
+
+PLAY_COLUMN = np.array([
+    FIRST_NUMBER + kind.numbers.index(PLAY) if PLAY in kind.numbers else -1 for kind in KINDS.values()
+])  # fmt: skip
+"""Where in its row an actuator of each kind has the play of its angle; -1 for none."""
 
 IS_ANGLE = np.array([[*kind.angles, *[False] * (_WIDEST - len(kind.angles))] for kind in KINDS.values()])
 """Which controls of each kind are angles, [kinds, most controls]."""
@@ -134,6 +139,8 @@ __all__ = [
     "KIND",
     "KINDS",
     "LAG_COLUMN",
+    "PLAY",
+    "PLAY_COLUMN",
     "ROW_SIZE",
     "WORK_SIZE",
     "Drive",

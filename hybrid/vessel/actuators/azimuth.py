@@ -15,7 +15,7 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
+from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect
@@ -45,11 +45,11 @@ class Azimuth:
 SHARED = (
     "propeller_diameter_m", "thrust_nn", "thrust_nu", "thrust_uu", "side_nv", "side_uv", "side_vv",
 )  # fmt: skip
-SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0}
+SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0, PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
 (
     X_M, Y_M, DIAMETER_M, THRUST_NN, THRUST_NU, THRUST_UU, SIDE_NV, SIDE_UV, SIDE_VV, THRUST_LOSS, ANGLE_OFFSET_RAD,
-    ASTERN_FACTOR,
+    ASTERN_FACTOR, _,
 ) = columns(NUMBERS)  # fmt: skip
 COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
 """The working numbers: the true direction of thrust, the shaft's speed, the share of force that is left."""
@@ -105,8 +105,16 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Lost thrust and offset angle of each thruster and of all alike; inflow, side force and angle of all."""
-    from hybrid.vessel.actuators.effects import FRACTION, WAKE, astern_thrust, for_each_and_all, loss, offset
+    """Lost thrust, offset angle and play of each thruster and of all alike; inflow, side force and angle of all."""
+    from hybrid.vessel.actuators.effects import (
+        FRACTION,
+        WAKE,
+        astern_thrust,
+        backlash,
+        for_each_and_all,
+        loss,
+        offset,
+    )  # fmt: skip
     from hybrid.vessel.effect import Effect, Parameter, scaling
 
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
@@ -161,6 +169,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             change=lambda plant, values: plant.scaled(values["factor"], "azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
+        *backlash(names, "azimuth"),
     )  # fmt: skip
 
 

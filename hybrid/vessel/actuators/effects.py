@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import radians
 
+from hybrid.vessel.actuators.kind import PLAY
 from hybrid.vessel.effect import Effect, Parameter, Values
 from hybrid.vessel.plant import Plant
 
@@ -54,6 +55,21 @@ def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s")
         parameter=parameter,
         like=("command_delay", "thruster_lag"),
         kind_of_all=f"_{together}",
+    )  # fmt: skip
+
+
+def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[Effect, ...]:
+    """``backlash_NAME`` of each actuator and that of all: the true angle follows the reported one with play.
+
+    The play operator: the end that turns stays where it is until the motor's side has gone through the play.
+    """
+    return for_each_and_all(
+        "backlash", names, offset, PLAY,
+        family="alignment",
+        what=f"Play in the {{names}}'s gear: the {part} stays until the reported one has moved by the play's width",
+        source="Play operator: Nordin and Gutman, Automatica 38 (2002), 1633-1649",
+        parameter=Parameter("width_deg", "deg", 0.0, 0.0, 30.0, 3.0, 1.0, tolerance=0.2),
+        kind_of_all=kind_of_all,
     )  # fmt: skip
 
 

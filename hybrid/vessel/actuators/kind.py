@@ -19,6 +19,8 @@ KIND, CONTROL, FIRST_NUMBER = range(3)
 
 
 RPM_PER_RPS = 60.0
+PLAY = "play_rad"
+"""The slot of the play [rad] between the angle that an actuator reports and its true one: its whole width."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.actuators.kind import PLAY, Drive, Kind, columns
 from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 
 if TYPE_CHECKING:
@@ -65,12 +65,12 @@ SHARED = (
     "area_m2", "span_m", "t_R", "a_H", "x_H_m", "flow_straightening_minus", "flow_straightening_plus", "l_R_m",
     "lift_slope", "eps", "kappa", "switch_x_m", "inflow_factor", "drift_as_angle", "astern_race", "astern_loss",
 )  # fmt: skip
-SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0}
+SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0, PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", "behind", *SHARED, *SLOTS)
 (
     X_M, Y_M, BEHIND, AREA_M2, SPAN_M, T_R, A_H, X_H_M, STRAIGHTENING_MINUS, STRAIGHTENING_PLUS, L_R_M,
     LIFT_SLOPE, EPS, KAPPA, SWITCH_X_M, INFLOW_FACTOR, DRIFT_AS_ANGLE, ASTERN_RACE, ASTERN_LOSS,
-    ANGLE_OFFSET_RAD, FORCE_LOSS, RESPONSE_LAG_S,
+    ANGLE_OFFSET_RAD, FORCE_LOSS, RESPONSE_LAG_S, _,
 ) = columns(NUMBERS)  # fmt: skip
 COSINE, SINE, ANGLE_RAD = range(3)
 """The working numbers: the true angle and its direction."""
@@ -151,8 +151,8 @@ def _straightened(plant: Plant, number: str, factor: float) -> Plant:
 
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Offset angle, lost force, what the hull does to flow and force, and a lag of each rudder and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, more, named, offset
+    """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
+    from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, more, named, offset
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -187,6 +187,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.0, 0.5, tolerance=0.1),
             like=("sway_asymmetry", "yaw_asymmetry"),
         ),
+        *backlash(names, "angle", "_rudders"),
         *lag(names, "rudders", "angle", "response_lag_s"),
     )  # fmt: skip
 

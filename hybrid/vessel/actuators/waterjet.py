@@ -15,7 +15,7 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
+from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect
@@ -38,9 +38,9 @@ class Waterjet:
     y_m: Number = 0.0
 
 
-SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "lag_s": 0.0}
+SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "lag_s": 0.0, PLAY: 0.0}
 NUMBERS = ("x_m", "y_m", "thrust_nn", "thrust_nu", *SLOTS)
-X_M, Y_M, THRUST_NN, THRUST_NU, THRUST_LOSS, ANGLE_OFFSET_RAD, LAG_S = columns(NUMBERS)
+X_M, Y_M, THRUST_NN, THRUST_NU, THRUST_LOSS, ANGLE_OFFSET_RAD, LAG_S, _ = columns(NUMBERS)
 COSINE, SINE, SHAFT_RPS = range(3)
 
 
@@ -71,8 +71,8 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
 
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Lost thrust, offset angle and a lag of each jet and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, offset
+    """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
+    from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, offset
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -92,6 +92,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.5, 0.5, tolerance=0.1),
             like=("sway_asymmetry", "yaw_asymmetry"),
         ),
+        *backlash(names, "nozzle", "_jets"),
         *lag(names, "jets", "shaft and nozzle"),
     )  # fmt: skip
 

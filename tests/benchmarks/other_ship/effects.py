@@ -99,6 +99,14 @@ def _offset(*pods: int) -> Change:
     return change
 
 
+def _loosen(*pods: int) -> Change:
+    def change(sheet: Sheet, width_deg: float) -> None:
+        for pod in pods:
+            sheet.pod_play_rad[pod] += radians(width_deg)
+
+    return change
+
+
 def _current(sheet: Sheet, speed_mps: float, direction_deg: float) -> None:
     sheet.current_mps[0] += speed_mps * cos(radians(direction_deg))
     sheet.current_mps[1] += speed_mps * sin(radians(direction_deg))
@@ -117,6 +125,7 @@ _FACTOR = {"factor": 1.0}
 _FRACTION = {"fraction": 0.0}
 _ANGLE = {"angle_deg": 0.0}
 _SECONDS = {"seconds": 0.0}
+_WIDTH = {"width_deg": 0.0}
 _POINT = {"forward_m": 0.0, "starboard_m": 0.0}
 
 EFFECTS: dict[str, tuple[Change, dict[str, float]]] = {
@@ -156,6 +165,9 @@ EFFECTS: dict[str, tuple[Change, dict[str, float]]] = {
     "azimuth_offset_starboard": (_offset(1), _ANGLE),
     "azimuth_offset_both": (_offset(0, 1), _ANGLE),
     "azimuth_scale": (_times("azimuth_factor"), _FACTOR),
+    "backlash_port": (_loosen(0), _WIDTH),
+    "backlash_starboard": (_loosen(1), _WIDTH),
+    "backlash_both": (_loosen(0, 1), _WIDTH),
     "command_delay": (_plus("command_delay_s"), _SECONDS),
     "position_delay": (_plus("position_delay_s"), _SECONDS),
     "position_antenna_offset": (_place("antenna_m"), _POINT),

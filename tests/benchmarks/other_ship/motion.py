@@ -160,6 +160,12 @@ def lagged(acting: Control, reported: Control, lag_s: float, dt_s: float) -> Con
 
 
 @njit(error_model="numpy")
+def loose(now: float, by: float, slack: float) -> float:
+    """Where in its slack a worn gear's end is once the motor has turned by so much: behind until it bears."""
+    return limited(now - by, 0.5 * slack)
+
+
+@njit(error_model="numpy")
 def middle(now: Control, after: Control) -> Control:
     """The mean of two."""
     return (
@@ -201,6 +207,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         slow: Floats,
         slow_to_rad: float,
         lag_s: float,
+        play: Floats,
         limits: Floats,
         dt_s: float,
         states: Floats,
@@ -216,7 +223,8 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         state = (start[0], start[1], start[2], start[3], start[4], start[5], start[6], start[7])
         number, since_s, begun, side, switches = 0, 0.0, start[2], 1.0, 0.0
         drive = (orders[0, 1], 0.0, orders[0, 2], 0.0, 0.0)
-        act = drive
+        act = turned = drive
+        slack = (0.0, 0.0)
         for k in range(air.shape[0]):
             for i in range(8):
                 states[k, i] = state[i]
@@ -244,15 +252,18 @@ def _make_sail(stamp: int) -> Callable[..., int]:
                     order, since_s, begun, side, switches = orders[number], 0.0, psi, 1.0, 0.0
                 since_s += dt_s
             next_drive = driven(drives, drive, told(order, base_rad, side, psi, r), dt_s)
-            next_act = next_drive
+            n_p, a_p, n_s, a_s, n_t = next_drive
+            slack = loose(slack[0], a_p - drive[1], play[0]), loose(slack[1], a_s - drive[3], play[1])
+            next_turned = (n_p, a_p + slack[0], n_s, a_s + slack[1], n_t)
+            next_act = next_turned
             if lag_s > 0.0:
-                next_act = lagged(act, middle(drive, next_drive), lag_s, dt_s)
+                next_act = lagged(act, middle(turned, next_turned), lag_s, dt_s)
             here = Sea(current[0], current[1], air[k, 0], air[k, 1], slow[k], slow_to_rad)
             there = Sea(current[0], current[1], air[k + 1, 0], air[k + 1, 1], slow[k + 1], slow_to_rad)
             first = slope(body, o, here, k * dt_s, state, act)
             second = slope(body, o, there, (k + 1) * dt_s, plus(state, first, dt_s), next_act)
             state = plus(plus(state, first, 0.5 * dt_s), second, 0.5 * dt_s)
-            drive, act = next_drive, next_act
+            drive, turned, act = next_drive, next_turned, next_act
         return -1
 
     return sail  # type: ignore[no-any-return]

@@ -28,6 +28,7 @@ class Sheet:
     pod_share: list[float] = field(default_factory=lambda: [1.0, 1.0])
     pod_offset_rad: list[float] = field(default_factory=lambda: [0.0, 0.0])
     azimuth_factor: float = 1.0
+    pod_play_rad: list[float] = field(default_factory=lambda: [0.0, 0.0])
     lag_s: float = 0.0
     # sensors: reported = factor x true + bias, late by the delay
     command_delay_s: float = 0.0

@@ -200,7 +200,8 @@ def _sail(
     limits = [valid[name] for name in ("surge_low_mps", "surge_high_mps", "sway_mps", "yaw_rate_radps")]
     left = sail(
         body, outside, packed(orders), Drives(), LEAD_S, heading_rad, start, current, around.air, around.slow_n,
-        around.slow_to_rad, sheet.lag_s, np.array(limits), dt_s, run.states, run.controls, run.acting,
+        around.slow_to_rad, sheet.lag_s, np.array(sheet.pod_play_rad), np.array(limits), dt_s, run.states,
+        run.controls, run.acting,
     )  # fmt: skip
     if left >= 0:
         u, v, r = run.states[left, 3:6]

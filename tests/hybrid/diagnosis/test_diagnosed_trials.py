@@ -60,6 +60,16 @@ def test_a_biased_compass_is_named_in_a_sea(diagnosed: Diagnosed) -> None:
     assert np.abs(error(naming, "heading_bias", angle_deg=1.5)) < 4.0 * standard_error(naming, "heading_bias")
 
 
+@pytest.mark.slow
+def test_play_in_one_gear_is_named_within_its_interval() -> None:
+    """Not a lag, nor a delay, nor play in the other gear."""
+    table, _ = make_trial(31, {"backlash_starboard": {"width_deg": 6.0}}, duration_s=SHORT_S, rate_hz=4.0)
+    (said,) = diagnose_tables([table], load_vessel("gunnerus_short")).diagnosis.effects
+    assert said.name == "backlash_starboard"
+    assert said.parameters["width_deg"].low < 6.0 < said.parameters["width_deg"].high
+    assert said.sentence.startswith("The starboard thruster has ")
+
+
 NEAR_REST = (
     Order(HOLD, 25.0, 25.0, seconds=60.0), hold(0, 0, 60), hold(0, 0, 40, 150), hold(0, 0, 60),
     Order(HOLD, -25.0, -25.0, seconds=60.0), hold(0, 0, 60), hold(0, 0, 40, -150), hold(0, 0, 60),

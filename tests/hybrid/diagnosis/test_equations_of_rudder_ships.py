@@ -9,7 +9,7 @@ import pytest
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.estimate_noise import _first_guess
-from hybrid.diagnosis.linearise import Model, acting_settings, lags_of, linear_model, signatures
+from hybrid.diagnosis.linearise import Model, acting_settings, lags_of, linear_model, plays_of, signatures
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.simulation.trial import Noise, usual_noise
@@ -51,6 +51,33 @@ def test_a_lag_of_every_actuator_is_a_lag_of_all() -> None:
     assert lags_of(own).tolist() == lags_of(every).tolist() == [0.8, 0.8]
     for one, other in zip(acting_settings(log, own), acting_settings(log, every), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_a_rudder_with_play_stands_off_by_half_of_it_on_the_side_it_came_from() -> None:
+    """As recorded, with noise and without, and as the simulator moves it: the shaft is not touched."""
+    plant = bare_plant(ESSO)
+    own, half = catalogue_of(ESSO)["backlash_rudder"].apply(plant, {"width_deg": 4.0}), np.deg2rad(2.0)
+    assert plays_of(own).tolist() == pytest.approx([0.0, 2.0 * half])
+    helm = np.repeat([0.0, 0.3, 0.28, -0.2, -0.15], 48)  # the third turns back within the play
+    steps = np.column_stack([np.full(240, 15.0), helm])
+    log = run_of(own)
+    off = acting_settings(replace(log, controls=steps.reshape(60, 4, 2)), own)[0].reshape(-1, 2) - steps
+    expected = np.repeat([0.0, -half, 0.02 - half, half, -0.05 + half], 48)
+    np.testing.assert_allclose(off[:, 1], expected, atol=1e-12)
+    assert not off[:, 0].any()
+    noisy = steps + np.random.default_rng(1).normal(size=(240, 1)) * [0.0, 0.004]
+    off = (acting_settings(replace(log, controls=noisy.reshape(60, 4, 2)), own)[0].reshape(-1, 2) - noisy)[:, 1]
+    assert np.abs(off - expected).mean() < 0.1 * half
+
+
+def test_a_run_with_play_leaves_nothing_to_a_model_that_has_it() -> None:
+    """The simulator drags its rudder along; the same play found from the record explains the whole motion."""
+    plant = bare_plant(ESSO)
+    own = catalogue_of(ESSO)["backlash_rudder"].apply(plant, {"width_deg": 6.0})
+    helm = np.repeat([0.0, 0.2, 0.1, -0.3, 0.0], 48)
+    log = a_log(own, 60, controls=np.column_stack([np.full(240, 15.0), helm]), start=(0.0, 0.0, 0.4, 0.7, 0.0, 0.0))
+    left, right = (np.abs(linear_model(log, each).defect[1:-1]).max(axis=0) for each in (plant, own))
+    assert right[5] < 1e-3 * left[5]
 
 
 def test_an_actuator_that_lags_is_late_by_what_it_lags() -> None:

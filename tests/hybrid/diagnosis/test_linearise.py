@@ -161,7 +161,8 @@ def test_a_signature_is_what_a_small_effect_does(plant: Plant, log: Log, name: s
             size = np.sqrt((slope**2).mean(axis=0)).max()
             one_sided = effect.parameters[0].low == effect.parameters[0].neutral or effect.chart == "inverse_square"
             allowed = 0.35 if one_sided else 0.15 if name.startswith("wind") else 0.05  # wind tables have corners
-            allowed = 0.75 if name.startswith("speed_loss") else allowed  # at full speed little is left to lose
+            # At full speed little is left to lose, and a play of degrees is taken up later than a little one.
+            allowed = 0.75 if name.startswith(("speed_loss", "backlash")) else allowed
             assert np.sqrt(((mine - slope) ** 2).mean(axis=0)).max() <= allowed * size + 1e-9
 
 
