@@ -288,25 +288,30 @@ def predict(
     calibrator: TrainedCalibrator | str | Path | None = None,
     vessel: str | Path | None = None,
     horizon_s: int | None = None,
+    commands: str | Path | None = None,
 ) -> Prediction:
     """One predicted track with its region, from the instant ``at`` of a recording.
 
-    ``at`` is ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start.
+    ``at`` is ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start. ``commands`` is a
+    table of the orders that are planned (:mod:`.planned_commands`); without it the actuators stay as they are.
     """
     from functools import partial
 
     from analysis.tables.resample import resample
-    from analysis.tables.table import read_table, require
+    from analysis.tables.table import read_table, require, table_actuators
     from analysis.windows.recordings import second_by_second
     from hybrid.calibrators.predict import parse_time
     from hybrid.calibrators.predict import predict as predict_at
+    from hybrid.prediction.planned_commands import read_commands
 
     by = _predictor(recording, calibrator, vessel, horizon_s)
     table = read_table(recording)
     require(table)
     recorded = second_by_second(partial(resample, table))
+    planned = None if commands is None else read_commands(Path(commands), table_actuators(table))
     instant = parse_time(at, recorded.table)
-    return replace(predict_at(recorded, instant, by.horizon_s, by.plant, by.trained), model=by.said)
+    found = predict_at(recorded, instant, by.horizon_s, by.plant, by.trained, planned)
+    return replace(found, model=by.said)
 
 
 def diagnose(

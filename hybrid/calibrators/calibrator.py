@@ -141,15 +141,15 @@ def predict_with_fallback(
 ) -> PredictedTracks:
     """The calibrator's tracks and regions, and the fallback's outside its domain or where it gives no number.
 
-    ``radius_m`` [H] is the calibrator's :meth:`~Calibrator.conformal_radius`,
-    ``reference`` [N, H+1, 3] the model's tracks.
+    ``radius_m`` is the calibrator's :meth:`~Calibrator.conformal_radius`, for as many seconds as the windows have
+    or more; ``reference`` [N, H+1, 3] are the model's tracks.
     """
     tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
-    radii_m = uncertainty * radius_m
+    radii_m = uncertainty * radius_m[: windows.horizon_s]
     outside = calibrator.outside_domain(windows, reference) | ~np.isfinite(tracks).all(axis=(1, 2))
     source = np.where(outside, "", "hybrid").astype("<U20")
     if outside.any():
         instead = fallback.predict(windows.subset(outside), reference[outside], plant)
         tracks[outside], source[outside] = instead.tracks, instead.source
-        radii_m[outside] = instead.expected_error_m[:, None] * fallback.radius
+        radii_m[outside] = instead.expected_error_m[:, None] * fallback.radius[: windows.horizon_s]
     return PredictedTracks(tracks, radii_m, outside, source)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for
 from analysis.tables.table import trial_channels
 from analysis.windows.recordings import SecondBySecond
 from hybrid.prediction.baselines import reference
+from hybrid.prediction.planned_commands import planned_commands
 from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
 from hybrid.vessel.plant import Plant
 
@@ -119,15 +120,22 @@ def predict(
     horizon_s: int,
     plant: Plant,
     trained: TrainedCalibrator | None = None,
+    commands: pd.DataFrame | None = None,
 ) -> Prediction:
-    """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it.
+    """Predict from ``at`` with the actuators as they are, or under planned ``commands`` (:func:`.read_commands`).
 
-    Raises :class:`InputError` for another horizon than the calibrator's or an instant that is not in the
-    recording, :class:`ModelRangeError` where the reference leaves its range.
+    The reference predicts, or the calibrator on it; the wind is held, or dies down as gusts do. Raises
+    :class:`InputError` for another horizon than the calibrator's or an instant that is not in the recording,
+    :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:
         trained.refuse_horizon(horizon_s)
     windows, covered = window_at(recorded, at, horizon_s, plant.length_overall_m)
+    if commands is not None:
+        planned = planned_commands(commands, windows.control[0], windows.actuators, horizon_s)
+        windows = replace(windows, commands=planned[None])
+        if trained is not None:
+            trained.refuse_commands(windows)
     track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(

@@ -49,11 +49,11 @@ def predictor_of(
         return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, said=model.said)
     loaded = isinstance(calibrator, TrainedCalibrator)
     trained = calibrator if isinstance(calibrator, TrainedCalibrator) else load(Path(calibrator))
-    if horizon_s is not None:
-        trained.refuse_horizon(horizon_s)
+    seconds = horizon_s or trained.horizon_s
+    trained.refuse_horizon(seconds)
     plant = plant_for(trained, None if vessel is None else str(vessel))
     said = _said_of(trained, trials)
-    return Predictor(trained.vessel, plant, trained.horizon_s, trained, "" if loaded else str(calibrator), said)
+    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), said)
 
 
 def _said_of(trained: TrainedCalibrator, trials: Trials) -> ChosenModel:

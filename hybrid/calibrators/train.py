@@ -77,14 +77,14 @@ class TrainedCalibrator(ModelResult):
         if windows.commands is not None and not self.calibrator.any_commands:
             raise InputError(
                 "the calibrator was trained on held controls and cannot take any commands",
-                fix="leave --any out, or train anew with --any",
+                fix="leave --any or --commands out, or train anew with --any",
             )
 
     def refuse_horizon(self, horizon_s: int) -> None:
-        """Raise :class:`InputError` when it was trained for another horizon."""
-        if self.horizon_s != horizon_s:
+        """Raise :class:`InputError` when it was trained for a shorter horizon."""
+        if horizon_s > self.horizon_s:
             raise InputError(
-                f"the calibrator predicts {self.horizon_s} s, not {horizon_s} s",
+                f"the calibrator predicts {self.horizon_s} s at the most, not {horizon_s} s",
                 fix=f"say --horizon {self.horizon_s}, or train anew",
             )
 

@@ -154,12 +154,16 @@ def predict(
     horizon: Annotated[
         int | None, typer.Option(min=1, help="How far is predicted in seconds; 15, or what the calibrator does.")
     ] = None,
+    commands: Annotated[
+        Path | None,
+        typer.Option(help="A table of planned orders: second, and channels of actuators. Without it they stay."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Predict one track with its band."""
     from hybrid.scripting import predict as run
 
-    prediction = run(file, at, calibrator, vessel, horizon)
+    prediction = run(file, at, calibrator, vessel, horizon, commands)
     print_result(prediction.as_dict(), prediction, as_json=as_json)
 
 

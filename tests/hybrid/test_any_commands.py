@@ -109,6 +109,19 @@ def test_what_is_commanded_after_a_second_does_not_change_the_prediction_of_it(
     assert (np.abs(tracks[0] - tracks[1])[:, -1, :2].max(axis=1) > 1e-6).all()
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_shorter_horizon_is_the_beginning_of_a_longer_one(
+    method: str, plant: Plant, fitted: Callable[[str], Calibrator]
+) -> None:
+    """Tracks and uncertainties: one calibrator serves every horizon up to its own."""
+    calibrator, windows, known = fitted(method), steered(plant, 12, 3), 6
+    assert windows.commands is not None
+    begun = replace(windows, track=windows.track[:, : known + 1], commands=windows.commands[:, :known])
+    whole, part = (calibrator.predict_with_uncertainty(each, reference(each, plant)) for each in (windows, begun))
+    assert part[0] == pytest.approx(whole[0][:, : known + 1], abs=1e-9)
+    assert part[1] == pytest.approx(whole[1][:, :known], rel=1e-9)
+
+
 def test_held_commands_are_both_of_their_means(plant: Plant) -> None:
     windows = voyages(plant, 5, SECONDS)
     inputs = command_inputs(windows)

@@ -18,6 +18,7 @@ from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators.predict import parse_time, predict, window_at
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import reference
+from hybrid.prediction.planned_commands import planned_commands, read_commands
 from hybrid.report.tables import prediction_table
 from hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S
@@ -85,11 +86,16 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     assert np.array_equal(found.band_m[1:], small.band_m)
 
 
-@pytest.mark.parametrize("horizon_s", [SMALL_HORIZON_S - 10, SMALL_HORIZON_S + 10])
-def test_a_calibrator_predicts_its_own_horizon_only(
-    horizon_s: int, table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
+def test_a_calibrator_predicts_its_own_horizon_at_the_most(
+    table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
-    with pytest.raises(InputError, match=f"predicts {SMALL_HORIZON_S} s, not {horizon_s} s"):
+    whole, part = (
+        predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant, small)
+        for horizon_s in (SMALL_HORIZON_S, SMALL_HORIZON_S - 10)
+    )
+    assert part.track == pytest.approx(whole.track[: SMALL_HORIZON_S - 9], abs=1e-6)
+    horizon_s = SMALL_HORIZON_S + 10
+    with pytest.raises(InputError, match=f"predicts {SMALL_HORIZON_S} s at the most, not {horizon_s} s"):
         predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant, small)
 
 
@@ -157,3 +163,60 @@ def test_the_table_has_the_start_and_the_end(horizon_s: int, table: pd.DataFrame
     seconds = [str(each) for each in shown.columns[0].cells]
     assert (seconds[0], seconds[-1]) == ("0", str(horizon_s))
     assert len(seconds) <= 22
+
+
+def plan(folder: Path, text: str) -> Path:
+    """A file of planned orders."""
+    path = folder / "plan.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_planned_orders_steer_and_what_is_not_planned_goes_on(
+    table: pd.DataFrame, plant: Plant, tmp_path: Path
+) -> None:
+    """Both pods to starboard from the fifth second on: as before until then, then to port; a change of half a
+    second
+    later is that much later."""
+    text = "second,port_angle_deg,starboard_angle_deg\n{},20,20\n"
+    plans = [None, *(read_commands(plan(tmp_path, text.format(when)), plant.layout) for when in (5.0, 5.5))]
+    held, turned, later = (
+        predict(SecondBySecond(table), at(table, 300.0), 20, plant, commands=each).track for each in plans
+    )
+    assert turned[:6] == pytest.approx(held[:6], abs=1e-3)
+    assert np.rad2deg(turned[-1, 2] - held[-1, 2]) < -3.0
+    assert turned[-1, 2] < later[-1, 2] < held[-1, 2]
+
+
+def test_orders_are_averaged_the_shorter_way_round(plant: Plant, tmp_path: Path) -> None:
+    """An azimuth ordered from 170 to -170 degrees half-way through a second has been at 180 on the mean."""
+    now = np.array([2.0, np.deg2rad(170.0), 2.0, 0.0, 0.0])
+    orders = read_commands(plan(tmp_path, "second,port_angle_deg,port_rpm\n0.5,-170,60"), plant.layout)
+    mean = planned_commands(orders, now, plant.layout, 2)
+    assert np.rad2deg(mean[:, 1]) == pytest.approx([180.0, 190.0])
+    assert mean[:, 0] == pytest.approx([1.5, 1.0])
+    assert (mean[:, 2:] == now[2:]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("port_rpm\n1", "no column second"),
+        ("second,rudder_deg\n0,1", "port_rpm, port_angle_deg"),
+        ("second\n0", "each at most once"),
+        ("second,port_rpm\n0,fast", "no numbers"),
+        ("second,port_rpm\n", "no row"),
+        ("second,port_rpm\n5,1\n5,2", "do not grow"),
+    ],
+)
+def test_a_plan_that_cannot_be_followed_says_why(text: str, why: str, plant: Plant, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=rf"plan\.csv.*{why}|{why}.*plan\.csv"):
+        read_commands(plan(tmp_path, text), plant.layout)
+
+
+def test_a_calibrator_of_held_controls_follows_no_plan(
+    table: pd.DataFrame, plant: Plant, small: TrainedCalibrator, tmp_path: Path
+) -> None:
+    orders = read_commands(plan(tmp_path, "second,port_rpm\n0,100"), plant.layout)
+    with pytest.raises(InputError, match=r"held controls.*--commands"):
+        predict(SecondBySecond(table), at(table, 300.0), 15, plant, small, orders)

@@ -99,9 +99,13 @@ def test_every_method_is_judged_on_the_same_windows(judged: Validation) -> None:
     assert all(np.isfinite(tracks).all() for tracks in judged.tracks.values())
 
 
-def test_a_calibrator_of_another_horizon_is_refused(small: TrainedCalibrator, unseen: Path, plant: Plant) -> None:
-    with pytest.raises(InputError, match="predicts 30 s, not 15 s; say --horizon 30"):
-        validate(load_dataset([unseen], 15, 5), plant, small)
+def test_a_calibrator_judges_shorter_horizons_and_refuses_longer_ones(
+    small: TrainedCalibrator, unseen: Path, plant: Plant
+) -> None:
+    judged = validate(load_dataset([unseen], 15, 5), plant, small)
+    assert judged.band_m == pytest.approx(small.band_m[:15])
+    with pytest.raises(InputError, match="predicts 30 s at the most, not 45 s; say --horizon 30"):
+        validate(load_dataset([unseen], 45, 5), plant, small)
 
 
 def test_what_it_was_trained_on_is_refused_under_any_name(

@@ -98,7 +98,7 @@ class AdaptiveCalibrator(Calibrator):
 
     method: ClassVar[str] = "adaptive"
     gust_s_: float | None
-    median_spread_m_: float | None
+    median_spread_m_: Floats | None
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_names(actuators)
@@ -123,7 +123,7 @@ class AdaptiveCalibrator(Calibrator):
             ]
         )  # fmt: skip
         if self.any_commands:
-            self.median_spread_m_ = float(np.nanmedian(self._spread_m(windows)))
+            self.median_spread_m_ = np.nanmedian(self._spread_m(windows), axis=0)
         self.covariance_ = self._covariance(windows)
         starts = _starts(windows)
         self.range_ = np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
@@ -218,17 +218,17 @@ class AdaptiveCalibrator(Calibrator):
 
         With any commands a third does, and another third with how far the members' tracks lie apart.
         """
-        by_hindcast = hindcast_m / max(self.median_hindcast_m_, 1e-6)
-        share = 0.5 + 0.5 * by_hindcast
-        if self.median_spread_m_ is not None:
-            share = (1.0 + by_hindcast + self._spread_m(windows) / max(self.median_spread_m_, 1e-6)) / 3.0
-        return np.repeat(share[:, None], windows.horizon_s, axis=1)
+        by_hindcast = np.repeat(hindcast_m[:, None], windows.horizon_s, axis=1) / max(self.median_hindcast_m_, 1e-6)
+        if self.median_spread_m_ is None:
+            return 0.5 + 0.5 * by_hindcast
+        usual_m = self.median_spread_m_[: windows.horizon_s].clip(min=1e-6)
+        return np.asarray((1.0 + by_hindcast + self._spread_m(windows) / usual_m) / 3.0)
 
     def _spread_m(self, windows: PredictionWindows) -> Floats:
-        """How far the members' tracks lie apart [N]: their standard deviation, mean over the horizon [m]."""
+        """How far the members' tracks lie apart [N, H]: their standard deviation [m]."""
         observed = self._observed(windows)
         tracks = [run_observer(vector, self._model, observed)[0][:, 1:, :2] for vector in self.vectors_]
-        return np.asarray(np.linalg.norm(np.std(tracks, axis=0), axis=-1).mean(axis=1))
+        return np.asarray(np.linalg.norm(np.std(tracks, axis=0), axis=-1))
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
@@ -254,7 +254,7 @@ class AdaptiveCalibrator(Calibrator):
             "trust": np.array([power, self.median_hindcast_m_]),
         }  # fmt: skip
         if self.gust_s_ is not None and self.median_spread_m_ is not None:
-            fitted["any_commands"] = np.array([self.gust_s_, self.median_spread_m_])
+            fitted["any_commands"] = np.array([self.gust_s_, *self.median_spread_m_])
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in fitted.items()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
@@ -268,7 +268,7 @@ class AdaptiveCalibrator(Calibrator):
         self.weight_power_ = power or np.inf
         self.gust_s_ = self.median_spread_m_ = None
         if "any_commands" in fitted:
-            self.gust_s_, self.median_spread_m_ = map(float, fitted["any_commands"])
+            self.gust_s_, self.median_spread_m_ = float(fitted["any_commands"][0]), fitted["any_commands"][1:]
         return self
 
 
