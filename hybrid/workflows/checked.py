@@ -21,10 +21,11 @@ from acquisition.recording.reader import Recording, read_recording
 from analysis.prepare import checked_table
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS
-from analysis.tables.table import select, table_controls, table_of, utc_index
+from analysis.tables.table import select, table_actuators, table_controls, table_of, utc_index
 from hybrid.diagnosis.log import BLOCK_S
 from hybrid.effects import Catalogue
 from hybrid.effects.environment import STEADY_WIND
+from hybrid.workflows.orders import idle_angles
 
 _AROUND = pd.Timedelta(seconds=2.5)
 """Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
@@ -59,7 +60,7 @@ def checked_tables(
     dead = dead_sensors(table)
     parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
-    return Checked(parts, (*remarks, *gone, *more))
+    return Checked(parts, (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more))
 
 
 def usable_tables(

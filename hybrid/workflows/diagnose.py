@@ -27,6 +27,7 @@ from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.reference import reference_model, trials_of
 from hybrid.workflows.checked import checked_tables, without_wind
+from hybrid.workflows.orders import driven_by_orders
 from hybrid.workflows.refit import refit_model
 
 if TYPE_CHECKING:
@@ -66,14 +67,16 @@ def diagnose_tables(
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
 
     The catalogue is the vessel's unless another is given; where no wind was recorded, with a steady one in the
-    place of the effects of the wind.
+    place of the effects of the wind. Where feedback is dead and orders are there, these drive the model, which is
+    the first remark.
     """
+    tables, driven = driven_by_orders(tables, vessel)
     every = catalogue_of(vessel) if catalogue is None else catalogue
     known = without_wind(every, tables)
     said = {} if known == every else {"wind": "not recorded: only a steady one was looked for"}
     conclusion = diagnose(tables, vessel, tolerance, known, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **said})
-    return DiagnosisRun(diagnosis, conclusion, extras)
+    return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras)
 
 
 def diagnose_files(
@@ -115,13 +118,14 @@ def diagnose_files(
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
         **({"left_out": "; ".join(left_out)} if left_out else {}),
     }
-    refit = refit_model(tables, vessel, lambda share: progress(0.1 + 0.4 * share)) if identify else None
+    whole, driven = driven_by_orders(tables, vessel)
+    refit = refit_model(whole, vessel, lambda share: progress(0.1 + 0.4 * share)) if identify else None
     begun = 0.1 if refit is None else 0.5
     start = vessel if refit is None else refit.vessel
     run = diagnose_tables(
-        tables, start, tolerance, catalogue, provenance, lambda share: progress(begun + (1.0 - begun) * share)
+        whole, start, tolerance, catalogue, provenance, lambda share: progress(begun + (1.0 - begun) * share)
     )
-    remarks = (*said.remarks.get("remarks", ()), *run.diagnosis.remarks)
+    remarks = (*said.remarks.get("remarks", ()), *driven, *run.diagnosis.remarks)
     correction = None if refit is None else refit.correction
     said_first = replace(run.diagnosis, remarks=remarks, identified=correction)
     return replace(run, diagnosis=said_first, refit=None if start is vessel else start)

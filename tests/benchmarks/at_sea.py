@@ -4,8 +4,9 @@
 
 N trials each of two days with a fouling and two currents, a tide that turns, a tow that is dropped, a fouling that
 grows from day to day, and two days with nothing hidden; of four to six effects at once, of a fouling and a current
-without a record of the wind, and recorded every two seconds; all by the second simulator. What stands in the file
-of results is not done again. About a minute a trial.
+without a record of the wind, and recorded every two seconds; of play in a gear, of a fouling and a current with a
+dead channel of feedback and orders beside, and of one effect on a ship whose coefficients are all off by 15 %; all
+by the second simulator. What stands in the file of results is not done again. About a minute a trial.
 """
 
 from __future__ import annotations

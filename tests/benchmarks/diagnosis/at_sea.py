@@ -1,5 +1,5 @@
 """Trials of the other ship as at sea: days with currents of their own, a tide, a tow, fouling that grows; much at
-once, no record of the wind, a record every two seconds."""
+once, no record of the wind, a record every two seconds; play, feedback that is dead, coefficients that are off."""
 
 from __future__ import annotations
 
@@ -11,21 +11,25 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import DEFAULT, control_names, name_of_order
+from acquisition.core.arrays import Floats
 from acquisition.core.channels import ENVIRONMENT
 from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.effects import CATALOGUE
 from hybrid.effects.environment import STEADY_WIND
+from hybrid.vessel.actuators import control_units
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.diagnose import diagnose_tables
 from tests.benchmarks.diagnosis.design import VESSEL, Hidden
 from tests.benchmarks.diagnosis.scoring import holds
 from tests.benchmarks.diagnosis.sound import placed
+from tests.benchmarks.other_ship.model_error import EACH
 from tests.benchmarks.other_ship.trial import make_trial
 
 KINDS = (
     "two days", "turning tide", "tow dropped", "growing fouling", "nothing",
-    "several", "no wind", "half a hertz",
+    "several", "no wind", "half a hertz", "backlash", "dead feedback channel", "coefficients off",
 )  # fmt: skip
 _SEED, _ANOTHER_SEED = 700_000, 50_000_000
 _DAY_S, _TRIAL_S, _RATE_HZ = 1200.0, 2400.0, 2.0
@@ -34,6 +38,13 @@ _SEVERAL = (
     "heading_bias", "position_delay", "wind_direction_bias", "azimuth_offset_both", "yaw_rate_scale",
 )  # fmt: skip
 """What four to six are drawn from: of several families, none of them the image of another."""
+
+_FEEDBACK = ("port_rpm", "port_angle_deg", "starboard_rpm", "starboard_angle_deg")
+_COEFFICIENTS = ("inertia", "hull", "propulsion")
+"""The families of a ship's own coefficients: where these are off, such a name is neither right nor wrong."""
+
+_ON_TOP = tuple(name for name in _SEVERAL if CATALOGUE[name].family not in _COEFFICIENTS)
+_OFF_PERCENT = 15.0
 _DAYS = {"two days": 2, "nothing": 2, "growing fouling": 3}
 
 Values = Mapping[str, float]
@@ -96,7 +107,15 @@ def truth_of(case: SeaCase) -> SeaTruth:
         names = random.choice(_SEVERAL, int(random.integers(4, 7)), replace=False).tolist()
         drawn = {name: _ordinary(name, random) for name in names}
         return SeaTruth((drawn,), {}, {name: (size,) for name, size in drawn.items()})
-    if case.kind in ("no wind", "half a hertz"):
+    if case.kind == "backlash":
+        name = str(random.choice(["backlash_port", "backlash_starboard", "backlash_both"]))
+        width = {"width_deg": float(random.uniform(3.0, 8.0))}
+        return SeaTruth(({name: width},), {}, {name: (width,)})
+    if case.kind == "coefficients off":
+        name = str(random.choice(_ON_TOP))
+        drawn = {name: _ordinary(name, random)}
+        return SeaTruth((drawn,), {}, {name: (drawn[name],)})
+    if case.kind in ("no wind", "half a hertz", "dead feedback channel"):
         drawn = {"hull_fouling": {"resistance_factor": float(random.uniform(1.2, 1.5))}, "ocean_current": current()}
         return SeaTruth((drawn,), {}, {name: (size,) for name, size in drawn.items()})
     return SeaTruth(({}, {}), {}, {})
@@ -122,17 +141,27 @@ def tables_of(case: SeaCase) -> list[pd.DataFrame]:
     truth, found = truth_of(case), []
     first = _SEED + 1000 * KINDS.index(case.kind) + case.number
     for day, hidden in enumerate(truth.days):
-        table, _ = make_trial(
+        table, told = make_trial(
             first + day * _ANOTHER_SEED, hidden, truth.outside, sea=("calm", "gentle")[case.number % 2],
             duration_s=_DAY_S if case.kind in _DAYS else _TRIAL_S,
             rate_hz=0.5 if case.kind == "half a hertz" else _RATE_HZ, vessel=VESSEL,
+            model_error_percent=_OFF_PERCENT if case.kind == "coefficients off" else 0.0, model_error_form=EACH,
         )  # fmt: skip
+        if case.kind == "dead feedback channel":
+            table = _with_dead_feedback(table, told["ordered"], case)
         if case.kind == "no wind":
             table = table.drop(columns=list(ENVIRONMENT))
         table = table.set_axis(table.index + pd.Timedelta(days=day))
         table.attrs["recording"] = f"day {day + 1}"
         found.append(table)
     return found
+
+
+def _with_dead_feedback(table: pd.DataFrame, ordered: Floats, case: SeaCase) -> pd.DataFrame:
+    """One channel of feedback without values, or at its first one for good; the orders beside."""
+    orders = pd.DataFrame(ordered / control_units(DEFAULT), table.index, map(name_of_order, control_names(DEFAULT)))
+    name = _FEEDBACK[case.number // 2 % len(_FEEDBACK)]
+    return table.assign(**{name: table[name].iloc[0] if case.number % 2 else np.nan}).join(orders)
 
 
 def judged(case: SeaCase) -> dict[str, Any]:
@@ -143,6 +172,8 @@ def judged(case: SeaCase) -> dict[str, Any]:
     said = {name: plain[name] for name in kept}
     # A wind does blow there, whose size the truth does not have: naming it is neither right nor wrong.
     said["effects"] = [each for each in said["effects"] if each["name"] != STEADY_WIND.name]
+    if case.kind == "coefficients off":
+        said["effects"] = [each for each in said["effects"] if each["family"] not in _COEFFICIENTS]
     return {
         "group": f"at sea, {case.kind}",
         "hidden": {name: list(sizes) for name, sizes in truth.sizes.items()},

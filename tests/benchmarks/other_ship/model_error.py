@@ -20,6 +20,8 @@ from tests.benchmarks.other_ship.outside import Outside
 from tests.benchmarks.other_ship.sheet import Sheet
 
 FORMS = ("coefficients", "polynomial")
+EACH = "each coefficient"
+"""The form in which every coefficient is off by a draw of its own, of that percentage, whatever force it makes."""
 LEAST_SHARE = 0.3
 """Of the force ahead, granted across and in yaw in a trial that never turns."""
 SMALLEST_SCALES = np.array([1.0, 0.2, 0.01, 0.1])  # of u, v, r, azimuth angle: where a run has next to none
@@ -54,6 +56,8 @@ def with_error(
     ``states`` [rows, 8] and ``acting`` [rows, 5] are a run of the ship without error.
     """
     body = body_of(sheet, heel_coupling)
+    if form == EACH:
+        return body_of(_each_off(random, sheet, percent / 100.0), heel_coupling), {}
     right = forces_of(body, Outside(), dt_s, states, acting)
     allowed = percent / 100.0 * _range(sheet, right[:, 3:])
     if form == "coefficients":
@@ -85,6 +89,14 @@ def _off(sheet: Sheet, shares: Floats) -> Sheet:
     for (section, names), share in zip(GROUPS, shares, strict=True):
         for name in names:
             wrong.numbers[section][name] *= 1.0 + share
+    return wrong
+
+
+def _each_off(random: np.random.Generator, sheet: Sheet, share: float) -> Sheet:
+    wrong = deepcopy(sheet)
+    for section, names in GROUPS:
+        for name in names:
+            wrong.numbers[section][name] *= 1.0 + share * float(random.normal())
     return wrong
 
 

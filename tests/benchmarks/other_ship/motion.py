@@ -213,8 +213,9 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         states: Floats,
         controls: Floats,
         acting: Floats,
+        ordered: Floats,
     ) -> int:
-        """Fill ``states`` [K+1, 8], the drives' feedback and what acts [K+1, 5]; the first bad step or -1.
+        """Fill ``states`` [K+1, 8]; feedback, what acts and what is ordered [K+1, 5]; the first bad step or -1.
 
         Until ``first_s`` the ship keeps the base course with the first order's shafts.
         """
@@ -235,6 +236,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
             if not limits[0] <= state[3] <= limits[1]:
                 return k
             if k == air.shape[0] - 1:
+                ordered[k] = ordered[k - 1]
                 break
             psi, r = state[2], state[5]
             if k * dt_s < first_s:
@@ -251,7 +253,10 @@ def _make_sail(stamp: int) -> Callable[..., int]:
                     number = (number + 1) % orders.shape[0]
                     order, since_s, begun, side, switches = orders[number], 0.0, psi, 1.0, 0.0
                 since_s += dt_s
-            next_drive = driven(drives, drive, told(order, base_rad, side, psi, r), dt_s)
+            asked = told(order, base_rad, side, psi, r)
+            for i in range(5):
+                ordered[k, i] = asked[i]
+            next_drive = driven(drives, drive, asked, dt_s)
             n_p, a_p, n_s, a_s, n_t = next_drive
             slack = loose(slack[0], a_p - drive[1], play[0]), loose(slack[1], a_s - drive[3], play[1])
             next_turned = (n_p, a_p + slack[0], n_s, a_s + slack[1], n_t)

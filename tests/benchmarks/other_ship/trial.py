@@ -40,11 +40,12 @@ class Surroundings:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A voyage: states [steps, 8] through the water, feedback and what acts [steps, 5]."""
+    """A voyage: states [steps, 8] through the water; feedback, what acts and what is ordered [steps, 5]."""
 
     states: Floats
     controls: Floats
     acting: Floats
+    ordered: Floats
 
 
 def make_trial(
@@ -69,7 +70,8 @@ def make_trial(
     The table has the 13 channels in their units and a UTC index named ``time``. First heading, wind and wave
     directions hang on the seed; so do, each on a stream of its own, gusts, waves, sensors and the model error.
     The truth holds what was hidden, the sizes of errors along the trial, and, sampled like the table and without
-    waves, ``states`` [rows, 6] (m, rad, over ground), ``controls`` [rows, 5] (rev/s, rad, rpm) and ``roll_rad``.
+    waves, ``states`` [rows, 6] (m, rad, over ground), ``controls`` and ``ordered`` [rows, 5] (rev/s, rad, rpm) and
+    ``roll_rad``.
 
     Raises :class:`ConfigurationError` for names that are not known and :class:`ModelRangeError` where the ship
     leaves the range of her coefficients.
@@ -130,6 +132,7 @@ def make_trial(
         "current_spread_mps": _current(run.states, sheet, strange, dt_s).std(axis=0).tolist(),
         "states": ground[every],
         "controls": run.controls[every],
+        "ordered": run.ordered[every],
         "roll_rad": run.states[every, 6] + motion[every, 3],
     }
     return table, truth
@@ -195,13 +198,13 @@ def _sail(
     current = np.array(sheet.current_mps)
     ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
     start = np.array([*(-LEAD_S * (speed * ahead + current)), heading_rad, speed, 0.0, 0.0, 0.0, 0.0])
-    run = Run(np.empty((steps, 8)), np.empty((steps, 5)), np.empty((steps, 5)))
+    run = Run(np.empty((steps, 8)), *(np.empty((steps, 5)) for _ in range(3)))
     valid = sheet.numbers["validity"]
     limits = [valid[name] for name in ("surge_low_mps", "surge_high_mps", "sway_mps", "yaw_rate_radps")]
     left = sail(
         body, outside, packed(orders), Drives(), LEAD_S, heading_rad, start, current, around.air, around.slow_n,
         around.slow_to_rad, sheet.lag_s, np.array(sheet.pod_play_rad), np.array(limits), dt_s, run.states,
-        run.controls, run.acting,
+        run.controls, run.acting, run.ordered,
     )  # fmt: skip
     if left >= 0:
         u, v, r = run.states[left, 3:6]
