@@ -241,10 +241,10 @@ EFFECTS = (
         kind="physics",
         what="Linear damping near rest: m - Xud, m - Yvd, Iz - Nrd times rates times u, v, r, fades as exp(-5 U^2)",
         source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 6",
-        parameters=(
-            Parameter("surge_ps", "1/s", 0.0, -0.05, 0.5, 0.015, 0.003),
-            Parameter("sway_ps", "1/s", 0.0, -0.05, 0.5, 0.015, 0.003),
-            Parameter("yaw_ps", "1/s", 0.0, -0.3, 3.0, 0.1, 0.02),
+        parameters=(  # water at rest pushes no ship: below none by no more than noise makes of an axis without any
+            Parameter("surge_ps", "1/s", 0.0, -0.005, 0.5, 0.015, 0.003),
+            Parameter("sway_ps", "1/s", 0.0, -0.005, 0.5, 0.015, 0.003),
+            Parameter("yaw_ps", "1/s", 0.0, -0.03, 3.0, 0.1, 0.02),
         ),
         change=lambda plant, values: plant.shifted(
             surge_damping_ps=values["surge_ps"], sway_damping_ps=values["sway_ps"], yaw_damping_ps=values["yaw_ps"]
