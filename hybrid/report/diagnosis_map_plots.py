@@ -1,11 +1,10 @@
-"""Figures of the map of a diagnosis, in the house's style: functions take axes and a map, return what they drew."""
+"""Figures of the map of a diagnosis, in the house's style: functions draw a map into axes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -56,28 +55,30 @@ def map_height_inch(places: Sequence[Place]) -> float:
     return _EDGE_INCH + _ROW_INCH * max(len(half) for half in _halves(_rows(places)))
 
 
-def force_map(figure: Figure, places: Sequence[Place]) -> list[Artist]:
+def force_map(figure: Figure, places: Sequence[Place]) -> None:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
     axes = figure.subplots(1, 2, squeeze=False)[0]
-    artists: list[Artist] = []
     halves = _halves(_rows(places))
     for one, rows in zip(axes, halves, strict=True):
         if rows:
-            artists += _matrix(one, rows)
+            _matrix(one, rows)
             one.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
         else:
             one.set_axis_off()
-    return artists
 
 
-def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> list[Artist]:
+def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
-    artists: list[Artist] = list(
-        axes.plot(made.quantities[quantity] / scale, made.force[:, axis] / _KILO, ".", color=FAINT, markersize=2,
-                  label="reconstructed, each second")
-    )  # fmt: skip
+    axes.plot(
+        made.quantities[quantity] / scale,
+        made.force[:, axis] / _KILO,
+        ".",
+        color=FAINT,
+        markersize=2,
+        label="reconstructed, each second",
+    )
     cells = [each for each in made.places if each.channel == channel and quantity in each.cell]
     cells = sorted(cells, key=lambda each: each.cell[quantity])
     middle = np.array([np.mean(each.cell[quantity]) for each in cells]) / scale
@@ -85,12 +86,11 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> list[A
         middle = middle % 360.0
     error = np.array([each.error for each in cells]) / _KILO
     reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
-    drawn = axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
+    axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xlabel(axis_title(quantity))
     axes.set_ylabel("force that lacks: " + FORCE_TITLES[axis])
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
-    return [*artists, drawn.lines[0]]
 
 
 def depends_most(made: Map) -> tuple[str, str] | None:
@@ -168,9 +168,9 @@ def _halves(rows: Rows) -> tuple[Rows, Rows]:
     return rows[:cut], rows[cut:]
 
 
-def _matrix(axes: Axes, rows: Rows) -> list[Artist]:
+def _matrix(axes: Axes, rows: Rows) -> None:
     z = np.array([[each.z for each in forces] or [np.nan] * 3 for _, forces in rows])
-    image = axes.imshow(z, cmap=_COLOURS, vmin=-_FULL, vmax=_FULL, aspect="auto")
+    axes.imshow(z, cmap=_COLOURS, vmin=-_FULL, vmax=_FULL, aspect="auto")
     for row, (name, forces) in enumerate(rows):
         for column, each in enumerate(forces):
             dark = abs(each.z) > _SURE
@@ -185,7 +185,6 @@ def _matrix(axes: Axes, rows: Rows) -> list[Artist]:
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.spines[:].set_visible(False)
     axes.grid(visible=False)
-    return [image]
 
 
 def _force_text(error: float) -> str:

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis, in the house's style: functions take axes and its values and return what they drew."""
+"""Figures of a diagnosis, in the house's style: functions draw its values into axes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch
@@ -43,10 +42,10 @@ def overview_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> list[Artist]:
+def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(suspects)[:_SHOWN]
-    bars = axes.barh(
+    axes.barh(
         range(len(shown)),
         [each.evidence for each in shown],
         color=[FAMILY_COLOUR.get(each.family, FAINT) for each in shown],
@@ -63,45 +62,41 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
     _on_grid(axes)
-    return [*bars]
 
 
-def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> list[Artist]:
+def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
     every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
-    artists: list[Artist] = []
     for axes, (effect, name, estimate) in zip(
         figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
     ):
         absent = 1.0 if name.endswith("factor") else 0.0
-        artists += _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
+        _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
         axes.set_yticks([0.0], [f"{title_of(effect)}\n{title}"])
-    return artists
 
 
-def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> list[Artist]:
+def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> None:
     reach = np.maximum([[estimate.value - estimate.low], [estimate.high - estimate.value]], 0.0)
-    drawn = axes.errorbar(estimate.value, 0.0, xerr=reach, fmt="o", color=colour, capsize=4, markersize=6)
+    axes.errorbar(estimate.value, 0.0, xerr=reach, fmt="o", color=colour, capsize=4, markersize=6)
     if estimate.unit != "deg" or estimate.low <= 0.0 <= estimate.high or abs(estimate.value) < 30.0:
         axes.axvline(absent, color=INK, linewidth=1.0)  # a direction has no neutral value
     axes.margins(x=0.15)
     axes.set_ylim(-1.0, 1.0)
     axes.locator_params(axis="x", nbins=7)
     axes.grid(visible=False, axis="y")
-    return [drawn.lines[0]]
 
 
-def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
+def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
     shown = sorted(rivals, key=lambda each: (each.instead_of, each.evidence))[:_SHOWN]
-    bars = axes.barh(
+    axes.barh(
         range(len(shown)),
         [max(each.evidence, 0.02) for each in shown],
         color=[PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown],
         height=0.6,
     )
-    line = axes.axvline(CLOSE, color=INK, linewidth=1.0)
+    axes.axvline(CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
     axes.set_yticks(range(len(shown)), labels, fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
@@ -110,10 +105,9 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
     handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
     _on_grid(axes)
-    return [*bars, line]
 
 
-def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
+def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model."""
     whole = diagnosis.gap
     rows, level = [("before", 0.0, whole.before_m, INK)], whole.before_m
@@ -128,7 +122,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
         ("constant velocity", 0.0, whole.constant_velocity_m, FAINT),
     ]
     names, starts, widths, colours = zip(*rows, strict=True)
-    bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
+    axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
@@ -137,46 +131,43 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
     axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
     _on_grid(axes)
-    return [*bars]
 
 
-def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> list[Artist]:
+def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> None:
     """The mean distance of each rung by its title, with its 95 % interval."""
-    artists = [interval_bar(axes, each, row, PALETTE[0]) for row, each in enumerate(rungs.values())]
+    for row, each in enumerate(rungs.values()):
+        interval_bar(axes, each, row, PALETTE[0])
     axes.set_yticks(range(len(rungs)), list(rungs))
     axes.set_ylim(len(rungs) - 0.5, -0.5)
     logarithmic(axes, "x", list(rungs.values()))
     axes.set_xlabel("mean distance [m]")
-    return artists
 
 
-def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> list[Artist]:
+def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
     What could be closed lies between before and the floor, what is closed between before and after. Where something
     unknown remains, no model is ``known`` whose tracks would be the floor.
     """
-    artists: list[Artist] = []
-    for label, track, colour in [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known else [])]:
+    shown = [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known else [])]
+    for label, track, colour in shown:
         mean = distances(track, tracks.measured).mean(axis=0)
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
-        artists += axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
+        axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
     axes.set_xlim(0, tracks.measured.shape[1] - 1)
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("mean distance [m]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(artists), borderpad=0.0)
-    return artists
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(shown), borderpad=0.0)
 
 
-def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
+def window_tracks(figure: Figure, tracks: Tracks) -> None:
     """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
     chosen, units = chosen_windows(tracks), control_units(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
-    artists: list[Artist] = []
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
-        artists += _window(axes, tracks, number)
+        _window(axes, tracks, number)
         before, after = (
             distances(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
         )
@@ -185,13 +176,12 @@ def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     for (unit, names), row in zip(units.items(), rows[1:], strict=True):
         for axes, number in zip(row, chosen.values(), strict=True):
-            artists += _controls(axes, {name: tracks.controls[name][number] for name in names})
+            _controls(axes, {name: tracks.controls[name][number] for name in names})
             axes.sharey(row[0])
         row[0].set_ylabel(f"[{unit}]")
         row[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
     for axes in rows[-1] if units else ():
         axes.set_xlabel("time [s]")
-    return artists
 
 
 def control_units(tracks: Tracks) -> dict[str, list[str]]:
@@ -202,25 +192,21 @@ def control_units(tracks: Tracks) -> dict[str, list[str]]:
     return units
 
 
-def _window(axes: Axes, tracks: Tracks, number: int) -> list[Artist]:
-    artists: list[Artist] = []
+def _window(axes: Axes, tracks: Tracks, number: int) -> None:
     for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks)]:
         seen = start_frame(track[number], tracks.before[number, 0])
         style = "-" if label == "measured" else "--"
-        artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
+        axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.locator_params(nbins=4)
     axes.set_xlabel("starboard [m]")
-    return artists
 
 
-def _controls(axes: Axes, controls: Mapping[str, Floats]) -> list[Artist]:
-    artists: list[Artist] = []
+def _controls(axes: Axes, controls: Mapping[str, Floats]) -> None:
     for (name, values), style in zip(controls.items(), cycle(("-", "--", ":"))):
         label = plain(name.rpartition("_")[0])
-        artists += axes.plot(values, style, color=INK, label=label, linewidth=1.2)
+        axes.plot(values, style, color=INK, label=label, linewidth=1.2)
     axes.locator_params(nbins=4)
-    return artists
 
 
 def chosen_windows(tracks: Tracks) -> dict[str, int]:

@@ -8,7 +8,6 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -36,40 +35,38 @@ def colours_of(methods: Sequence[str]) -> dict[str, str]:
     return known | {method: left[number % len(left)] for number, method in enumerate(others)}
 
 
-def error_by_second(axes: Axes, summary: Summary) -> list[Artist]:
+def error_by_second(axes: Axes, summary: Summary) -> None:
     """The mean distance of every method against the second of the prediction, its 95 % interval shaded.
 
     Errors grow from centimetres to metres, and methods are tens of times apart: the axis is logarithmic.
     """
-    colours, artists = colours_of(list(summary.methods)), list[Artist]()
+    colours = colours_of(list(summary.methods))
     for method, each in summary.methods.items():
         seconds = np.arange(1, len(each.by_second) + 1)
         value, low, high = np.array([(one.value, one.low, one.high) for one in each.by_second]).T
-        artists += axes.plot(seconds, value, color=colours[method], label=plain(method))
-        artists.append(axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0))
+        axes.plot(seconds, value, color=colours[method], label=plain(method))
+        axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0)
     intervals = [one for each in summary.methods.values() for one in each.by_second]
     logarithmic(axes, "y", intervals)
     axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("mean distance [m]")
-    return artists
 
 
-def coverage_by_second(axes: Axes, summary: Summary) -> list[Artist]:
+def coverage_by_second(axes: Axes, summary: Summary) -> None:
     """The share of positions inside each method's 95 % region by second; 93 to 97 % shaded."""
-    colours, artists = colours_of(list(summary.methods)), list[Artist]()
-    artists.append(axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0))
+    colours = colours_of(list(summary.methods))
+    axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0)
     for method, each in summary.methods.items():
         shares = [100.0 * one.value for one in each.coverage_by_second]
-        artists += axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=plain(method))
+        axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=plain(method))
     axes.set_ylim(min(axes.get_ylim()[0], 90.0), 100.5)
     axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("positions in the 95 % region [%]")
-    return artists
 
 
-def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
+def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """The ratio of every method's mean distance to the best baseline's, with its interval, a group a split."""
     rows = [
         (kind, method, each.ratio)
@@ -78,9 +75,9 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
         if method != split.whole.best_baseline
     ]
     colours = colours_of(list(next(iter(splits.values())).whole.methods))
-    artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=1.0)]
+    axes.axvline(1.0, color=INK, linewidth=1.0)
     for row, (_, method, ratio) in enumerate(rows):
-        artists.append(interval_bar(axes, ratio, row, colours[method]))
+        interval_bar(axes, ratio, row, colours[method])
     axes.set_yticks(range(len(rows)), [f"{plain(method)}, {kind}" for kind, method, _ in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     kinds = [kind for kind, _, _ in rows]
@@ -89,41 +86,37 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
             axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
     logarithmic(axes, "x", [ratio for _, _, ratio in rows])
     axes.set_xlabel("mean distance over that of the best baseline [1]")
-    return artists
 
 
-def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
+def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     """What the random split shows of each method beside what is found on legs never seen."""
     honest, leaky = splits["leg"].whole.methods, splits["random"].whole.methods
-    artists: list[Artist] = []
     for row, method in enumerate(honest):
         shown, found = leaky[method].mean_distance_m, honest[method].mean_distance_m
-        artists += axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
+        axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
         for each, lift, colour, words in (
             (shown, -0.12, PALETTE[1], "windows at random"),
             (found, 0.12, PALETTE[0], "legs never seen"),
         ):
-            artists.append(interval_bar(axes, each, row + lift, colour, words if row == 0 else ""))
+            interval_bar(axes, each, row + lift, colour, words if row == 0 else "")
     axes.set_yticks(range(len(honest)), [plain(method) for method in honest])
     axes.set_ylim(len(honest) - 0.5, -0.5)
     logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
     axes.set_xlabel("mean distance [m]")
     axes.legend(loc="best")
-    return artists
 
 
-def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
+def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> None:
     """The mean distance of every method in each class, with its interval."""
     methods = list(next(iter(classes.values())).methods)
-    colours, artists = colours_of(methods), list[Artist]()
+    colours = colours_of(methods)
     for number, method in enumerate(methods):
         at = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
         intervals = [each.methods[method].mean_distance_m for each in classes.values()]
-        drawn = axes.errorbar(
+        axes.errorbar(
             at, [each.value for each in intervals], np.column_stack([reach(each) for each in intervals]), fmt="o",
             color=colours[method], capsize=2.5, label=plain(method),
         )  # fmt: skip
-        artists.append(drawn.lines[0])
     wide = max(_LABELS // len(classes), _SHORTEST)
     labels = [f"{fill(name, wide)}\n{fill(counts_of(each), wide)}" for name, each in classes.items()]
     axes.set_xticks(range(len(classes)), labels)
@@ -131,7 +124,6 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
     logarithmic(axes, "y", [one.mean_distance_m for each in classes.values() for one in each.methods.values()])
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
-    return artists
 
 
 def seconds(figure: Figure, summary: Summary) -> None:

@@ -1,4 +1,4 @@
-"""Figures of predictions, in the house's style: functions take axes and values, return what they drew.
+"""Figures of predictions, in the house's style: functions draw values into axes.
 
 With them what all of these share: a colour a method, the frame of a start, axes of errors.
 """
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal
 import matplotlib.dates as dates
 import numpy as np
 import pandas as pd
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import PatchCollection
@@ -62,12 +61,11 @@ def start_frame(track: Floats, start: Floats) -> Floats:
     return np.stack([aside, ahead], axis=-1)
 
 
-def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
+def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> None:
     """A point with its interval, lying down."""
-    drawn = axes.errorbar(
+    axes.errorbar(
         interval.value, row, xerr=reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
     )
-    return drawn.lines[0]
 
 
 def reach(interval: Interval) -> Floats:
@@ -111,25 +109,25 @@ def measured_and_predicted(
     name: str,
     predicted: Mapping[str, pd.DataFrame],
     windows: pd.DataFrame | None = None,
-) -> list[Artist]:
+) -> None:
     """A channel, or the speed over ground, as measured and as predicted window by window, held windows shaded.
 
     ``predicted`` has a table for each method as of :func:`.errors.predicted_motion`: lines are lifted between
     windows.
     """
-    artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
+    if windows is not None:
+        held_shade(axes, windows)
     measured = table[name].dropna()
     circular = is_circular(name)
     shown = break_at_wrap(measured) if circular else measured
-    artists += axes.plot(measured.index, shown, color=INK, linewidth=1.0, label="measured")
+    axes.plot(measured.index, shown, color=INK, linewidth=1.0, label="measured")
     for method, motion in predicted.items():
         shown = break_at_wrap(motion[name]) if circular else motion[name].to_numpy(dtype=float).copy()
         shown[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
-        artists += axes.plot(motion.index, shown, color=COLOUR[method], linewidth=1.2, label=plain(method))
+        axes.plot(motion.index, shown, color=COLOUR[method], linewidth=1.2, label=plain(method))
     axes.set_ylabel("speed [m/s]" if name == "speed_mps" else label(name))
     axes.set_xlabel("time, UTC")
     axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
-    return artists
 
 
 def fans_on_track(
@@ -139,34 +137,31 @@ def fans_on_track(
     tracks: Floats,
     radius_m: Floats | None,
     method: str,
-) -> list[Artist]:
+) -> None:
     """Predicted tracks [N, H+1, 3] of windows over the measured track, north up and to scale.
 
     Where they have regions ``radius_m`` [N, H], the area that holds the position with 95 %, and within with 50 %,
     is shaded along the way.
     """
-    artists: list[Artist] = list(axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.0,
-                                           label="measured"))  # fmt: skip
+    axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.0, label="measured")
     if radius_m is not None:
         for share, alpha, words in ((1.0, 0.16, "95 %"), (HALF_OF_95, 0.30, "50 %")):
             areas = [_swept(track[1:], share * radius) for track, radius in zip(tracks, radius_m, strict=True)]
-            artists.append(axes.add_collection(PatchCollection(areas, facecolor=COLOUR[method], alpha=alpha,
-                                                               linewidths=0, label=words)))  # fmt: skip
-    artists += tracks_beside(axes, tracks, method)
+            axes.add_collection(
+                PatchCollection(areas, facecolor=COLOUR[method], alpha=alpha, linewidths=0, label=words)
+            )
+    tracks_beside(axes, tracks, method)
     north, east = horizons.start[:, 0], horizons.start[:, 1]
-    artists += axes.plot(
-        east, north, "o", color=INK, markersize=2.5, linestyle="none", label="start of a prediction"
-    )
+    axes.plot(east, north, "o", color=INK, markersize=2.5, linestyle="none", label="start of a prediction")
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(label("east_m"))
     axes.set_ylabel(label("north_m"))
-    return artists
 
 
-def tracks_beside(axes: Axes, tracks: Floats, method: str) -> list[Artist]:
+def tracks_beside(axes: Axes, tracks: Floats, method: str) -> None:
     """More predicted tracks [N, H+1, 3] on the axes of :func:`fans_on_track`."""
     joined = np.concatenate([np.vstack([track[:, :2], [[np.nan, np.nan]]]) for track in tracks])
-    return list(axes.plot(joined[:, 1], joined[:, 0], color=COLOUR[method], linewidth=1.2, label=plain(method)))
+    axes.plot(joined[:, 1], joined[:, 0], color=COLOUR[method], linewidth=1.2, label=plain(method))
 
 
 def look_at(axes: Axes, *tracks: Floats) -> None:
@@ -190,60 +185,53 @@ def _swept(track: Floats, radius_m: Floats) -> PathPatch:
     return PathPatch(Path.make_compound_path(*hulls))
 
 
-def fan_of_errors(axes: Axes, errors: Errors, component: str, method: str) -> list[Artist]:
+def fan_of_errors(axes: Axes, errors: Errors, component: str, method: str) -> None:
     """How far predictions from many starts spread, second by second: median, middle half and middle 90 %."""
     values = getattr(errors, component)
     seconds = np.arange(1, values.shape[1] + 1)
     low, lower, middle, upper, high = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
-    artists: list[Artist] = [
-        axes.fill_between(seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="90 %"),
-        axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="50 %"),
-        *axes.plot(seconds, middle, color=COLOUR[method], label="median"),
-        axes.axhline(0.0, color=INK, linewidth=0.8),
-    ]
+    axes.fill_between(seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="90 %")
+    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="50 %")
+    axes.plot(seconds, middle, color=COLOUR[method], label="median")
+    axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel(f"{QUANTITIES[component]}")
     axes.set_xlim(0, seconds[-1])
-    return artists
 
 
-def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> list[Artist]:
+def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> None:
     """The size of the error that half, and dashed nine in ten, of the windows stay below, by second and method."""
-    artists: list[Artist] = []
     for method, each in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
             line = each.by_second(quantity, share)
             words = (
                 plain(method) if share == 0.5 else f"_{plain(method)}, 90 %"
             )  # in the numbers, not in the legend
-            artists += axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
+            axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel(QUANTITIES[quantity])
     axes.set_xlim(left=0)
     axes.set_yscale("log")  # errors grow from centimetres to metres, and methods are tens of times apart
     plain_numbers(axes.yaxis)
-    return artists
 
 
-def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> list[Artist]:
+def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> None:
     """A box that holds the middle half of ``values``, standing at ``at``; its whiskers reach to 5 and 95 %."""
     line = {"color": colour}
-    drawn = axes.boxplot(
+    axes.boxplot(
         [values], positions=[at], widths=width, whis=(5.0, 95.0), showfliers=False, patch_artist=True,
         boxprops={"facecolor": colour, "alpha": alpha, "edgecolor": colour}, whiskerprops=line, capprops=line,
         medianprops={"color": INK, "linewidth": 1.5},
     )  # fmt: skip
-    return list(drawn["boxes"])
 
 
-def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> list[Artist]:
+def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> None:
     """The mean distance of each window [m], a group a trial and a box a method; whiskers hold 5 to 95 %."""
     methods = list(next(iter(by_trial.values())))
-    artists: list[Artist] = []
     for group, errors in enumerate(by_trial.values()):
         for number, method in enumerate(methods):
             at = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
-            artists += box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
+            box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
     axes.set_xticks(range(len(by_trial)), [f"{name}\n{len(next(iter(each.values())))} windows"
                                            for name, each in by_trial.items()])  # fmt: skip
@@ -252,55 +240,47 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> li
     handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=plain(method))
                for method in methods]  # fmt: skip
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
-    return artists
 
 
-def error_histogram(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> list[Artist]:
+def error_histogram(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> None:
     """How errors of all windows and seconds are distributed, by method; the outermost 2 % lie beyond the axes."""
     every = np.concatenate([getattr(each, quantity).ravel() for each in errors.values()])
     low, high = np.quantile(every, [0.01, 0.99])
     edges = np.linspace(low, high, 61)
-    artists: list[Artist] = []
     for method, each in errors.items():
         values = getattr(each, quantity)
         share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
-        artists.append(axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=plain(method)))
+        axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=plain(method))
     axes.set_xlabel(QUANTITIES[quantity])
     axes.set_ylabel("share in a class [%]")
     axes.set_ylim(bottom=0.0)
-    return artists
 
 
-def coverage_by_second(axes: Axes, calibration: Calibration) -> list[Artist]:
+def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
     """The share of positions inside the 95 % regions by second, with its interval from drawing legs anew."""
     seconds = np.arange(1, len(calibration.picp) + 1)
-    artists: list[Artist] = [
-        axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":"),
-        axes.fill_between(seconds, 100 * calibration.low, 100 * calibration.high, color=COLOUR["hybrid"], alpha=0.2,
-                          linewidth=0),
-        *axes.plot(seconds, 100 * calibration.picp, color=COLOUR["hybrid"]),
-    ]  # fmt: skip
+    axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
+    axes.fill_between(
+        seconds, 100 * calibration.low, 100 * calibration.high, color=COLOUR["hybrid"], alpha=0.2, linewidth=0
+    )
+    axes.plot(seconds, 100 * calibration.picp, color=COLOUR["hybrid"])
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("inside the 95 % region (PICP) [%]")
     axes.set_xlim(0, seconds[-1])
     lowest = np.nanmin(np.append(calibration.low, calibration.picp))
     axes.set_ylim(min(80.0, 100 * float(lowest) - 2.0), 100.5)
-    return artists
 
 
-def transform_histogram(axes: Axes, calibration: Calibration) -> list[Artist]:
+def transform_histogram(axes: Axes, calibration: Calibration) -> None:
     """The probability integral transform of the distances, in ten classes; the line is what it should be."""
     known = calibration.pit[np.isfinite(calibration.pit)]
     counts, edges = np.histogram(known, bins=np.linspace(0.0, 1.0, 11))
     share = 100.0 * counts / max(counts.sum(), 1)
-    bars = axes.bar(
-        edges[:-1], share, width=0.1, align="edge", color=COLOUR["hybrid"], alpha=0.6, edgecolor="white"
-    )
-    line = axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
+    axes.bar(edges[:-1], share, width=0.1, align="edge", color=COLOUR["hybrid"], alpha=0.6, edgecolor="white")
+    axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
     axes.set_xlabel("probability that the region gave to be nearer (PIT) [1]")
     axes.set_ylabel("positions [%]")
     axes.set_xlim(0, 1)
-    return [*bars, line]
 
 
 def draw_validation(figure: Figure, validation: Validation) -> None:

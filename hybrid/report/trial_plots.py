@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
@@ -40,7 +40,7 @@ _NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
 
 
-def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
+def residual_maps(figure: Figure, residuals: Residuals) -> None:
     """The acceleration that the model lacks over pairs of quantities, and below how many seconds each cell rests
     on.
 
@@ -49,33 +49,31 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
     planes = planes_of(residuals)
     cells = [cells_of(residuals, *plane) for plane in planes]
     grid = figure.subplots(len(ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
-    artists: list[Artist] = []
     for row, words in enumerate(LACKS):
         values = np.concatenate([each.mean[row].ravel() for each in cells])
         values = np.abs(values[np.isfinite(values)])
         extent = float(np.quantile(values, 0.98)) if values.size else 1.0
         for axes, each in zip(grid[row], cells, strict=True):
-            artists.append(_mesh(axes, each, each.mean[row], cmap=_LESS_MORE, vmin=-extent, vmax=extent))
-        figure.colorbar(artists[-1], ax=list(grid[row]), pad=0.01, label=words)  # type: ignore[arg-type]
+            mesh = _mesh(axes, each, each.mean[row], cmap=_LESS_MORE, vmin=-extent, vmax=extent)
+        figure.colorbar(mesh, ax=list(grid[row]), pad=0.01, label=words)
     most = max(float(each.seconds.max(initial=1.0)) for each in cells)
     for axes, each, (x, _) in zip(grid[-1], cells, planes, strict=True):
         counted = np.where(each.seconds > 0, each.seconds, np.nan)
-        artists.append(_mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0))))
+        mesh = _mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0)))
         axes.set_xlabel(axis_title(x))
-    figure.colorbar(artists[-1], ax=list(grid[-1]), pad=0.01, label="in a cell [s]")  # type: ignore[arg-type]
+    figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="in a cell [s]")
     for row in grid:
         for axes, (_, y) in zip(row, planes, strict=True):
             axes.set_ylabel(axis_title(y), fontsize=8)
-    return artists
 
 
-def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> Artist:
+def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> QuadMesh:
     axes.grid(visible=False)
     axes.set_facecolor(_NOTHING)
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
 
 
-def training_range(axes: Axes, ground: DomainOfApplicability) -> list[Artist]:
+def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     """Each quantity of a trial against the range of the training, which is the grey bar from 0 to 1.
 
     The thick line holds the middle 90 % of the trial, the thin one all; dashes are what still counts as inside. A
@@ -91,13 +89,11 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> list[Artist]:
     margin = ground.margin / width
     beyond = [bool(column.any()) for column in ground.outside.T]
     colours = [PALETTE[4] if each else PALETTE[0] for each in beyond]
-    artists: list[Artist] = [
-        *axes.barh(rows, 1.0, color="#E3E8EC", height=0.7, label="range of the training"),
-        axes.vlines(-margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--"),
-        axes.vlines(1.0 + margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--"),
-        axes.hlines(rows, low, high, color=colours, linewidth=1.2),
-        axes.hlines(rows, lower, upper, color=colours, linewidth=4.5),
-    ]
+    axes.barh(rows, 1.0, color="#E3E8EC", height=0.7, label="range of the training")
+    axes.vlines(-margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--")
+    axes.vlines(1.0 + margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--")
+    axes.hlines(rows, low, high, color=colours, linewidth=1.2)
+    axes.hlines(rows, lower, upper, color=colours, linewidth=4.5)
     labels = [f"{quantity_title(name)}  {a:.3g} to {b:.3g}"
               for name, a, b in zip(ground.names, ground.low, ground.high, strict=True)]  # fmt: skip
     axes.set_yticks(rows, labels)
@@ -106,26 +102,24 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> list[Artist]:
     axes.set_xlim(max(-reach, -4.0), min(1.0 + reach, 5.0))
     axes.set_xlabel("0: least, 1: most that was trained on [1]")
     axes.grid(visible=False, axis="y")
-    return artists
 
 
-def parameter_bars(axes: Axes, shown: Parameters, most: int = 20) -> list[Artist]:
+def parameter_bars(axes: Axes, shown: Parameters, most: int = 20) -> None:
     """The best known parameters as factors of the model's numbers, with 95 % intervals; absent ones lie on the
     line."""
     factors = [each for each in shown.identified if each.neutral == 1.0][:most]
     rows = np.arange(len(factors))
     value, low, high = (np.array([getattr(each, name) for each in factors]) for name in ("value", "low", "high"))
     colours = [PALETTE[4] if each.at_bound else PALETTE[0] for each in factors]
-    artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=0.8)]
-    artists.append(axes.hlines(rows, low, high, color=colours, linewidth=1.6))
-    artists.append(axes.scatter(value, rows, color=colours, s=18, zorder=3))
+    axes.axvline(1.0, color=INK, linewidth=0.8)
+    axes.hlines(rows, low, high, color=colours, linewidth=1.6)
+    axes.scatter(value, rows, color=colours, s=18, zorder=3)
     axes.set_yticks(rows, [each.name for each in factors])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlabel("times the model's number [1]")
-    return artists
 
 
-def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> list[Artist]:
+def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
     """How estimates hang together: one and minus one cannot be told apart, zero know nothing of each other."""
     image = axes.imshow(matrix, cmap=_LESS_MORE, vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
@@ -137,7 +131,6 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> list[Artis
         for row, values in enumerate(matrix):
             for column, each in enumerate(values):
                 axes.text(column, row, f"{each:.2f}".replace("-", "\u2212"), ha="center", va="center", fontsize=8)
-    return [image]
 
 
 _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")

@@ -131,10 +131,10 @@ def test_nothing_is_missing_only_where_a_calibrator_finds_nothing_either(
 
 def test_the_ladder_is_drawn_as_it_stands() -> None:
     """A point a rung at its mean distance, the first on top."""
-    figure = Figure()
+    axes = Figure().subplots()
     rungs = a_ladder().mean_distance_m
-    points = plots.ladder(figure.subplots(), rungs)
-    drawn = [np.asarray(each.get_xydata())[0] for each in points if isinstance(each, Line2D)]
+    plots.ladder(axes, rungs)
+    drawn = [each.lines[0].get_xydata()[0] for each in axes.containers]
     assert np.array(drawn) == pytest.approx(
         np.array([(each.value, row) for row, each in enumerate(rungs.values())])
     )
@@ -212,9 +212,9 @@ def test_the_page_says_what_to_do_next() -> None:
 
 def test_error_by_second_is_the_mean_distance() -> None:
     """After is a tenth of before in the made-up tracks."""
-    figure = Figure()
-    lines = plots.error_by_second(figure.subplots(), tracks())
-    before, after = (np.asarray(each.get_ydata()) for each in lines[:2])  # type: ignore[attr-defined]
+    axes = Figure().subplots()
+    plots.error_by_second(axes, tracks())
+    before, after = (np.asarray(each.get_ydata()) for each in axes.lines[:2])
     assert len(before) == 15
     assert after == pytest.approx(0.1 * before)
     assert before[-1] == pytest.approx(0.02 * 15 * np.mean(np.arange(1, 7)))
