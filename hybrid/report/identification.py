@@ -37,7 +37,9 @@ def _coefficients(found: Identification) -> Table:
         f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients known by {found.segments} "
         f"segments of {found.duration_s:.0f} s"
     )
-    table = text_table(title, ("coefficient", "value", "95 % from", "to", "start", ""), (), pad_edge=False)
+    table = text_table(
+        title, ("coefficient", "value", "95 % from", "to", "start", ""), (), wrap=True, pad_edge=False
+    )
     for each in found.coefficients:
         cells = [f"{number:.4g}" for number in (each.value, each.low, each.high, each.start)]
         said, style = ("", "") if each.known else ("not told", "dim")
@@ -51,7 +53,9 @@ def _validation(judged: Judgement) -> Table:
         [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.heading_error_deg:.2f}"]
         for name, each in judged.scores.items()
     ]
-    return text_table(title, ("method", "mean distance m", "at the end m", "heading deg"), rows, pad_edge=False)
+    return text_table(
+        title, ("method", "mean distance m", "at the end m", "heading deg"), rows, wrap=True, pad_edge=False
+    )
 
 
 def _next(candidates: Sequence[Candidate]) -> Table:
@@ -60,7 +64,9 @@ def _next(candidates: Sequence[Candidate]) -> Table:
         [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
         for each in candidates[:_TRIALS]
     ]
-    return text_table(title, ("manoeuvre", "nats", "variances left", "would become known"), rows, pad_edge=False)
+    return text_table(
+        title, ("manoeuvre", "nats", "variances left", "would become known"), rows, wrap=True, pad_edge=False
+    )
 
 
 def draw_identification(figure: Figure, found: Identification) -> None:

@@ -40,17 +40,20 @@ def text_table(
     rows: Iterable[Sequence[str]],
     best: int | None = None,
     words: int = 1,
+    *,
+    wrap: bool = False,
     **look: Any,
 ) -> Table:
     """A table for a terminal: ``words`` columns to the left, the others to the right, row ``best`` in bold.
 
-    ``look`` is what else :class:`rich.table.Table` takes.
+    With ``wrap`` heads that are too long for a line are broken; without it no cell is. ``look`` is what else
+    :class:`rich.table.Table` takes.
     """
     usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
     table = Table(title=title, **{**usual, **look})
     for number, name in enumerate(columns):
         word = number < words
-        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=not word)
+        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=not (word or wrap))
     for number, row in enumerate(rows):
         table.add_row(*row, style="bold" if number == best else "")
     return table
@@ -62,7 +65,7 @@ def validation_table(validation: Validation) -> Table:
     kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
     return text_table(
         f"{len(windows)} {kind.format(windows.horizon_s)}", ("method", *_METHOD_COLUMNS), *score_rows(validation),
-        words=2, caption=_caption(validation),
+        words=2, wrap=True, caption=_caption(validation),
     )  # fmt: skip
 
 
@@ -118,7 +121,7 @@ def prediction_table(prediction: Prediction) -> Table:
     ]
     return text_table(
         f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows, words=0,
-        caption=_UNTRAINED if prediction.outside_domain else None,
+        wrap=True, caption=_UNTRAINED if prediction.outside_domain else None,
     )  # fmt: skip
 
 
