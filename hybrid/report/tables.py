@@ -46,14 +46,14 @@ def text_table(
 ) -> Table:
     """A table for a terminal: ``words`` columns to the left, the others to the right, row ``best`` in bold.
 
-    With ``wrap`` heads that are too long for a line are broken; without it no cell is. ``look`` is what else
-    :class:`rich.table.Table` takes.
+    Where a line is too short, words are broken, or with ``wrap`` the heads of numbers; numbers never. ``look`` is
+    what else :class:`rich.table.Table` takes.
     """
     usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
     table = Table(title=title, **{**usual, **look})
     for number, name in enumerate(columns):
         word = number < words
-        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=not (word or wrap))
+        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=word == wrap)
     for number, row in enumerate(rows):
         table.add_row(*row, style="bold" if number == best else "")
     return table

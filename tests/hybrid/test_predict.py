@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 
 from acquisition.core.angles import difference
 from acquisition.core.channels import NAMES
@@ -15,7 +17,7 @@ from acquisition.core.errors import InputError, ModelRangeError
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
 from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators.predict import parse_time, predict, window_at
+from hybrid.calibrators.predict import Prediction, parse_time, predict, window_at
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.planned_commands import planned_commands, read_commands
@@ -220,3 +222,15 @@ def test_a_calibrator_of_held_controls_follows_no_plan(
     orders = read_commands(plan(tmp_path, "second,port_rpm\n0,100"), plant.layout)
     with pytest.raises(InputError, match=r"held controls.*--commands"):
         predict(SecondBySecond(table), at(table, 300.0), 15, plant, small, orders)
+
+
+def test_no_number_is_cut_off_in_a_terminal_of_80_columns() -> None:
+    """Heads may be broken, numbers and names not: far from the origin they are long."""
+    track = np.tile([-12345.67, -23456.78, 6.0], (SMALL_HORIZON_S + 1, 1))
+    band_m = np.full(SMALL_HORIZON_S + 1, 1234.5)
+    shown = Prediction(pd.Timestamp("2026-06-01T08:00:00Z"), "hybrid", track, band_m, track)
+    console = Console(width=80, file=StringIO(), record=True)
+    console.print(shown)
+    text = console.export_text()
+    assert text.count("-12345.67") == text.count("-23456.78") == 2 * text.count("1234.50")
+    assert "\u2026" not in text
