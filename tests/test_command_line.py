@@ -175,7 +175,7 @@ def test_train_validate_predict(
     validated = command("validate", unseen, "--calibrator", folder, "--json").json
     assert set(validated) >= {"horizon_s", "windows", "methods", "reduction", "coverage_95"}
     assert validated["horizon_s"] == 20
-    assert list(validated["methods"]) == ["constant_velocity", "reference", "data_driven", "hybrid"]
+    assert set(validated["methods"]) >= {"constant_velocity", "reference", "data_driven", "hybrid"}
     predicted = command("predict", unseen, "--at", "+600", "--calibrator", folder, "--json").json
     assert (predicted["method"], predicted["horizon_s"], len(predicted["track"])) == ("hybrid", 20, 21)
 
@@ -189,7 +189,7 @@ def test_the_tables_fit_eighty_columns(
     predicted = command("predict", unseen, "--calibrator", small_folder, "--at", "+600")
     assert (validated.code, predicted.code) == (0, 0)
     for method in ("constant_velocity", "reference", "data_driven", "hybrid"):
-        assert re.search(rf"^ {method}( +\d+\.\d+){{5}}", validated.out, flags=re.MULTILINE), method
+        assert re.search(rf"^ {method} +causal( +\d+\.\d+){{5}}", validated.out, flags=re.MULTILINE), method
     rows = re.findall(r"^ +\d+( +-?\d+\.\d\d){6}", predicted.out, flags=re.MULTILINE)
     assert len(rows) >= 10
     for done in (validated, predicted):

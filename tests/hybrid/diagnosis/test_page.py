@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
 from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, Ratio, When
@@ -142,9 +141,9 @@ def test_the_ladder_is_drawn_as_it_stands() -> None:
 
 def test_the_floor_stands_beside_before_and_after() -> None:
     """One curve each, and the share closed can be read off: here the floor is half of what is left after."""
-    figure = Figure()
-    lines = {str(each.get_label()): each for each in plots.error_by_second(figure.subplots(), tracks())
-             if isinstance(each, Line2D)}  # fmt: skip
+    axes = Figure().subplots()
+    plots.error_by_second(axes, tracks())
+    lines = {str(each.get_label()): each for each in axes.lines}
     before, after, floor = (np.asarray(lines[name].get_ydata()) for name in ("before", "after", "floor"))
     assert after == pytest.approx(0.1 * before)
     assert floor == pytest.approx(0.5 * after)
