@@ -372,6 +372,10 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     lags_s, plays_rad = lags_of(plant), plays_of(plant)
     if plant.command_delay_s == 0.0 and not lags_s.any() and not plays_rad.any():
         return log.controls, log.controls[:, 0]
+    if log.cut_from is not None:
+        whole, rows = log.cut_from
+        controls, acting = acting_settings(whole, plant)
+        return controls[rows], acting[rows]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
     angles = angle_columns(log.actuators)
     for first, last in _stretches(log):

@@ -53,7 +53,8 @@ class Log:
     from 0; ``recording`` [T] counts the recordings, which are called ``names``. All SI, angles in radians, heading
     without jumps. ``refused`` counts samples that lay off by themselves, ``setting_step_s`` is how often thruster
     settings were recorded, ``input_hold`` what they are taken to do between, ``held`` has the controls [T, 4, 5]
-    under other holds; ``levels`` is what the smoother thought of noise.
+    under other holds; ``levels`` is what the smoother thought of noise. ``cut_from`` is the log that this is a part
+    of, and the rows of it: what acts hangs on what was before.
     """
 
     measured: Floats
@@ -72,6 +73,7 @@ class Log:
     input_hold: InputHold = "line"
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
     names: tuple[str, ...] = ()
+    cut_from: tuple[Log, Ints] | None = None
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -93,11 +95,13 @@ class Log:
         for name in ("block", "leg"):
             chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
         held = {name: controls[rows] for name, controls in self.held.items()}
-        return replace(self, held=held, **chosen)
+        whole, places = self.cut_from or (self, np.arange(len(self)))
+        return replace(self, held=held, cut_from=(whole, places[rows]), **chosen)
 
     def with_input_hold(self, hold: InputHold) -> Log:
         """The same with the thruster settings held otherwise between their records."""
-        return replace(self, controls=self.held[hold], input_hold=hold)
+        cut_from = self.cut_from and (self.cut_from[0].with_input_hold(hold), self.cut_from[1])
+        return replace(self, controls=self.held[hold], input_hold=hold, cut_from=cut_from)
 
 
 _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")

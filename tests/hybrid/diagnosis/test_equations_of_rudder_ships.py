@@ -80,6 +80,18 @@ def test_a_run_with_play_leaves_nothing_to_a_model_that_has_it() -> None:
     assert right[5] < 1e-3 * left[5]
 
 
+def test_what_acts_in_a_part_of_a_log_hangs_on_what_was_before() -> None:
+    """A rudder that came from port before the part begins stands off there; a lag goes on from where it was."""
+    plant = bare_plant(ESSO)
+    own = plant.shifted(rudder_play_rad=0.1, propeller_lag_s=3.0)
+    log = run_of(own)
+    late = np.arange(len(log)) >= 30
+    for whole, part in zip(acting_settings(log, own), acting_settings(log.subset(late), own), strict=True):
+        np.testing.assert_array_equal(whole[late], part)
+    twice = log.subset(late).subset(np.arange(30) % 2 == 0)
+    np.testing.assert_array_equal(acting_settings(twice, own)[0], acting_settings(log, own)[0][30::2])
+
+
 def test_an_actuator_that_lags_is_late_by_what_it_lags() -> None:
     """A shaft that speeds up at an even rate acts as it was its time constant ago; the rudder is not touched."""
     plant = bare_plant(ESSO)
