@@ -218,8 +218,8 @@ def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ..
         effect = catalogue[name]
         if effect.kind == "actuator" and effect.parameters[0].neutral == effect.parameters[0].low:
             others = tuple(each for each in names if each != name)
-            alike = (each for each in effect.confused_with if catalogue[each].parameters == effect.parameters)
-            found += [(*others, each) for each in alike if each not in others]
+            known = [each for each in effect.confused_with if each in evidence.names and each not in others]
+            found += [(*others, each) for each in known if catalogue[each].parameters == effect.parameters]
     return [some for some in found if evidence.possible(some)]
 
 
