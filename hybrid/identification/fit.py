@@ -151,13 +151,13 @@ def _with_levels(place: _Place) -> _Place:
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
-def _settled(model: Model, place: _Place, times: int = 2) -> _Place:
+def _settled(model: Model, place: _Place) -> _Place:
     """The place with its levels and with the starts where the data want them."""
     if not np.isfinite(place.cost):
         raise ModelRangeError(
             "the model does not follow the recordings", why="it leaves its range", fix="check --vessel and units"
         )
-    for _ in range(times):
+    for _ in range(2):
         place = _with_levels(place)
         place = _moved(model, place, np.zeros(model.size), np.zeros_like(place.left))
     return _with_levels(place)

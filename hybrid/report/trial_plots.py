@@ -104,10 +104,10 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def parameter_bars(axes: Axes, shown: Parameters, most: int = 20) -> None:
+def parameter_bars(axes: Axes, shown: Parameters) -> None:
     """The best known parameters as factors of the model's numbers, with 95 % intervals; absent ones lie on the
     line."""
-    factors = [each for each in shown.identified if each.neutral == 1.0][:most]
+    factors = [each for each in shown.identified if each.neutral == 1.0][:_MOST]
     rows = np.arange(len(factors))
     value, low, high = (np.array([getattr(each, name) for each in factors]) for name in ("value", "low", "high"))
     colours = [PALETTE[4] if each.at_bound else PALETTE[0] for each in factors]
@@ -134,6 +134,7 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
 
 
 _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
+_MOST = 20  # parameters in one picture
 _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest": 1.0}
 
@@ -236,5 +237,5 @@ def parameters(figure: Figure, learned: Parameters) -> None:
     """The best known parameters, and how their estimates are correlated."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
     parameter_bars(left, learned)
-    known = learned.identified[:20]
+    known = learned.identified[:_MOST]
     correlations(right, [each.name for each in known], learned.correlation[: len(known), : len(known)])

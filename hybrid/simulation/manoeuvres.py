@@ -185,10 +185,10 @@ def turning_circle(helm_deg: float = 20.0, rpm: float = CRUISE_RPM, turn_deg: fl
     return tuple(leg for turn in turns for leg in (steer(0.0, 30.0, rpm), turn, settle(0.0, rpm)))
 
 
-def speed_runs(seconds: float = 75.0) -> Manoeuvre:
+def speed_runs() -> Manoeuvre:
     """Straight runs at five shaft speeds, on a course and on its reciprocal."""
     speeds = (90.0, 120.0, 150.0, 175.0, 198.0)
-    return both_ways(lambda course: (settle(course, 120.0), *(steer(course, seconds, rpm) for rpm in speeds)))
+    return both_ways(lambda course: (settle(course, 120.0), *(steer(course, 75.0, rpm) for rpm in speeds)))
 
 
 def stopping_runs() -> Manoeuvre:
@@ -214,16 +214,16 @@ def one_by_one(drives: Sequence[str], rpm: float, seconds: float, *, by_angle: b
     return turns
 
 
-def one_thruster(actuators: Actuators = DEFAULT, seconds: float = 100.0, rpm: float = 150.0) -> Manoeuvre:
+def one_thruster(actuators: Actuators = DEFAULT) -> Manoeuvre:
     """Each main thruster alone, one after the other, and back on the course."""
     by_angle = any(each.angle for each in actuators)
-    turns = one_by_one(drives_in(actuators), rpm, seconds, by_angle=by_angle)
-    return tuple(leg for legs in turns for leg in (*legs, settle(0.0, rpm)))
+    turns = one_by_one(drives_in(actuators), 150.0, 100.0, by_angle=by_angle)
+    return tuple(leg for legs in turns for leg in (*legs, settle(0.0, 150.0)))
 
 
-def tunnel_test(actuators: Actuators = DEFAULT, seconds: float = 40.0) -> Manoeuvre:
+def tunnel_test(actuators: Actuators = DEFAULT) -> Manoeuvre:
     """Each tunnel thruster both ways at slow speed, the helm held."""
-    slow = Leg(rpm=50.0, at_most_s=seconds)
+    slow = Leg(rpm=50.0, at_most_s=40.0)
     pushes = (replace(slow, orders={f"{name}_rpm": aside})
               for name in names_of(actuators, "tunnel") for aside in (300.0, -300.0))  # fmt: skip
     return (steer(0.0, 60.0, 50.0), *(leg for push in pushes for leg in (push, slow)))
