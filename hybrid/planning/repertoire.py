@@ -376,4 +376,5 @@ def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
         )  # fmt: skip
     arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]
     together: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
-    return replace(first, held={}, **together)  # a rehearsal has settings of one kind only
+    # A rehearsal has settings of one kind only, and comes after nothing.
+    return replace(first, held={}, cut_from=None, **together)

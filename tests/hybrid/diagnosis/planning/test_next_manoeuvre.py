@@ -10,7 +10,7 @@ import pytest
 
 from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import Model, linearise
+from hybrid.diagnosis.linearise import Model, acting_settings, linearise
 from hybrid.diagnosis.log import Log
 from hybrid.effects import CATALOGUE
 from hybrid.planning.next_manoeuvre import (
@@ -196,6 +196,15 @@ def joined_log(plant: Plant, vessel: Vessel) -> tuple[Log, Log, Log]:
     first = replace(first, measured=measured)
     second = rehearse((steer(0.0, 300.0),), vessel, plant, BREEZE, 130)
     return first, second, append_rehearsals(first, [second, second])
+
+
+def test_a_rehearsal_behind_a_part_of_a_log_has_its_own_settings(plant: Plant, vessel: Vessel) -> None:
+    """What the drives did before that part is forgotten: a lag has settings for each second of the two."""
+    log = rehearse(zigzag(), vessel, plant, BREEZE, 200)
+    part = log.subset(np.arange(len(log)) >= 60)
+    joined = append_rehearsals(part, [log])
+    controls, acting = acting_settings(joined, plant.shifted(thruster_lag_s=1.0))
+    assert len(controls) == len(acting) == len(joined) == len(part) + len(log)
 
 
 def test_one_log_behind_another_keeps_blocks_legs_and_times_apart(plant: Plant, vessel: Vessel) -> None:
