@@ -200,7 +200,7 @@ def test_the_tables_fit_eighty_columns(
 def test_seen_recordings_are_validated_when_told(earlier: list[Path], small_folder: Path, command: Command) -> None:
     done = command("validate", earlier[0], "--calibrator", small_folder, "--allow-seen", "--json")
     assert done.code == 0
-    assert done.json["reduction"] > 0.5
+    assert done.json["reduction"] > 0.4
 
 
 # What goes wrong

@@ -60,7 +60,7 @@ def test_results_print_and_plot(small_folder: Path, unseen: Path) -> None:
         "channel": st.check(unseen),
         "windows of 30 s held": st.windows(unseen, horizon_s=30),
         "windows of legs kept out": calibrator,
-        "mean distance m": st.validate(unseen, calibrator),
+        "mean m": st.validate(unseen, calibrator),
         "measured north m": st.predict(unseen, at="+600", calibrator=calibrator),
     }
     for words, result in results.items():
@@ -99,6 +99,6 @@ def test_the_readmes_script_runs(
     monkeypatch.chdir(tmp_path)
     exec(compile(script, "README.md", "exec"), {})
     printed = capsys.readouterr().out
-    assert all(words in printed for words in ("rate Hz", "mean distance m", "hybrid"))
+    assert all(words in printed for words in ("rate Hz", "mean m", "hybrid"))
     assert "% of the force range granted" in printed
     assert all((tmp_path / name).stat().st_size > 10_000 for name in ("trial.png", "prediction.png"))

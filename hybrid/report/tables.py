@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 
 _UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
-_METHOD_COLUMNS = ("start", "mean distance m", "at the end m", "north m", "east m", "heading deg")
-_SPLIT_COLUMNS = ("start", "mean m", "end m", "ratio", "in 95 %")
+_METHOD_COLUMNS = ("start", "mean m", "at end m", "north m", "east m", "heading deg")
+_SPLIT_COLUMNS = ("start", "mean m", "ratio", "in 95 %")
 _PREDICTION_COLUMNS = {
     "north m": "north_m", "east m": "east_m", "heading deg": "heading_deg", "95 % band m": "band_m",
-    "measured north m": "measured_north_m", "measured east m": "measured_east_m",
+    "measured\nnorth m": "measured_north_m", "measured\neast m": "measured_east_m",
 }  # fmt: skip
 
 
@@ -150,13 +150,12 @@ def evaluation_view(evaluation: Evaluation) -> Group:
 
 
 def methods_table(horizon_s: int, split: SplitSummary) -> Table:
-    """One row a method: its start, mean distance, distance at the end, ratio to the best baseline, coverage.
+    """One row a method: its start, mean distance, ratio to the best baseline, coverage.
 
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
     rows = [
-        [name, start, spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}", spread(each.ratio),
-         f"{each.coverage_95.value:.1%}"]
+        [name, start, spread(each.mean_distance_m), spread(each.ratio), f"{each.coverage_95.value:.1%}"]
         for start, summary in split.by_start.items()
         for name, each in summary.methods.items()
     ]  # fmt: skip

@@ -78,7 +78,7 @@ def test_the_table_for_a_terminal_says_what_its_columns_are(judged: Validation) 
     """Distances in three digits below their titles, the heading's error last; the best method's row is bold."""
     table = validation_table(judged)
     titles = [str(column.header) for column in table.columns]
-    assert titles == ["method", "start", "mean distance m", "at the end m", "north m", "east m", "heading deg"]
+    assert titles == ["method", "start", "mean m", "at end m", "north m", "east m", "heading deg"]
     assert list(table.columns[1].cells) == ["causal"] * 5 + ["two-sided"] * 5
     assert next(iter(table.columns[2].cells)) == f"{judged.scores['straight_line'].mean_distance_m:.3f}"
     assert sum(row.style == "bold" for row in table.rows) == 1
