@@ -60,8 +60,8 @@ def test_results_print_and_plot(small_folder: Path, unseen: Path) -> None:
         "channel": st.check(unseen),
         "windows of 30 s held": st.windows(unseen, horizon_s=30),
         "windows of legs kept out": calibrator,
-        "mean m": st.validate(unseen, calibrator),
-        "measured north m": st.predict(unseen, at="+600", calibrator=calibrator),
+        "at end m": st.validate(unseen, calibrator),
+        "heading deg": st.predict(unseen, at="+600", calibrator=calibrator),
     }
     for words, result in results.items():
         assert words in str(result)
