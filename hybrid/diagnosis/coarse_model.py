@@ -5,7 +5,7 @@ coefficients, lacks many things at once. Some of them are effects of the catalog
 nothing against these. So a larger set is searched, and an effect of it is named where it holds its sign over
 disjoint parts of the trial and brings predicted tracks closer to the measured ones on legs that had no part in
 its size. That last test is in metres: where predictions err by far more than the noise, the evidence alone would
-take in effects without end.
+take in effects without end. It also decides between two searches, from nothing and from all effects at once.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from hybrid.diagnosis.select_effects import (
     Selection,
     fitted_coordinates,
     linear_about,
+    search_effects,
     search_on,
     select_effects,
 )
@@ -99,8 +100,34 @@ def name_of_coarse_model(
 ) -> Acceptance | None:
     """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
     bare = _linear_about_nothing(first.evidence)
-    selection = search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress)
-    names, evidence = selection.names, selection.evidence
+    starts = search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress), _from_all_at_once(bare)
+    accepted, choice = min(
+        (_accepted(each, windows) for each in starts),
+        key=lambda each: float(each[1].off_m(each[0].names).mean()),
+    )
+    if not choice.better(accepted.names):
+        return None
+    tied = dict.fromkeys(choice.tied(accepted.names), 0.0)
+    return replace(accepted, rival_deficits=tied, lack_of_fit=lack_of_fit_that_matters(accepted))
+
+
+def _from_all_at_once(evidence: Evidence) -> Selection:
+    """The best set where the equations are linear about all effects together, each held by its prior.
+
+    Of a model that is far off what a search finds about nothing, and about that, and so on, does not settle: each
+    look brings another set. About all of them the residuals are small from the beginning.
+    """
+    for _ in range(_LOOKS):
+        every = tuple[str, ...]()
+        for name in sorted(evidence.names, key=lambda name: -evidence.log_odds([name])):
+            every = (*every, name) if evidence.possible((*every, name)) else every
+        evidence = linear_about(evidence, fitted_coordinates(evidence, every))
+    return Selection(search_effects(evidence, most=MOST), evidence, most=MOST)
+
+
+def _accepted(start: Selection, windows: UnseenWindows) -> tuple[Acceptance, _Choice]:
+    """The effects of a set that bring something on legs left out, with more that do, and without chance."""
+    names, evidence = start.names, start.evidence
     for _ in range(_ROUNDS):
         evidence = linear_about(evidence, fitted_coordinates(evidence, names))
         parts = tuple(evidence_within(windows, evidence).values())
@@ -111,11 +138,7 @@ def name_of_coarse_model(
         names = kept
     evidence = evidence_of(evidence.equations, by_leg=True)
     names, tests = _without_chance(evidence, names)
-    if not choice.better(names):
-        return None
-    tied = dict.fromkeys(choice.tied(names), 0.0)
-    accepted = Acceptance(names, tests, evidence, rival_deficits=tied, beside_remainder=True)
-    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
+    return Acceptance(names, tests, evidence, beside_remainder=True), choice
 
 
 def _without_chance(
