@@ -8,7 +8,7 @@ PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test test-slow frozen oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load watch-load soak fuzz check clean
+.PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -33,13 +33,10 @@ demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to re
 	$(BIN)/seatrial demo -o demo
 
 test: $(STAMP)   ## the test suite (-n 2: two processes)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages and not frozen and not frozen_long"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages"
 
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow
-
-frozen: $(STAMP) ## the figures from before the rebuilding, again; PART=quick some of them, PART=NAME one
-	$(BIN)/python -m pytest -n 2 --dist worksteal tests/frozen $(if $(filter quick,$(PART)),-m frozen,$(if $(PART),-k "$(PART)"))
 
 oracle: $(STAMP) ## rudder ships against another program, which it installs
 	$(PIP) install --no-deps shipmmg==0.0.11

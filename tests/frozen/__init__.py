@@ -1,1 +1,0 @@
-"""What the program said of the same input before its house was rebuilt, and whether it still does."""
