@@ -106,7 +106,7 @@ def test_the_table_has_every_method_and_the_best_in_bold(html: str, case: Case) 
     best = min(scores, key=lambda name: scores[name].mean_distance_m)
     assert f"<tr class=best><td>{plain(best)}</td>" in html
     for name, score in scores.items():
-        assert f"<td>{plain(name)}</td><td>{score.mean_distance_m:.3f}</td>" in html
+        assert f"<td>{plain(name)}</td><td>causal</td><td>{score.mean_distance_m:.3f}</td>" in html
 
 
 def test_the_headline_is_that_of_the_validation(html: str, case: Case) -> None:
@@ -119,7 +119,7 @@ def test_without_a_calibrator_the_report_says_so_and_stands(bare: Case) -> None:
     text = page.html
     assert "No calibrator was given" in text
     assert "region_calibration" not in page.figures
-    assert set(bare.validation.tracks) == {"constant_velocity", "reference"}
+    assert set(bare.validation.tracks) == {"straight_line", "constant_velocity", "reference"}
     assert "prediction_fans" in page.figures
 
 
