@@ -43,12 +43,11 @@ def may_change(accepted: Acceptance) -> bool:
     """Whether what the named effects leave is another at another time, or may be another in another recording; or
     whether one of them changes: then it is likely that another does.
 
-    What a coarse model leaves is another at every other speed: there only what goes with time counts.
+    What a coarse model leaves of one recording is another at every other speed: there only what goes with time
+    counts.
     """
     equations = accepted.evidence.equations
-    if is_coarse(accepted):
-        return any(each.depends == "time" for each in accepted.lack_of_fit)
-    if courses(accepted.names, equations.model.catalogue):
+    if courses(accepted.names, equations.model.catalogue) and not is_coarse(accepted):
         return True
     any_may = np.ptp(equations.log.recording) > 0
     return any(any_may or each.depends == "time" for each in accepted.lack_of_fit)
@@ -68,11 +67,23 @@ def likeliest_change(accepted: Acceptance) -> Varied | None:
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
-    steady = parts.evidence.log_odds(search_effects(parts.evidence))
-    if odds[best] < steady + max(CLOSE, _MUCH * steady if is_coarse(accepted) else 0.0):
+    if odds[best] < _asked_of_a_change(parts.evidence, is_coarse(accepted)):
         return None
     alike = [each for each in odds if each.base == best.base and odds[each] > odds[best] - CLOSE]
     return min(alike, key=lambda each: (each.course.pieces, -odds[each]))
+
+
+def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
+    """The log odds that the best set with a change has to reach: more than any set without.
+
+    Where a model seems coarse, much more than any in which nothing has a size of its own in each recording: what
+    has may be the imitation of a change.
+    """
+    asked = evidence.log_odds(search_effects(evidence)) + CLOSE
+    if not coarse:
+        return asked
+    changing = frozenset(each.name for each in courses(evidence.names, evidence.equations.model.catalogue))
+    return max(asked, (1.0 + _MUCH) * evidence.log_odds(search_effects(evidence, changing)))
 
 
 def _odds_with(parts: _Parts, change: Varied) -> float:

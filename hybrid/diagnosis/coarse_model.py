@@ -100,13 +100,11 @@ def name_of_coarse_model(
 ) -> Acceptance | None:
     """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
     bare = _linear_about_nothing(first.evidence)
-    starts = search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress), _from_all_at_once(bare)
-    accepted, choice = min(
-        (_accepted(each, windows) for each in starts),
-        key=lambda each: float(each[1].off_m(each[0].names).mean()),
-    )
-    if not choice.better(accepted.names):
+    from_nothing = _accepted(search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress), windows)
+    if not from_nothing[1].better(from_nothing[0].names):
         return None
+    both = from_nothing, _accepted(_from_all_at_once(bare), windows)
+    accepted, choice = min(both, key=lambda each: float(each[1].off_m(each[0].names).mean()))
     tied = dict.fromkeys(choice.tied(accepted.names), 0.0)
     return replace(accepted, rival_deficits=tied, lack_of_fit=lack_of_fit_that_matters(accepted))
 
