@@ -81,11 +81,13 @@ _CANDIDATES = 3  # the adapted model, constant velocity, the reference
 @dataclass(frozen=True, slots=True)
 class _Candidates:
     """The candidate predictions of N windows, the adapted model's first: ``tracks`` [3, N, H+1, 3] and the mean
-    errors ``hindcast_m`` [3, N] of their hindcasts in metres.
+    errors ``hindcast_m`` [3, N] of their hindcasts in metres; ``spread_m`` [N, H] is how far the members' tracks
+    lie apart.
     """
 
     tracks: Floats
     hindcast_m: Floats
+    spread_m: Floats
 
 
 class AdaptiveCalibrator(Calibrator):
@@ -122,8 +124,6 @@ class AdaptiveCalibrator(Calibrator):
                 for member in range(members)
             ]
         )  # fmt: skip
-        if self.any_commands:
-            self.median_spread_m_ = np.nanmedian(self._spread_m(windows), axis=0)
         self.covariance_ = self._covariance(windows)
         starts = _starts(windows)
         self.range_ = np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
@@ -163,8 +163,11 @@ class AdaptiveCalibrator(Calibrator):
 
     def _cross_validate(self, windows: PredictionWindows, fold: NDArray[np.int64]) -> Floats:
         """Fit weights and regions; the tracks [N, H+1, 3] of each window by the member not fitted to it."""
+        spread_m = self._member_states(self.vectors_, self._observed(windows))[2]
+        if self.any_commands:
+            self.median_spread_m_ = np.nanmedian(spread_m, axis=0)
         candidates = _Candidates(
-            np.empty((_CANDIDATES, *windows.track.shape)), np.empty((_CANDIDATES, len(windows)))
+            np.empty((_CANDIDATES, *windows.track.shape)), np.empty((_CANDIDATES, len(windows))), spread_m
         )
         for member, vector in enumerate(self.vectors_):
             mine = fold == member
@@ -177,24 +180,34 @@ class AdaptiveCalibrator(Calibrator):
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
         tracks, hindcast_m = self._average(candidates, self.weight_power_)
-        uncertainty = self._uncertainty(hindcast_m, windows)
+        uncertainty = self._uncertainty(hindcast_m, spread_m)
         self.radius_ = conformal_radius(tracks, windows.track, uncertainty)
         return tracks
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds before."""
         before = hindcast_windows(windows, HINDCAST_S)
-        tracks = self._candidate_tracks(vectors, self._observed(windows))
-        hindcasts = self._candidate_tracks(vectors, self._observed(before))
-        return _Candidates(tracks, np.stack([mean_distances(each, before.track) for each in hindcasts]))
+        tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
+        hindcasts, _ = self._candidate_tracks(vectors, self._observed(before))
+        return _Candidates(tracks, np.stack([mean_distances(each, before.track) for each in hindcasts]), spread_m)
 
-    def _candidate_tracks(self, vectors: Floats, observations: Observations) -> Floats:
-        """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, in one motion in waves."""
+    def _member_states(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats, Floats]:
+        """The members' mean states [N, H+1, 6] and motion in waves [N, H+1, 3], and how far their tracks lie apart
+        [N, H]: their standard deviation [m].
+        """
         parts = [run_observer(vector, self._model, observations) for vector in vectors]
-        states, waves = (np.mean(part, axis=0) for part in zip(*parts, strict=True))
+        states, waves = (np.stack(part) for part in zip(*parts, strict=True))
+        spread_m = np.linalg.norm(np.std(states[:, :, 1:, :2], axis=0), axis=-1)
+        return states.mean(axis=0), waves.mean(axis=0), spread_m
+
+    def _candidate_tracks(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats]:
+        """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, in one motion in waves, and
+        the members' spread [N, H].
+        """
+        states, waves, spread_m = self._member_states(vectors, observations)
         held = present_motion_held(states[:, 0], observations.control.shape[1])
         model = simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
-        return np.asarray(np.stack([states[..., :3], held, model]) + waves)
+        return np.asarray(np.stack([states[..., :3], held, model]) + waves), spread_m
 
     def _average(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
         """The candidates' weighted mean [N, H+1, 3] and the hindcast error [N] that goes with it in metres.
@@ -213,29 +226,25 @@ class AdaptiveCalibrator(Calibrator):
         hindcast_m = np.where(known, candidates.hindcast_m, _UNKNOWN_RATIO * self.median_hindcast_m_)
         return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
-    def _uncertainty(self, hindcast_m: Floats, windows: PredictionWindows) -> Floats:
-        """The relative uncertainty [N, H], one for the median hindcast error; half of it grows with that error.
+    def _uncertainty(self, hindcast_m: Floats, spread_m: Floats) -> Floats:
+        """The relative uncertainty [N, H], one for the median hindcast error; half of it grows with that error [N].
 
-        With any commands a third does, and another third with how far the members' tracks lie apart.
+        With any commands a third does, and another third with how far the members' tracks lie apart [N, H].
         """
-        by_hindcast = np.repeat(hindcast_m[:, None], windows.horizon_s, axis=1) / max(self.median_hindcast_m_, 1e-6)
+        horizon_s = spread_m.shape[1]
+        by_hindcast = np.repeat(hindcast_m[:, None], horizon_s, axis=1) / max(self.median_hindcast_m_, 1e-6)
         if self.median_spread_m_ is None:
             return 0.5 + 0.5 * by_hindcast
-        usual_m = self.median_spread_m_[: windows.horizon_s].clip(min=1e-6)
-        return np.asarray((1.0 + by_hindcast + self._spread_m(windows) / usual_m) / 3.0)
-
-    def _spread_m(self, windows: PredictionWindows) -> Floats:
-        """How far the members' tracks lie apart [N, H]: their standard deviation [m]."""
-        observed = self._observed(windows)
-        tracks = [run_observer(vector, self._model, observed)[0][:, 1:, :2] for vector in self.vectors_]
-        return np.asarray(np.linalg.norm(np.std(tracks, axis=0), axis=-1))
+        usual_m = self.median_spread_m_[:horizon_s].clip(min=1e-6)
+        return np.asarray((1.0 + by_hindcast + spread_m / usual_m) / 3.0)
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
 
     def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
-        tracks, hindcast_m = self._average(self._candidates(windows, self.vectors_), self.weight_power_)
-        return tracks, self._uncertainty(hindcast_m, windows)
+        candidates = self._candidates(windows, self.vectors_)
+        tracks, hindcast_m = self._average(candidates, self.weight_power_)
+        return tracks, self._uncertainty(hindcast_m, candidates.spread_m)
 
     def conformal_radius(self, stopping: Examples) -> Floats:
         return self.radius_
