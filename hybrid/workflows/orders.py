@@ -11,6 +11,7 @@ from acquisition.core.actuators import Actuators, name_of_order
 from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Floats
 from analysis.tables.table import NANO, times_ns
+from hybrid.simulation.autopilot import Drives, follow, shares
 from hybrid.vessel.actuators import KINDS, Drive
 from hybrid.vessel.parameters import Vessel
 
@@ -94,15 +95,17 @@ def followed(table: pd.DataFrame, order: str, drive: Drive, *, circular: bool) -
     values = unwrap(values) if circular else values
     grid = np.arange(times[0], every[-1] + _STEP_S, _STEP_S)
     held = values[np.searchsorted(times, grid, side="right") - 1]
-    acting = np.interp(every, grid, _driven(np.clip(held, -drive.limit, drive.limit), drive))
+    acting = np.interp(every, grid, _driven(held, drive))
     return np.where(every >= times[0], wrap_180(acting) if circular else acting, np.nan)
 
 
 def _driven(orders: Floats, drive: Drive) -> Floats:
-    """A first-order lag, no faster than the drive can, that begins at the first order."""
-    share = 1.0 - np.exp(-_STEP_S / drive.lag_s) if drive.lag_s > 0.0 else 1.0
-    most, now, result = drive.rate * _STEP_S, orders[0], np.empty_like(orders)
-    for k, order in enumerate(orders):
-        result[k] = now
-        now += min(max(share * (order - now), -most), most)
+    """What a drive makes of orders, one a step, that begins at the first (:func:`.follow`)."""
+    lag_s, limit, rate, helm = (np.array([each]) for each in (drive.lag_s, drive.limit, drive.rate, 0.0))
+    drives = Drives(lag_s, limit, rate, helm, damping_s=0.0, settled_radps=0.0)
+    share, result = shares(drives, _STEP_S), np.empty_like(orders)
+    now = np.clip(orders[:1], -drive.limit, drive.limit)
+    for k in range(len(orders)):
+        result[k] = now[0]
+        follow(drives, share, now, orders[k : k + 1], _STEP_S)
     return result
