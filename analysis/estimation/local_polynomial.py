@@ -1,18 +1,15 @@
-"""Waves and noise taken off the motion by local polynomials: two-sided, and one-sided where a recording ends.
+"""Waves and noise taken off the motion by local polynomials: one-sided, and two-sided as known afterwards.
 
 A prediction over half a minute starts from a speed and a heading. In waves of five seconds the measured ones
-swing by decimetres a second and tenths of a degree, which is no course to predict from. Here each motion
+swing by decimetres a second and tenths of a degree, which is no course to predict from. Afterwards each motion
 channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
 weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
 curvature come out exactly, waves of 4 to 8 s are taken down by a factor of ten and more.
 
-The fit looks ahead as well as back, as a smoother does. All methods that go on from a start state get the same, so
-that they compare fairly.
-
-Aboard nothing lies ahead of the start of a prediction, and the parabola becomes one-sided: it takes the swing of a
-wave for a turn that begins. There heading, speeds and yaw rate are straight lines through the last 10 s, weighted
-with half a raised cosine; north and east, which a turn bends, keep the parabola. On simulated trials predictions of
-30 s from such starts are 15 % better for the reference in waves, 40 % for constant velocity outside a calibrator's
+At the start of a prediction nothing is known of what lies ahead, and a one-sided parabola takes the swing of a wave
+for a turn that begins. There heading, speeds and yaw rate are straight lines through the last 10 s, weighted with
+half a raised cosine; north and east, which a turn bends, keep the parabola. On simulated trials predictions of 30 s
+from such starts are 15 % better for the reference in waves, 40 % for constant velocity outside a calibrator's
 domain, and within 5 % of the parabola's where the ship manoeuvres. Means instead of lines are better still in waves
 and much worse in a turn.
 """

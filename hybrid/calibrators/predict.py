@@ -125,7 +125,7 @@ def predict(
     """Predict from ``at`` with the actuators as they are, or under planned ``commands`` (:func:`.read_commands`).
 
     The reference predicts, or the calibrator on it; the wind is held, or dies down as gusts do. Raises
-    :class:`InputError` for another horizon than the calibrator's or an instant that is not in the recording,
+    :class:`InputError` for a longer horizon than the calibrator's or an instant that is not in the recording,
     :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:

@@ -100,11 +100,12 @@ def name_of_coarse_model(
 ) -> Acceptance | None:
     """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
     bare = _linear_about_nothing(first.evidence)
-    from_nothing = _accepted(search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress), windows)
-    if not from_nothing[1].better(from_nothing[0].names):
+    accepted, choice = _accepted(search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress), windows)
+    if not choice.better(accepted.names):
         return None
-    both = from_nothing, _accepted(_from_all_at_once(bare), windows)
-    accepted, choice = min(both, key=lambda each: float(each[1].off_m(each[0].names).mean()))
+    other, its_choice = _accepted(_from_all_at_once(bare), windows)
+    if its_choice.off_m(other.names).mean() < choice.off_m(accepted.names).mean():
+        accepted, choice = other, its_choice
     tied = dict.fromkeys(choice.tied(accepted.names), 0.0)
     return replace(accepted, rival_deficits=tied, lack_of_fit=lack_of_fit_that_matters(accepted))
 

@@ -188,13 +188,13 @@ def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFi
 
 
 def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: float, seed: int) -> SplitSummary:
+    causal, two_sided = _by_start(result.errors)
     breakdown: dict[str, dict[str, Summary]] = {}
     for kind, classes in classes_of(windows, length_m).items():
         breakdown[kind] = {}
         for name, mask in classes.items():
-            errors = {method: each.subset(mask) for method, each in _by_start(result.errors)[0].items()}
+            errors = {method: each.subset(mask) for method, each in causal.items()}
             breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
-    causal, two_sided = _by_start(result.errors)
     return SplitSummary(
         result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
         summarise(two_sided, windows, seed), breakdown,

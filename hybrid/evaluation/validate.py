@@ -91,7 +91,7 @@ def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator
 def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
     """Score every baseline, and the calibrator if there is one, on the windows of ``dataset``.
 
-    Raises :class:`InputError` when the calibrator was trained for another horizon, or on held controls and the
+    Raises :class:`InputError` when the calibrator was trained for a shorter horizon, or on held controls and the
     windows have any commands.
     """
     if trained is not None:
