@@ -256,10 +256,11 @@ def evaluate(
     """What each method is worth on recordings like these: fitted on one part of them and judged on the other.
 
     ``splits`` are ``leg``, ``time``, ``recording``, ``random`` (without any: leg and time, and recording where
-    there are several); ``methods`` are kinds of calibrators (without any: all). With ``any_commands`` on all
-    windows that have data, under the commands as they were recorded; otherwise on held ones.
+    there are several); ``methods`` are kinds of calibrators (without any: all but ``paper_adam``). With
+    ``any_commands`` on all windows that have data, under the commands as they were recorded; otherwise on held
+    ones.
     """
-    from hybrid.calibrators import METHODS, refuse_unknown
+    from hybrid.calibrators import COMPARED, refuse_unknown
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.evaluation import splits as split_kinds
     from hybrid.evaluation.study import study
@@ -268,7 +269,7 @@ def evaluate(
     kinds = (
         list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(as_paths(recordings)) == 1 else 3]
     )
-    names = list(dict.fromkeys(methods or METHODS))
+    names = list(dict.fromkeys(methods or COMPARED))
     split_kinds.refuse_unknown(kinds)
     for each in names:
         refuse_unknown(each)

@@ -16,9 +16,12 @@ _METHODS = {
     "paper": ("hybrid.calibrators.networks", "PaperCalibrator"),
     "data_driven": ("hybrid.calibrators.networks", "DataDrivenCalibrator"),
     "additive": ("hybrid.calibrators.networks", "AdditiveCalibrator"),
+    "paper_adam": ("hybrid.calibrators.networks", "PublishedPaperCalibrator"),
     "adaptive": ("hybrid.calibrators.adaptive.calibrator", "AdaptiveCalibrator"),
 }
 METHODS: tuple[str, ...] = tuple(_METHODS)
+COMPARED = tuple(method for method in METHODS if method != "paper_adam")
+"""What is compared where nobody says which methods: ``paper_adam`` is ``paper`` again, trained for longer."""
 
 
 def refuse_unknown(method: str) -> None:

@@ -36,7 +36,7 @@ def train(
     vessel: VesselOption = None,
     horizon: Annotated[int, typer.Option(min=2, help="How far it predicts, in seconds.")] = 15,
     stride: StrideOption = 5,
-    method: Annotated[str, typer.Option(help="adaptive, paper, additive or data_driven.")] = "adaptive",
+    method: Annotated[str, typer.Option(help="adaptive, paper, paper_adam, additive or data_driven.")] = "adaptive",
     part: PartOption = "0..100",
     any_commands: AnyOption = False,
     repair: RepairOption = False,
@@ -104,7 +104,8 @@ def evaluate(
         ),
     ] = None,
     method: Annotated[
-        list[str] | None, typer.Option(help="A kind of calibrator; several may be given. Without it all.")
+        list[str] | None,
+        typer.Option(help="A kind of calibrator; several may be given. Without it all but paper_adam."),
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
     stride: StrideOption = 5,

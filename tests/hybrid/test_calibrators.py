@@ -20,7 +20,10 @@ from hybrid.calibrators.networks import (
     DataDrivenCalibrator,
     NetworkCalibrator,
     PaperCalibrator,
+    PublishedPaperCalibrator,
     Standardisation,
+    StoppingRule,
+    fit_network_by_adam,
     start_inputs,
     start_labels,
 )
@@ -89,9 +92,10 @@ def test_what_was_constant_in_training_cannot_blow_up_later() -> None:
     assert np.array_equal(running, calibrator.predict(windows, reference))
 
 
-def test_a_linear_truth_is_learned() -> None:
+@pytest.mark.parametrize("kind", [PaperCalibrator, PublishedPaperCalibrator])
+def test_a_linear_truth_is_learned(kind: type[PaperCalibrator]) -> None:
     """The set and the loss of speed are found on windows that were not seen: four fifths of the error go."""
-    calibrator = PaperCalibrator(epochs=150, batch=64).fit(drifting(200), drifting(40, seed=1))
+    calibrator = kind(epochs=150, batch=64).fit(drifting(200), drifting(40, seed=1))
     windows, reference = drifting(80, seed=2)
     before = score(reference, windows.track).mean_distance_m
     after = score(calibrator.predict(windows, reference), windows.track).mean_distance_m
@@ -130,6 +134,18 @@ def test_the_additive_one_learns_the_error_of_the_reference() -> None:
     assert after[AdditiveCalibrator] < 1e-9 < 1.0 < after[PaperCalibrator]
     further = found[AdditiveCalibrator].predict(unseen, wrong + np.linspace(0.0, 1e4, SECONDS + 1)[:, None])
     assert np.diff(further - unseen.track, axis=1)[:, 1:, :2] == pytest.approx(1e4 / SECONDS)
+
+
+def test_a_step_of_adam_is_its_equation() -> None:
+    """The first step of Kingma and Ba (2015, algorithm 1) is the rate, against the sign of each derivative."""
+    network, rows = torch.nn.Sequential(torch.nn.Linear(2, 1)).double(), torch.eye(2, dtype=torch.float64)
+    with torch.no_grad():
+        network[0].weight.copy_(torch.tensor([[3.0, -2.0]]))
+        network[0].bias.zero_()
+    data = rows, torch.zeros(2, 1, dtype=torch.float64)
+    fit_network_by_adam(network, data, data, StoppingRule(steps=1, rows=2, patience=1))
+    weights = torch.nn.utils.parameters_to_vector(network.parameters()).tolist()
+    assert weights == pytest.approx([3.0 - 1e-3, -2.0 + 1e-3, -1e-3], abs=1e-9)
 
 
 def test_progress_goes_from_nothing_to_all() -> None:
