@@ -176,7 +176,8 @@ _ERROR = _object(
         "start": _value("number", "The instant that it started from, UTC since 1970 [s]"),
         "method": _text("Who spoke then"),
         "thrusters_moved": _value(
-            "boolean", "Whether a thruster moved in its horizon, which it could not know: no part of the means"
+            "boolean",
+            "Whether a thruster moved in its horizon otherwise than planned: no part of the means",
         ),
         "mean_distance_m": _value(
             "number", "Distance between predicted and measured position, mean over its seconds [m]"
@@ -190,11 +191,11 @@ _ERROR = _object(
     unknown=("inside_band",),
 )
 _RUNNING = _object(
-    "Means over the predictions of the last minutes in whose horizon no thruster moved; left out if there is none",
+    "Means over the predictions of the last minutes whose thrusters were held or as planned; left out if none",
     {
         "over_s": _value("number", "So far back [s]"),
         "predictions": _value("number", "How many were judged"),
-        "left_out": _value("number", "How many more were not, as a thruster moved in their horizon"),
+        "left_out": _value("number", "How many more were not, as a thruster moved otherwise in their horizon"),
         "mean_distance_m": _value("number", "Mean of mean_distance_m [m]"),
         "end_distance_m": _value("number", "Mean of end_distance_m [m]"),
         "along_m": _value("number", "Mean of along_m, with its sign [m]"),
@@ -207,7 +208,7 @@ _RUNNING = _object(
 PREDICTION: Schema = {
     "title": "seatrial.Prediction",
     **_object(
-        "The track of the next seconds with thrusters and wind held, made while the trial is recorded",
+        "The track of the next seconds with thrusters held or as planned, made while the trial is recorded",
         {
             "start": _value("number", "The instant that the prediction starts from, UTC since 1970 [s]"),
             "made_at": _value("number", "When it was made, UTC since 1970 [s]"),
@@ -227,11 +228,17 @@ PREDICTION: Schema = {
                 "maxItems": 13,
                 "description": "Channels whose newest sample is older than the start and was held to it",
             },
+            "planned_channels": {
+                "type": "array",
+                "items": {"type": "string", "maxLength": _MOST_LETTERS},
+                "maxItems": 64,
+                "description": "Channels of actuators that followed planned orders; the others were held",
+            },
             "track": _TRACK,
             "error": _ERROR,
             "running": _RUNNING,
         },
-        unknown=("error",),
+        unknown=("error", "planned_channels"),
     ),
 }
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import control_names
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
@@ -16,8 +18,9 @@ from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for
 from analysis.tables.table import trial_channels
 from analysis.windows.recordings import SecondBySecond
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.planned_commands import planned_commands
+from hybrid.prediction.planned_commands import commands_from, planned_commands
 from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
+from hybrid.vessel.actuators import control_units
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -31,6 +34,7 @@ class Prediction(ModelResult):
     ``track`` [H+1, 3]: north, east [m], heading [rad]; ``band_m`` [H+1]: the radius of its 95 % region, if the
     method has one; ``measured`` [H+1, 3] where the recording goes on long enough. ``outside_domain`` says that the
     start lies outside the calibrator's domain of applicability: then ``method`` names the fallback's main baseline.
+    ``planned`` are the channels [H] of actuators that a plan had orders for, second by second.
     """
 
     at: pd.Timestamp
@@ -39,6 +43,7 @@ class Prediction(ModelResult):
     band_m: Floats | None
     measured: Floats | None
     outside_domain: bool = False
+    planned: Mapping[str, Floats] = field(default_factory=dict)
     view = "hybrid.report.tables:prediction_table"
     drawing = "hybrid.report.plots:draw_prediction"
     size_inch = (7.0, 6.0)
@@ -131,11 +136,11 @@ def predict(
     if trained is not None:
         trained.refuse_horizon(horizon_s)
     windows, covered = window_at(recorded, at, horizon_s, plant.length_overall_m)
+    planned: Mapping[str, Floats] = {}
     if commands is not None:
-        planned = planned_commands(commands, windows.control[0], windows.actuators, horizon_s)
-        windows = replace(windows, commands=planned[None])
         if trained is not None:
-            trained.refuse_commands(windows)
+            trained.refuse_commands()
+        windows, planned = _under_plan(windows, commands)
     track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
@@ -156,4 +161,17 @@ def predict(
         band_m=band,
         measured=windows.track[0] if covered else None,
         outside_domain=outside_domain,
+        planned=planned,
     )
+
+
+def _under_plan(
+    windows: PredictionWindows, commands: pd.DataFrame
+) -> tuple[PredictionWindows, Mapping[str, Floats]]:
+    """A window under planned commands, and its channels [H] that these order; as it is where the plan is over."""
+    orders = commands_from(commands, pd.Timestamp(windows.start_time[0]), windows.horizon_s)
+    if orders is None:
+        return windows, {}
+    controls = planned_commands(orders, windows.control[0], windows.actuators, windows.horizon_s)
+    channels = zip(control_names(windows.actuators), (controls / control_units(windows.actuators)).T, strict=True)
+    return replace(windows, commands=controls[None]), {name: each for name, each in channels if name in orders}

@@ -72,9 +72,9 @@ class TrainedCalibrator(ModelResult):
         """
         return predict_with_fallback(self.calibrator, self.plant, self.band_m, self.fallback, windows, reference)
 
-    def refuse_commands(self, windows: PredictionWindows) -> None:
-        """Raise :class:`InputError` for windows with any commands when it was trained on held ones."""
-        if windows.commands is not None and not self.calibrator.any_commands:
+    def refuse_commands(self) -> None:
+        """Raise :class:`InputError` when it was trained on held controls and so cannot take any commands."""
+        if not self.calibrator.any_commands:
             raise InputError(
                 "the calibrator was trained on held controls and cannot take any commands",
                 fix="leave --any or --commands out, or train anew with --any",

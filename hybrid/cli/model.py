@@ -157,7 +157,9 @@ def predict(
     ] = None,
     commands: Annotated[
         Path | None,
-        typer.Option(help="A table of planned orders: second, and channels of actuators. Without it they stay."),
+        typer.Option(
+            help="A table of planned orders: second or time, and channels of actuators. Without it they stay."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -175,6 +177,13 @@ def watch(
     horizon: Annotated[
         int | None,
         typer.Option(min=2, max=300, help="How far is predicted in seconds; 30, or what the calibrator does."),
+    ] = None,
+    commands: Annotated[
+        Path | None,
+        typer.Option(
+            help="A table of planned orders: time or second, and channels of actuators; read again when it "
+            "changes. Without it what is ordered now goes on."
+        ),
     ] = None,
     duration: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
     log: Annotated[str, typer.Option(help="What is written without a terminal: text, or json lines.")] = "text",
@@ -194,7 +203,7 @@ def watch(
         trial = load_config(config)
         predictor = predictor_of({config: trial.trial}, calibrator, vessel, horizon, WATCH_HORIZON_S)
         typer.echo(str(predictor.said), err=True)
-        summary = run(trial, predictor, stop, duration, log_format=log)  # type: ignore[arg-type]
+        summary = run(trial, predictor, stop, duration, log_format=log, commands=commands)  # type: ignore[arg-type]
     typer.echo(str(summary), err=True)
     if as_json:
         typer.echo(json.dumps(described(summary, predictor)))

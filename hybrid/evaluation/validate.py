@@ -96,7 +96,8 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
     """
     if trained is not None:
         trained.refuse_horizon(dataset.windows.horizon_s)
-        trained.refuse_commands(dataset.windows)
+        if dataset.windows.commands is not None:
+            trained.refuse_commands()
     windows, reference_tracks = within_model_range(dataset.windows, plant)
     tracks, hybrid = _tracks(windows, reference_tracks, trained)
     afterwards = starting_two_sided(windows)

@@ -1,10 +1,12 @@
-"""The commands that are planned for the seconds to come, from a table: second by second what an order would be.
+"""The commands that are planned for the seconds to come, from a table: when each order would be given.
 
-    second,port_rpm,starboard_rpm,rudder_angle_deg
-    0,120,120,0
-    5,120,120,-20
+    second,port_rpm,starboard_rpm,rudder_angle_deg      time,rudder_angle_deg
+    0,120,120,0                                         2026-06-01T10:00:00Z,0
+    5,120,120,-20                                       2026-06-01T10:04:30Z,-20
 
-An order holds until the next row; what has no column, and what comes before the first row, goes on as it is now.
+``second`` counts from the start of a prediction; ``time`` is ISO 8601 with zone, or seconds since 1970. An order
+holds until the next row; what has no column, and what comes before the first row, goes on as it is now. The last
+order by ``time`` holds for one horizon: then the plan is over.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import pandas as pd
 from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
+from acquisition.tables.table_files import RawTable, parse_times
 from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.vessel.actuators import angle_columns, control_units
 
@@ -24,8 +27,8 @@ _PARTS = 20  # of a second: an order may come between two seconds
 
 
 def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
-    """The table of a CSV or Parquet file: by ``second`` [s] after the start, columns as the channels of
-    ``actuators``.
+    """The table of a CSV or Parquet file: by ``second`` [s] after the start or by ``time`` (UTC), columns as the
+    channels of ``actuators``.
 
     Raises :class:`InputError` naming what is missing, unknown, unsorted or no number.
     """
@@ -35,26 +38,44 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
         raise InputError("cannot be read as a table of commands", where=str(path), why=str(error)) from error
     names, known = [str(name).strip() for name in table.columns], control_names(actuators)
     table.columns = pd.Index(names)
-    if "second" not in names:
-        raise InputError("has no column second", where=str(path), fix="give the seconds after the start")
-    unknown = sorted(set(names) - {"second", *known})
+    when = next((name for name in names if name in ("second", "time")), None)
+    if when is None:
+        raise InputError(
+            "has no column second or time", where=str(path), fix="give the seconds after the start, or the times"
+        )
+    unknown = sorted(set(names) - {when, *known})
     if unknown or len(set(names)) < len(names) or len(names) < 2:
         raise InputError(
             f"has the columns {', '.join(names)}", where=str(path),
-            fix=f"give second and each at most once of {', '.join(known)}",
+            fix=f"give second or time, and each at most once of {', '.join(known)}",
         )  # fmt: skip
-    numbers = table.apply(pd.to_numeric, errors="coerce")
-    if table.empty or not np.isfinite(numbers.to_numpy(dtype=float)).all():
+    if when == "time" and len(table):
+        table["time"] = parse_times(RawTable(path, table), "time")
+    else:
+        table[when] = pd.to_numeric(table[when], errors="coerce").replace(np.inf, np.nan)
+    orders = pd.DataFrame(table.set_index(when).apply(pd.to_numeric, errors="coerce"))
+    if orders.empty or orders.index.hasnans or not np.isfinite(orders.to_numpy(dtype=float)).all():
         raise InputError("holds cells that are no numbers, or no row", where=str(path))
-    if not (np.diff(numbers["second"]) > 0.0).all():
-        raise InputError("its seconds do not grow from row to row", where=str(path), fix="sort them, each once")
-    return pd.DataFrame(numbers).set_index("second")
+    if not (orders.index.is_monotonic_increasing and orders.index.is_unique):
+        raise InputError(f"its {when}s do not grow from row to row", where=str(path), fix="sort them, each once")
+    return orders
+
+
+def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.DataFrame | None:
+    """The table of :func:`read_commands` by seconds after ``at``; None where it is over, one by ``time`` only.
+
+    Rows before ``at`` are kept: the last of them is the order that holds.
+    """
+    if not isinstance(table.index, pd.DatetimeIndex):
+        return table
+    seconds = (table.index - at) / pd.Timedelta(seconds=1)
+    return table.set_axis(seconds) if seconds[-1] > -horizon_s else None
 
 
 def planned_commands(table: pd.DataFrame, now: Floats, actuators: Actuators, horizon_s: int) -> Floats:
     """The mean controls over each second of the horizon [H, controls] in SI, from ``now`` [controls] on.
 
-    ``table`` as of :func:`read_commands`. Angles are averaged the shorter way round.
+    ``table`` as of :func:`commands_from`. Angles are averaged the shorter way round.
     """
     times = (np.arange(horizon_s * _PARTS) + 0.5) / _PARTS
     row = np.searchsorted(table.index.to_numpy(dtype=float), times, side="right")  # 0: before the first

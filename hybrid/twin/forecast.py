@@ -80,8 +80,10 @@ def predict_now(
     plant: Plant,
     trained: TrainedCalibrator | None = None,
     at_ns: int | None = None,
+    commands: pd.DataFrame | None = None,
 ) -> Forecast:
-    """Predict from the newest whole second of the last minute or so, or from the second ``at_ns``.
+    """Predict from the newest whole second of the last minute or so, or from the second ``at_ns``, with the
+    thrusters as they are or under planned ``commands`` (:func:`.read_commands`).
 
     Raises :class:`DataShortageError` naming the channels that are missing, :class:`InputError` where one has a gap
     at that second, :class:`ModelRangeError` where the reference leaves its range.
@@ -95,7 +97,7 @@ def predict_now(
     filled, held = hold_until(recording, start_ns)
     table = resample_recording(filled)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    return Forecast(predict(SecondBySecond(table), at, horizon_s, plant, trained), table, held)
+    return Forecast(predict(SecondBySecond(table), at, horizon_s, plant, trained, commands), table, held)
 
 
 def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
@@ -200,6 +202,8 @@ def message_body(
         "track": track_arrays(prediction, origin),
         "running": {"over_s": over_s, **_without_none(asdict(mean))},
     }
+    if prediction.planned:
+        body["planned_channels"] = list(prediction.planned)
     return body if error is None else {**body, "error": _without_none(error.as_dict())}
 
 

@@ -1,32 +1,39 @@
 """The errors of the predictions of the last minutes, as soon as their horizons have been measured.
 
-A prediction is made with thrusters and wind held. Where a thruster moved in its horizon, which it could not know,
-its error says little of the model: such errors are counted, marked and left out of the means.
+A prediction is made with the wind held, and the thrusters held or as planned. Where one moved otherwise in its
+horizon, which it could not know, its error says little of the model: such errors are counted, marked and left out
+of the means.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import reduce
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 
-from acquisition.core.actuators import control_names
-from acquisition.core.angles import unwrap
+from acquisition.core.actuators import Actuators, control_names
+from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Floats
+from acquisition.core.channels import is_circular
 from analysis.kinematics import to_ship
-from analysis.tables.resample import MOTION_FILTER
+from analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
 from analysis.tables.table import NANO, table_actuators, table_controls, times_ns
-from analysis.windows.held import steady_mask
+from analysis.windows.held import SPAN_SIGMAS, feedback_of, steady_mask, tolerance_of
 from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import difference_rad
 
 FILTER_REACH_S = MOTION_FILTER.reach
 """How long after a second its value at 1 Hz is final [s]: the reach of the filter."""
 AVERAGED_S = 300.0
+_DRIVEN_S = 5
+"""So long after an order its drive may be on the way [s]: with a lag of 1 s, the longest of the vessel files, it is
+within a hundredth after 4.6 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +65,9 @@ _MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_d
 
 @dataclass(frozen=True, slots=True)
 class MeanErrors:
-    """Means over judged predictions in whose horizon no thruster moved, None where there is none.
+    """Means over judged predictions in whose horizon the thrusters did as predicted with, None where there is none.
 
-    ``along_m`` and ``across_m`` keep their sign. ``left_out`` counts those in which one moved.
+    ``along_m`` and ``across_m`` keep their sign. ``left_out`` counts those in which one did otherwise.
     """
 
     predictions: int = 0
@@ -103,16 +110,40 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
     )
 
 
-def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int) -> bool:
-    """Whether a thruster moved in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz table.
+def any_thruster_moved(
+    table: pd.DataFrame, row: int, horizon_s: int, planned: Mapping[str, Floats] | None = None
+) -> bool:
+    """Whether a thruster moved otherwise than ``planned`` in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz
+    table.
 
-    What counts as moved is the rule by which windows are held.
+    ``planned`` are channels [horizon_s] by name, all others are held. What counts as moved is the rule by which
+    windows are held.
     """
-    actuators = table_actuators(table)
+    actuators, plan = table_actuators(table), planned or {}
     return not all(
-        steady_mask(name, table[name].to_numpy(dtype=float), horizon_s + 1, 1, actuators)[row]
-        for name in control_names(actuators)
+        as_planned(name, values, row, plan[name], actuators)
+        if name in plan
+        else steady_mask(name, values, horizon_s + 1, 1, actuators)[row]
+        for name, values in ((name, table[name].to_numpy(dtype=float)) for name in control_names(actuators))
     )
+
+
+def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
+    """Whether a control channel did from ``row`` on what was ``planned`` [H], in the channel's unit.
+
+    Each second it has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those that the filter of
+    the 1 Hz table reaches, within the span that a held setting may have. The last seconds do not count, to which
+    that filter carries what comes after the horizon.
+    """
+    reach, circular = SETTING_FILTER.reach, is_circular(name)
+    done = values[row : row + max(len(planned) + 1 - reach, 1)]
+    orders = np.concatenate([np.full(_DRIVEN_S + 1, done[0]), planned, planned[-reach:]])
+    near = sliding_window_view(unwrap(orders) if circular else orders, _DRIVEN_S + reach + 2)[: len(done)]
+    low, high = near.min(axis=1), near.max(axis=1)
+    off = done - 0.5 * (low + high)
+    tolerance = tolerance_of(name, actuators).at(series := unwrap(values) if circular else values)
+    span = tolerance.span + SPAN_SIGMAS * feedback_of(series, tolerance.noise).noise
+    return bool((np.abs(wrap_180(off) if circular else off) <= 0.5 * (high - low) + span).all())
 
 
 class RunningError:
@@ -172,4 +203,5 @@ class RunningError:
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
         if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
             return None
-        return track_error(prediction, track, any_thruster_moved(table, row, horizon_s))
+        moved = any_thruster_moved(table, row, horizon_s, prediction.planned)
+        return track_error(prediction, track, moved)

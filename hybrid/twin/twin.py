@@ -32,6 +32,7 @@ from hybrid.twin.forecast import (
     predict_now,
     track_geojson,
 )
+from hybrid.twin.plan import PlanFile
 from hybrid.twin.running_error import MeanErrors, RunningError, TrackError
 
 if TYPE_CHECKING:
@@ -61,16 +62,25 @@ class Statistics:
 
 
 class Twin:
-    """Beside the recorder of the trial ``name``; to be closed. Call :meth:`poll` ten times a second or so."""
+    """Beside the recorder of the trial ``name``; to be closed. Call :meth:`poll` ten times a second or so.
+
+    The thrusters are held as they are, or follow a ``plan`` of orders.
+    """
 
     def __init__(
-        self, name: str, configuration: Path, predictor: Predictor, notify: Notify, folder: Path | None = None
+        self,
+        name: str,
+        configuration: Path,
+        predictor: Predictor,
+        notify: Notify,
+        folder: Path | None = None,
+        plan: PlanFile | None = None,
     ) -> None:
         self.predictor, self.statistics, self.errors = predictor, Statistics(), RunningError()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
         self.follower = Follower(name, configuration, keep_s(predictor.horizon_s), notify, folder)
-        self._recent = RecentSamples(keep_s(predictor.horizon_s))
+        self._recent, self._plan = RecentSamples(keep_s(predictor.horizon_s)), plan
         self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
 
@@ -105,10 +115,9 @@ class Twin:
 
     def _predict(self, recording: Recording, start_ns: int) -> bool:
         self._made_s = time.monotonic()
+        by, orders = self.predictor, None if self._plan is None else self._plan.orders()
         try:
-            forecast = predict_now(
-                recording, self.predictor.horizon_s, self.predictor.plant, self.predictor.trained, start_ns
-            )
+            forecast = predict_now(recording, by.horizon_s, by.plant, by.trained, start_ns, orders)
         except SeatrialError as error:
             self._notify_once("warning", f"no prediction: {error}")
             return False

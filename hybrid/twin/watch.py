@@ -25,6 +25,7 @@ from acquisition.logger.supervision import LOG, LogFormat, log_to
 from analysis.kinematics import to_ship
 from hybrid.calibrators.predict import Prediction
 from hybrid.calibrators.predictor import Predictor
+from hybrid.twin.plan import PlanFile
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.twin.twin import Statistics, Twin, warm_up
 
@@ -42,7 +43,7 @@ class Summary:
     """Counts of predictions, means of their errors, and latencies.
 
     ``made`` predictions, of them ``recorded`` by the logger; ``judged`` by what was measured, ``left_out`` of the
-    means as a thruster moved, ``unmeasured`` as no track was measured.
+    means as a thruster moved otherwise than planned, ``unmeasured`` as no track was measured.
     """
 
     made: int
@@ -101,12 +102,16 @@ def watch(
     duration_s: float | None = None,
     log_format: LogFormat = "text",
     folder: Path | None = None,
+    commands: Path | None = None,
 ) -> Summary:
     """Predict beside the recorder of a trial until ``stop`` is set or ``duration_s`` is over.
 
     Waits where there is no recorder, and goes on with the next where one ends. ``folder`` is where recorders
-    leave their sockets, if not in the usual place.
+    leave their sockets, if not in the usual place; ``commands`` a file of planned orders (:class:`.PlanFile`).
+    Raises :class:`InputError` for a calibrator of held controls beside such a file.
     """
+    if commands is not None and predictor.trained is not None:
+        predictor.trained.refuse_commands()
     messages: deque[tuple[str, str]] = deque(maxlen=_MESSAGES)
     on_terminal = sys.stderr.isatty()
 
@@ -118,7 +123,8 @@ def watch(
 
     with ExitStack() as stack:
         stack.enter_context(threadpool_limits(limits=1))  # the other cores are the logger's
-        twin = Twin(config.trial.name, config.path, predictor, notify, folder)
+        plan = None if commands is None else PlanFile(commands, predictor.plant.layout, notify)
+        twin = Twin(config.trial.name, config.path, predictor, notify, folder, plan)
         stack.callback(twin.close)
         stack.enter_context(_display(Display(twin, messages)) if on_terminal else log_to(sys.stderr, log_format))
         warm_up(predictor)
@@ -184,7 +190,8 @@ def _one_line(*parts: str | tuple[str, str]) -> Text:
 def source_text(prediction: Prediction) -> str:
     """The method and the start of a prediction."""
     beyond = ", beyond what the calibrator was trained on" if prediction.outside_domain else ""
-    return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}"
+    planned = f", with {', '.join(prediction.planned)} as planned" if prediction.planned else ""
+    return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}{planned}"
 
 
 def track_table(prediction: Prediction) -> Table:

@@ -190,6 +190,33 @@ def test_planned_orders_steer_and_what_is_not_planned_goes_on(
     assert turned[-1, 2] < later[-1, 2] < held[-1, 2]
 
 
+def test_a_plan_in_times_is_the_plan_in_seconds_from_the_start_until_it_is_over(
+    table: pd.DataFrame, plant: Plant, tmp_path: Path
+) -> None:
+    """The order before the start holds, the last one for a horizon; then what is ordered now goes on."""
+    recorded, start = SecondBySecond(table), at(table, 300.0)
+
+    def track(text: str) -> np.ndarray:
+        orders = read_commands(plan(tmp_path, text), plant.layout)
+        return predict(recorded, start, 20, plant, commands=orders).track
+
+    seconds = "second,port_angle_deg\n0,10\n7.5,-20"
+    first, then, past = (start + pd.Timedelta(seconds=each) for each in (-9.0, 7.5, -19.0))
+    assert np.array_equal(
+        track(f"time,port_angle_deg\n{first.isoformat()},10\n{then.isoformat()},-20"), track(seconds)
+    )
+    assert np.array_equal(
+        track(f"time,port_angle_deg\n{first.timestamp()},10\n{then.timestamp()},-20"), track(seconds)
+    )
+    held = predict(recorded, start, 20, plant)
+    assert not held.planned
+    over = past - pd.Timedelta(seconds=1)
+    assert np.array_equal(track(f"time,port_angle_deg\n{over.isoformat()},10"), held.track)
+    assert np.array_equal(
+        track(f"time,port_angle_deg\n{past.isoformat()},10"), track("second,port_angle_deg\n0,10")
+    )
+
+
 def test_orders_are_averaged_the_shorter_way_round(plant: Plant, tmp_path: Path) -> None:
     """An azimuth ordered from 170 to -170 degrees half-way through a second has been at 180 on the mean."""
     now = np.array([2.0, np.deg2rad(170.0), 2.0, 0.0, 0.0])
@@ -203,7 +230,12 @@ def test_orders_are_averaged_the_shorter_way_round(plant: Plant, tmp_path: Path)
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("port_rpm\n1", "no column second"),
+        ("port_rpm\n1", "no column second or time"),
+        ("second,time,port_rpm\n1,1,1", "give second or time"),
+        ("time,port_rpm\n2026-06-01 10:00,1", "no zone"),
+        ("time,port_rpm\nnoon,1", "no ISO 8601"),
+        ("time,port_rpm\n20,1\n10,1", "times do not grow"),
+        ("second,port_rpm\ninf,1", "no numbers"),
         ("second,rudder_deg\n0,1", "port_rpm, port_angle_deg"),
         ("second\n0", "each at most once"),
         ("second,port_rpm\n0,fast", "no numbers"),

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.actuators import DEFAULT
+from acquisition.core.angles import wrap_180
+from acquisition.core.arrays import Floats
 from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_error import FILTER_REACH_S, RunningError, track_error
+from hybrid.twin.running_error import FILTER_REACH_S, RunningError, as_planned, track_error
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import summary_of
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
@@ -94,6 +99,56 @@ def test_a_thruster_that_moved_in_the_horizon_is_counted_and_left_out(
     mean = errors.mean()
     assert (mean.predictions, mean.left_out) == (20, 10)
     assert mean.end_distance_m == pytest.approx(1.0)
+
+
+def after_a_lag(orders: Floats, lag_s: float) -> Floats:
+    """What a drive with such a lag makes of orders, one a second, that begins at the first."""
+    done = orders.copy()
+    for second in range(1, len(done)):
+        done[second] = orders[second] + (done[second - 1] - orders[second]) * np.exp(-1.0 / lag_s)
+    return done
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "other"),
+    [("port_angle_deg", 170.0, -170.0, 160.0), ("port_rpm", 140.0, 60.0, 75.0), ("tunnel_rpm", 0.0, 300.0, 200.0)],
+)
+def test_what_was_done_is_what_was_planned(name: str, before: float, after: float, other: float) -> None:
+    """A step on the tenth second: done by a drive with a lag of 1 s and noise; not done, done half, done late."""
+    seconds = np.arange(60)
+    noise = 0.2 * np.random.default_rng(1).standard_normal(60)
+    step = before + np.where(seconds >= 30, wrap_180(after - before), 0.0)
+    planned = step[20:50]
+
+    def judge(values: Floats) -> bool:
+        wrapped = wrap_180(values) if name.endswith("_deg") else values
+        return as_planned(name, np.asarray(wrapped + noise), 20, planned, DEFAULT)
+
+    assert judge(after_a_lag(step, 1.0))
+    assert judge(np.interp(seconds, [29, 32], [before, step[-1]]))
+    assert not judge(np.full(60, before))
+    assert not judge(before + (step - before) * (other - before) / wrap_180(after - before))
+    assert not judge(np.roll(step, 8))
+    assert not judge(np.full(60, step[-1]))
+
+
+def test_a_prediction_with_a_plan_is_judged_where_it_was_done(table: pd.DataFrame) -> None:
+    """The helm is put over at second 50: who knew is judged, who did not, or expected more, is not. The last second
+    of a horizon, which the filter blurs, does not count.
+    """
+    table.loc[table.index >= START + pd.Timedelta(seconds=50), "port_angle_deg"] = 8.0
+    errors = RunningError()
+    for second in (40, 49):
+        for degrees in (None, 8.0, 20.0):
+            planned = {} if degrees is None else {
+                "port_angle_deg": np.where(np.arange(HORIZON_S) + second >= 50, degrees, 0.0)
+            }  # fmt: skip
+            errors.add(replace(prediction(second), planned=planned))
+    moved = [each.thrusters_moved for each in errors.evaluate(table, ns(100))]
+    assert moved == [True, False, False, True, False, True]
+    table["tunnel_rpm"] = np.where(np.arange(len(table)) > 45, 100.0, 0.0)
+    errors.add(replace(prediction(41), planned={"port_angle_deg": np.where(np.arange(HORIZON_S) >= 9, 8.0, 0.0)}))
+    assert errors.evaluate(table, ns(100))[0].thrusters_moved, "what is not planned is held"
 
 
 def test_means_are_over_the_last_minutes(table: pd.DataFrame) -> None:

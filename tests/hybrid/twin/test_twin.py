@@ -19,6 +19,7 @@ from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
 from hybrid.calibrators.predictor import Predictor
 from hybrid.twin import twin as twin_module
+from hybrid.twin.plan import PlanFile
 from hybrid.twin.twin import Twin
 from hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
@@ -90,6 +91,38 @@ def test_it_says_where_the_ship_will_be_and_how_far_off_it_was(recorder: Recorde
     assert twin.statistics.recorded == len(said)
     assert twin.statistics.errors.left_out == 0
     assert twin.statistics.errors.predictions == len(judged) >= 8
+
+
+def test_a_plan_is_followed_and_read_again_when_it_changes(
+    recorder: Recorder, plant: Plant, told: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No file yet, a plan, a spoilt one, another, none any more."""
+    monkeypatch.setattr(twin_module, "_LEAST_APART_S", 0.0)
+    path = tmp_path / "plan.csv"
+    plan = PlanFile(path, plant.layout, lambda level, text: told.append(text))
+    model = Predictor("gunnerus_short", plant, 10)
+    watching = Twin("bay", Path("/bay.toml"), model, lambda level, text: None, tmp_path / "run", plan)
+    over, out = (recorder.table.index[0] + pd.Timedelta(seconds=each) for each in (5.0, 300.0))
+    texts = [
+        None, f"time,port_angle_deg\n{over.isoformat()},20\n{out.isoformat()},0\n", "time,port_angle_deg\n",
+        "second,starboard_rpm\n2,0\n", None,
+    ]  # fmt: skip
+    planned, said = [], list[dict[str, Any]]()
+    for second, text in enumerate(texts, 8):
+        path.unlink(missing_ok=True) if text is None else path.write_text(text)
+        recorder.write(0.0 if second == 8 else second - 0.65, second + 0.35)
+        recorder.predictions._allowed = 4.0
+        assert watching.poll()
+        assert watching.last is not None
+        planned.append({name: each.tolist() for name, each in watching.last.prediction.planned.items()})
+        said += recorder.said()
+    port = {"port_angle_deg": pytest.approx([20.0] * 10)}
+    starboard = {"starboard_rpm": pytest.approx([140.0] * 2 + [0.0] * 8)}
+    assert planned == [{}, port, port, starboard, {}]
+    assert [body.get("planned_channels", []) for body in said] == [list(each) for each in planned]
+    assert [text.partition(" ")[0] for text in told] == ["no", "plan", "no", "plan", "no"]
+    assert "the plan before goes on" in told[2]
+    watching.close()
 
 
 @pytest.mark.parametrize("name", ["tunnel_rpm", "north_m"])
