@@ -1,17 +1,10 @@
-"""Waves and noise taken off the motion by local polynomials: one-sided, and two-sided as known afterwards.
+"""Waves and noise taken off the motion by local polynomials, as it is known afterwards.
 
 A prediction over half a minute starts from a speed and a heading. In waves of five seconds the measured ones
-swing by decimetres a second and tenths of a degree, which is no course to predict from. Afterwards each motion
+swing by decimetres a second and tenths of a degree, which is no course to predict from. Each motion
 channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
 weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
 curvature come out exactly, waves of 4 to 8 s are taken down by a factor of ten and more.
-
-At the start of a prediction nothing is known of what lies ahead, and a one-sided parabola takes the swing of a wave
-for a turn that begins. There heading, speeds and yaw rate are straight lines through the last 10 s, weighted with
-half a raised cosine; north and east, which a turn bends, keep the parabola. On simulated trials predictions of 30 s
-from such starts are 15 % better for the reference in waves, 40 % for constant velocity outside a calibrator's
-domain, and within 5 % of the parabola's where the ship manoeuvres. Means instead of lines are better still in waves
-and much worse in a turn.
 """
 
 from __future__ import annotations
@@ -25,7 +18,6 @@ from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
 
 HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
 _LEAST_SAMPLES = 5
-_PARABOLIC = ("north_m", "east_m")
 
 
 def half_width_for(length_m: float) -> float:
@@ -78,31 +70,3 @@ def _around(values: Floats, kernel: Floats) -> Floats:
     """The sum of ``values`` around each sample, weighted with a kernel of odd length."""
     reach = kernel.size // 2
     return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])
-
-
-def newest_motion(past: Floats, half_width_s: float = HALF_WIDTH_S) -> Floats:
-    """The motion at second 0 [N, 6] by what was measured then and second by second before, newest first [N, P, 6].
-
-    The columns are those of :data:`.POSE_AND_VELOCITY`, the heading without jumps. A channel of which fewer than
-    five seconds are near keeps its measured value; NaN where it has none at second 0.
-    """
-    half_width_s = max(half_width_s, float(_LEAST_SAMPLES))
-    near = past[:, : int(np.ceil(half_width_s))]
-    before = -np.arange(near.shape[1]) / half_width_s
-    degrees = (2 if name in _PARABOLIC else 1 for name in POSE_AND_VELOCITY)
-    columns = [one_sided_value(before, near[..., number], degree) for number, degree in enumerate(degrees)]
-    return np.stack(columns, axis=-1)
-
-
-def one_sided_value(before: Floats, values: Floats, degree: int) -> Floats:
-    """Weighted polynomials through values [N, n] at times 0 to -1 [n], newest first, at 0; [N]."""
-    present = np.isfinite(values)
-    newest = values[:, :1]
-    weight = present * (0.5 + 0.5 * np.cos(np.pi * before))
-    powers = np.vander(before, degree + 1, increasing=True)
-    normal = np.einsum("nt,ti,tj->nij", weight, powers, powers)
-    right = np.einsum("nt,ti,nt->ni", weight, powers, np.where(present, values - newest, 0.0))
-    enough = present[:, 0] & (present.sum(axis=1) >= _LEAST_SAMPLES)
-    result = newest[:, 0].copy()
-    result[enough] += np.linalg.solve(normal[enough], right[enough][..., None])[:, 0, 0]
-    return result

@@ -4,10 +4,11 @@ A prediction starts from a state that nobody measured without noise. Here it is 
 covariance, from the raw samples at their own times (:mod:`analysis.estimation.smoother`): the motion as perfect
 sensors would have measured it, waves included, and beside it the ship's own slow motion without them.
 
-Predictions do not start from that slow motion but from :mod:`analysis.estimation.local_polynomial`, by what was
-known at second 0. Where both look ahead, and the motion is held over 15 s and 30 s, neither is the better
-everywhere: the smoother's is on a docking (1.3 m for 1.45 m rms at 15 s), and in waves as good in position and
-up to 10 % worse in heading; on a recording whose positions jitter in time it is much worse (16.9 m for 6.8 m).
+Predictions do not start from that slow motion but from what the ship's model knew at second 0 as a filter, and
+beside it, marked two-sided, from :mod:`analysis.estimation.local_polynomial`. Of the two that look ahead, where
+the motion is held over 15 s and 30 s, neither is the better everywhere: the smoother's is on a docking (1.3 m for
+1.45 m rms at 15 s), and in waves as good in position and up to 10 % worse in heading; on a recording whose
+positions jitter in time it is much worse (16.9 m for 6.8 m).
 """
 
 from __future__ import annotations

@@ -14,10 +14,10 @@ from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from acquisition.core.result import ModelResult
-from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for
 from analysis.tables.table import trial_channels
 from analysis.windows.recordings import SecondBySecond
 from hybrid.prediction.baselines import reference
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.planned_commands import commands_from, planned_commands
 from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
 from hybrid.vessel.actuators import control_units
@@ -90,11 +90,8 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     return at.tz_convert("UTC")
 
 
-def window_at(
-    recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int, length_m: float = USUAL_LENGTH_M
-) -> tuple[PredictionWindows, bool]:
-    """The window that starts at ``at`` in a recording at 1 Hz, of a ship of ``length_m``, and whether the recording
-    covers all of it.
+def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tuple[PredictionWindows, bool]:
+    """The window that starts at ``at`` in a recording at 1 Hz, and whether the recording covers all of it.
 
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
     """
@@ -115,7 +112,7 @@ def window_at(
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    windows = windows_from_rows(labelled, tables={"prediction": recorded}, half_width_s=half_width_for(length_m))
+    windows = windows_from_rows(labelled, tables={"prediction": recorded})
     return windows, bool(rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None))
 
 
@@ -135,7 +132,8 @@ def predict(
     """
     if trained is not None:
         trained.refuse_horizon(horizon_s)
-    windows, covered = window_at(recorded, at, horizon_s, plant.length_overall_m)
+    windows, covered = window_at(recorded, at, horizon_s)
+    windows = filtered_starts(windows, plant)
     planned: Mapping[str, Floats] = {}
     if commands is not None:
         if trained is not None:

@@ -25,6 +25,7 @@ from hybrid.identification.response import Model
 from hybrid.identification.segments import segments_of
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.dataset import dataset_of
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.scores import score
 from hybrid.vessel.plant import Plant
 
@@ -85,10 +86,11 @@ def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int
         windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
     except DataShortageError:
         return {}
+    own, identified = vessel_plant(model.vessel), _fitted_plant(kept, model, found)
     tracks = {
-        "constant_velocity": constant_velocity(windows),
-        "reference": reference(windows, vessel_plant(model.vessel)),
-        "identified": reference(windows, _fitted_plant(kept, model, found)),
+        "constant_velocity": constant_velocity(filtered_starts(windows, own)),
+        "reference": reference(filtered_starts(windows, own), own),
+        "identified": reference(filtered_starts(windows, identified), identified),
         "measured": windows.track,
     }
     inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.channels import check_ship
@@ -160,7 +161,7 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
 
 def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`BASELINES`, and the errors [2, N] of their hindcasts in metres."""
-    before = hindcast_windows(windows, HINDCAST_S)
+    before = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant)
     model = simulate_tracks(plant, before.start, before.acting, before.wind)
     hindcast_m = [mean_distances(each, before.track) for each in (model, constant_velocity(before))]
     return np.stack([reference, constant_velocity(windows)]), np.stack(hindcast_m)

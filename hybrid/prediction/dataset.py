@@ -19,6 +19,7 @@ from analysis.tables.table import refuse_duplicates
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import SecondBySecond, tables_of_recordings, windows_of_tables
 from hybrid.prediction.baselines import reference
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import (
     PredictionWindows,
     concatenate_windows,
@@ -102,7 +103,7 @@ def dataset_of(
 ) -> Dataset:
     """The windows of recordings at 1 Hz by trial, which come from these ``sources`` if anybody asks.
 
-    The starts are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`).
+    Starts as they are known afterwards are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`).
     With ``shorter`` windows that are held for half the horizon only come behind the whole ones, NaN after that: a
     calibrator learns from them, nothing is judged on them. Where the commands may be any there is no need of them.
 
@@ -123,9 +124,9 @@ def _as_arrays(
     held: HeldWindows, tables: Mapping[str, SecondBySecond], length_m: float, *, any_commands: bool = False
 ) -> PredictionWindows:
     """The windows of 1 Hz tables by trial, with the motion they start from and what came before."""
-    rows, width_s = held.rows, half_width_for(length_m)
+    rows = held.rows
     motion = [start_motion(rows[rows["trial"] == trial], each.table, length_m) for trial, each in tables.items()]
-    return windows_from_rows(rows, pd.concat(motion), tables, half_width_s=width_s, any_commands=any_commands)
+    return windows_from_rows(rows, pd.concat(motion), tables, any_commands=any_commands)
 
 
 def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
@@ -191,9 +192,10 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUA
 def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[PredictionWindows, Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
 
-    From the start that is known afterwards it has to stay in its range too. Raises :class:`DataShortageError` when
-    there are none.
+    They start from what the model knew at second 0 as a filter (:func:`.filtered_starts`). From the start that is
+    known afterwards it has to stay in its range too. Raises :class:`DataShortageError` when there are none.
     """
+    windows = filtered_starts(windows, plant)
     tracks = reference(windows, plant)
     both = np.stack([tracks, reference(starting_two_sided(windows), plant)])
     inside = np.asarray(np.isfinite(both).all(axis=(0, 2, 3)))

@@ -20,7 +20,6 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
-from analysis.estimation.local_polynomial import HALF_WIDTH_S, newest_motion
 from analysis.tables.table import NANO, table_actuators
 from analysis.windows.recordings import SecondBySecond
 from hybrid.vessel.actuators import angle_columns, control_units
@@ -39,9 +38,9 @@ class PredictionWindows:
     """N windows of H seconds, arrays with N first.
 
     ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, as it was
-    known then, by the seconds before (:func:`analysis.estimation.local_polynomial.newest_motion`); ``two_sided``
-    [N, 6]: the same as it is known afterwards, by the seconds to either side, or None; ``track`` [N, H+1, 3]:
-    measured north, east [m] and heading [rad] without jumps, second by second; ``wind`` [N, 2]: direction it comes
+    known then: measured, or by the seconds before too (:func:`.filtered_starts`); ``two_sided`` [N, 6]: the same as
+    it is known afterwards, by the seconds to either side, or None; ``track`` [N, H+1, 3]: measured north, east [m]
+    and heading [rad] without jumps, second by second; ``wind`` [N, 2]: direction it comes
     from [rad], speed [m/s]; ``control`` [N, controls]: those of ``actuators`` in their order, in SI; ``trial``,
     ``leg`` [N] name where each window comes from and ``start_time`` [N] when it starts.
 
@@ -117,15 +116,14 @@ def windows_from_rows(
     motion: pd.DataFrame | None = None,
     tables: Mapping[str, SecondBySecond] | None = None,
     *,
-    half_width_s: float = HALF_WIDTH_S,
     any_commands: bool = False,
 ) -> PredictionWindows:
     """Arrays from the long table of windows: one row a window and second, second 0 first.
 
     ``tables`` by trial give what came before; without them nothing but second 0 is known of it. Windows start from
-    what was known at second 0, fitted over ``half_width_s``; ``motion``, in the order of the windows' numbers, is
-    what is known afterwards. With ``any_commands`` the controls of all rows are taken as the windows' commands;
-    otherwise those of second 0 as held.
+    what was measured at second 0; ``motion``, in the order of the windows' numbers, is what is known afterwards.
+    With ``any_commands`` the controls of all rows are taken as the windows' commands; otherwise those of second 0
+    as held.
 
     Raises :class:`DataShortageError` when there is no window in it.
     """
@@ -144,7 +142,7 @@ def windows_from_rows(
     past = _past(now, first, tables or {}, actuators)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     return PredictionWindows(
-        start=newest_motion(past[..., : WIND.start], half_width_s),
+        start=past[:, 0, : WIND.start].copy(),
         track=track,
         wind=past[:, 0, WIND],
         control=past[:, 0, CONTROLS],

@@ -2,9 +2,8 @@
 and that prediction as the body of a ``/prediction`` message and as GeoJSON for a map.
 
 Nothing was measured after that second but in the fraction of a second since. So the filter that brings the channels
-to 1 Hz is one-sided there, and the start state of reference, constant velocity and networks is the one-sided local
-polynomial of :mod:`analysis.estimation.local_polynomial`: less certain than the state that a recording gives
-afterwards.
+to 1 Hz is one-sided there, and the start state of all methods is that of a Kalman filter
+(:mod:`hybrid.prediction.kalman_filter`): less certain than the state that a recording gives afterwards.
 """
 
 from __future__ import annotations

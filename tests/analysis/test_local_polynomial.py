@@ -8,12 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.core.angles import difference, unwrap, wrap_360
+from acquisition.core.angles import difference, wrap_360
 from acquisition.core.channels import POSE_AND_VELOCITY
 from analysis.estimation.local_polynomial import (
     half_width_for,
     local_quadratic,
-    newest_motion,
     smooth_motion,
 )
 from tests.analysis.conftest import table_at, turn_between
@@ -153,73 +152,6 @@ def test_only_motion_is_smoothed_and_the_table_is_left_alone() -> None:
     assert list(smooth.columns) == list(POSE_AND_VELOCITY)
     assert smooth.index.equals(table.index)
     pd.testing.assert_frame_equal(table, before)
-
-
-LAST = np.arange(60.0)
-INDEX = pd.date_range("2026-06-01T08:00:00Z", periods=60, freq="1s", name="time")
-
-
-def turning(noise: float = 0.0, seed: int = 0) -> pd.DataFrame:
-    """A turn through north that tightens, speed that falls steadily; a parabola of positions."""
-    chance = np.random.default_rng(seed)
-    columns = {
-        "north_m": 3.0 * LAST - 0.02 * LAST**2, "east_m": 1.0 + 0.5 * LAST + 0.01 * LAST**2,
-        "heading_deg": 300.0 + 1.5 * LAST, "surge_mps": 5.0 - 0.02 * LAST, "sway_mps": 0.01 * LAST,
-        "yaw_rate_dps": 1.5 + 0.01 * LAST,
-    }  # fmt: skip
-    table = pd.DataFrame(
-        {name: each + noise * chance.normal(size=60) for name, each in columns.items()}, index=INDEX
-    )
-    table["heading_deg"] = wrap_360(table["heading_deg"].to_numpy())
-    return table
-
-
-def newest(table: pd.DataFrame, second: int) -> dict[str, float]:
-    """The motion at a second of a table by what came before, headings in degrees."""
-    values = table[list(POSE_AND_VELOCITY)].to_numpy()[second::-1].copy()
-    values[:, 2] = unwrap(values[:, 2])
-    return dict(zip(POSE_AND_VELOCITY, newest_motion(values[None])[0].tolist(), strict=True))
-
-
-def test_lines_and_bent_positions_come_out_exactly_at_any_second() -> None:
-    table = turning()
-    for second in (10, 45, 59):
-        row = newest(table, second)
-        for name in POSE_AND_VELOCITY:
-            assert difference(row[name], table[name].iloc[second]) == pytest.approx(0.0, abs=1e-6), name
-
-
-def test_in_waves_the_start_is_calmer_than_the_one_sided_parabola() -> None:
-    """Waves of seven seconds at any phase and noise: half the error in speeds and yaw rate."""
-    ours, parabola = [], []
-    for seed in range(40):
-        table = turning(0.05, seed)
-        wave = 0.5 * np.sin(2.0 * np.pi * LAST / 7.0 + seed)
-        for name in ("surge_mps", "sway_mps", "yaw_rate_dps"):
-            table[name] += wave
-            true = turning()[name].iloc[-1]
-            ours.append(newest(table, 59)[name] - true)
-            parabola.append(smooth_motion(table)[name].iloc[-1] - true)
-    assert np.std(ours) < 0.7 * np.std(parabola)
-
-
-def test_a_value_that_is_missing_at_the_end_stays_missing_and_few_stay_as_they_are() -> None:
-    table = turning()
-    table.loc[INDEX[-1], "sway_mps"] = np.nan
-    table.loc[INDEX[50:57], "surge_mps"] = np.nan
-    table.loc[INDEX[-1], "surge_mps"] = 9.0
-    row = newest(table, 59)
-    assert np.isnan(row["sway_mps"])
-    assert row["surge_mps"] == 9.0
-
-
-def test_each_window_is_fitted_by_what_it_knows() -> None:
-    """Windows with holes at different seconds, all at once or one by one."""
-    random = np.random.default_rng(1)
-    past = random.normal(size=(20, 15, 6))
-    past[random.random(past.shape) < 0.2] = np.nan
-    alone = np.concatenate([newest_motion(each[None]) for each in past])
-    assert newest_motion(past) == pytest.approx(alone, nan_ok=True)
 
 
 def test_on_a_model_the_fit_reaches_less_far_and_follows_her_turns() -> None:

@@ -12,42 +12,38 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import block_diag, expm, solve_discrete_are
 
 from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.adaptation import (
-    FORCE_DECAY,
-    NOISE_LEVELS,
-    WAVE_DAMPING,
     adapt_plant,
-    kalman_gains,
     observations_of,
     observer_gains,
     parameter_names,
     positive_names,
     run_observer,
     signed_names,
-    wave_step,
 )
-from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds
+from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds, _starts, start_names
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.artefact import load, save
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback, reference
+from hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.prediction.scores import distances
+from hybrid.vessel.actuators import control_labels
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
-from tests.hybrid.windows_by_hand import answers, moved, turned, voyages
+from tests.hybrid.windows_by_hand import answers, moved, turned, voyages, windows_at
 
 SECONDS = 10
 FORM = Form("polynomial", DEFAULT)
 NAMES, POSITIVE, SIGNED = (make(FORM) for make in (parameter_names, positive_names, signed_names))
 UNADAPTED = np.zeros(len(NAMES))
 NUMBERS = ("start", "track", "wind", "control", "past")
-power = st.floats(-3.0, 2.0)
 
 
 def off_m(predicted: Floats, windows: PredictionWindows) -> float:
@@ -96,59 +92,6 @@ def fit(plant: Plant, windows: PredictionWindows, seed: int = 0) -> AdaptiveCali
 @pytest.fixture(scope="module")
 def learned(plant: Plant, training: PredictionWindows) -> AdaptiveCalibrator:
     return fit(plant, training)
-
-
-@settings(max_examples=30, deadline=None)
-@given(speed=power, force=power, position=power, kept=st.floats(0.5, 1.0), wave=power, radps=st.floats(0.5, 2.0))
-def test_in_the_long_run_gains_solve_the_riccati_equation(
-    speed: float, force: float, position: float, kept: float, wave: float, radps: float
-) -> None:
-    """Kalman's recursion ends at the steady filter, which scipy finds another way."""
-    still = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept]])
-    swinging = expm(np.array([[0.0, 1.0], [-(radps**2), -2.0 * WAVE_DAMPING * radps]]))
-    step, noise = block_diag(still, swinging), np.diag([10.0**position, 1.0])
-    seeing = np.hstack([np.eye(2, 3), np.eye(2)])
-    walk = np.diag([0.0, 10.0**speed, 10.0**force, 0.0, 10.0**wave])
-    steady = solve_discrete_are(step.T, seeing.T, walk, noise)
-    expected = steady @ seeing.T @ np.linalg.inv(seeing @ steady @ seeing.T + noise)
-    found = kalman_gains(10.0**speed, 10.0**force, 10.0**position, kept, 1500, 10.0**wave, radps)[-1]
-    assert found == pytest.approx(expected, rel=1e-4, abs=1e-6)
-
-
-def test_a_swing_in_waves_is_no_speed() -> None:
-    """A ship that lies still in a swell of one period: the filter that knows of waves sees her lie still, and where
-    the swell takes her next; the one that does not takes its crests for speed.
-    """
-    radps, seconds = 1.0, np.arange(60.0)
-    measured = np.stack([np.sin(radps * seconds), radps * np.cos(radps * seconds)], axis=1)
-    speeds, foretold = [], []
-    for walk in (1.0, 0.0):
-        gains = kalman_gains(1e-4, 1e-6, 1.0, 0.99, 60, walk, radps)
-        step = block_diag(np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 0.99]]), wave_step(radps))
-        state = np.zeros(5)
-        for gain, seen_now in zip(gains, measured, strict=True):
-            state = step @ state
-            state = state + gain @ (seen_now - state[:2] - state[3:])
-        speeds.append(abs(state[1]))
-        foretold.append(abs((step @ state)[3] - np.sin(radps * 60.0)))
-    assert speeds[0] < 0.2 * speeds[1]
-    assert foretold[0] < 0.3 < foretold[1]
-
-
-def test_a_steady_speed_is_the_mean_of_its_measurements() -> None:
-    """Where nothing wanders and positions are worth nothing, the k-th measurement has the weight 1 / k."""
-    gains = kalman_gains(0.0, 0.0, 1e9, 1.0, 40)
-    assert gains[:, 1, 1] == pytest.approx(1.0 / np.arange(2.0, 42.0), rel=1e-6)
-    assert gains[:, 2] == pytest.approx(0.0)
-
-
-@settings(max_examples=30, deadline=None)
-@given(speed=power, force=power)
-def test_an_exact_position_is_believed(speed: float, force: float) -> None:
-    """Position follows what is measured without error all the way, whatever the speeds say."""
-    gains = kalman_gains(10.0**speed, 10.0**force, 0.0, 0.99, 30)
-    assert gains[:, 0, 0] == pytest.approx(1.0)
-    assert gains[:, 0, 1] == pytest.approx(0.0, abs=1e-9)
 
 
 @given(
@@ -465,3 +408,15 @@ def test_it_comes_back_to_the_bit(
     for other in (restored, loaded.calibrator):
         for then, now in zip(answers(learned, windows, alone), answers(other, windows, alone), strict=True):
             assert np.array_equal(then, now)
+
+
+@pytest.mark.parametrize("vessel", ["otter_2m", "esso_osaka_3m", "gunnerus_long"])
+def test_starts_have_a_value_for_each_name_on_any_ship(vessel: str) -> None:
+    """Also of a ship with two shafts and nothing that turns."""
+    actuators = load_vessel(vessel).actuators
+    controls = len(control_labels(actuators))
+    windows = replace(
+        windows_at(np.zeros((3, 6)), 4), actuators=actuators, control=np.full((3, controls), 0.5),
+        past=np.full((3, PAST_S + 1, 8 + controls), np.nan), commands=np.zeros((3, 4, controls)),
+    )  # fmt: skip
+    assert _starts(windows).shape == (3, 4, len(start_names(actuators)))

@@ -16,8 +16,10 @@ from analysis.windows.recordings import tables_of_recordings
 from hybrid.calibrators.predict import window_at
 from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.plant import Plant
 from seatrial import app
 from tests.conftest import few_epochs
 
@@ -119,16 +121,16 @@ def test_only_whole_windows_are_judged(both: tuple[PredictionWindows, Prediction
         assert shared_seconds(longer, draw.fitting | draw.stopping, draw.held_out) == 0
 
 
-def test_nothing_that_was_measured_later_enters_a_start(tmp_path: Path) -> None:
+def test_nothing_that_was_measured_later_enters_a_start(tmp_path: Path, plant: Plant) -> None:
     """What is known at second 0 of a window, at ten samples a second: the same with all that follows cut off."""
     table, _ = simulate_trial("gunnerus_short", "moderate", "voyage", 300.0, 10.0, 4)
     last = table.index[1800]
     paths = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
     for path, each in zip(paths, (table, table[table.index <= last]), strict=True):
         write_table(each, path, Trial(name="voyage"), source="simulated")
-    whole = load_dataset([paths[0]], 15, 1, any_commands=True).windows
+    whole = filtered_starts(load_dataset([paths[0]], 15, 1, any_commands=True).windows, plant)
     (cut,) = tables_of_recordings(paths[1:]).values()
-    known = window_at(cut, last, 15)[0]
+    known = filtered_starts(window_at(cut, last, 15)[0], plant)
     (one,) = np.flatnonzero(whole.start_time == last)
     for name in ("start", "wind", "control", "past"):
         assert getattr(whole, name)[one] == pytest.approx(getattr(known, name)[0], abs=1e-9), name

@@ -20,6 +20,7 @@ from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators.predict import Prediction, parse_time, predict, window_at
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import reference
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.planned_commands import planned_commands, read_commands
 from hybrid.report.tables import prediction_table
 from hybrid.vessel.plant import Plant
@@ -68,6 +69,7 @@ def test_outside_the_recording_says_what_is_inside(seconds: float, table: pd.Dat
 def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Plant) -> None:
     found = predict(SecondBySecond(table), at(table, 300.0), 20, plant)
     windows, covered = window_at(SecondBySecond(table), at(table, 300.0), 20)
+    windows = filtered_starts(windows, plant)
     assert covered
     assert found.method == "reference"
     assert found.band_m is None
@@ -80,6 +82,7 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     """The band is nothing at the start, never falls, and is that of the training."""
     found = predict(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S, plant, small)
     windows, _ = window_at(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S)
+    windows = filtered_starts(windows, plant)
     assert found.method == "hybrid"
     assert np.array_equal(found.track, small.calibrator.predict(windows, reference(windows, plant))[0])
     assert found.band_m is not None

@@ -28,6 +28,7 @@ from hybrid.prediction.baselines import (
     constant_velocity,
     reference,
 )
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import (
     PAST_S,
     PredictionWindows,
@@ -78,13 +79,13 @@ class Boastful(Calibrator):
 
 @pytest.fixture(scope="module")
 def turning(plant: Plant) -> PredictionWindows:
-    """Ships on new courses that the reference knows to the letter, and others, with half her thrust, that it does
-    not: of the first the reference is the better guess, of most of the others constant velocity. Starts are
+    """Ships on new courses that the reference knows to the letter, and others, with two fifths less thrust, that it
+    does not: of the first the reference is the better guess, of most of the others constant velocity. Starts are
     smoothed, so they are a bit off what was measured.
     """
     known = voyages(plant, 40, SECONDS)
     windows = concatenate_windows(
-        [known, voyages(plant.replaced(thrust_nn=0.5 * plant.number("thrust_nn")), 40, SECONDS, seed=1)]
+        [known, voyages(plant.replaced(thrust_nn=0.62 * plant.number("thrust_nn")), 40, SECONDS, seed=1)]
     )
     return replace(windows, start=windows.start + np.array([0.1, -0.1, 0.0, 0.02, 0.0, 0.0]))
 
@@ -97,12 +98,13 @@ def without_past(windows: PredictionWindows, which: Bools) -> PredictionWindows:
 def hindcasts(windows: PredictionWindows, plant: Plant) -> Floats:
     """How far off reference and constant velocity were over the last seconds [2, N], one window at a time."""
     errors = np.empty((2, len(windows)))
+    starts = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant).start
     for number, past in enumerate(windows.past):
         rows = past[HINDCAST_S::-1]
         control = 0.5 * (rows[1:, 8:] + rows[:-1, 8:])  # the angles of these ships do not go round
         wind = np.tile(rows[0, 6:8], (HINDCAST_S, 1))
-        model = simulate_batch(plant, rows[0, :6], control[None], wind[None], 1.0).states[0]
-        started = replace(windows.subset(np.array([number])), start=rows[:1, :6], track=rows[None, :, :3])
+        model = simulate_batch(plant, starts[number], control[None], wind[None], 1.0).states[0]
+        started = replace(windows.subset(np.array([number])), start=starts[number][None], track=rows[None, :, :3])
         for way, track in enumerate((model, constant_velocity(started)[0])):
             errors[way, number] = np.hypot(*(track[1:, :2] - rows[1:, :2]).T).mean()
     return errors

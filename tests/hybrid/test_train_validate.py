@@ -200,14 +200,14 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
 
 def test_windows_out_of_the_models_range_are_left_out_and_counted(unseen: Path, plant: Plant) -> None:
     dataset = load_dataset([unseen], 15, 5)
-    fast = dataset.windows.start.copy()
-    fast[:3, 3] = 25.0
-    found = validate(replace(dataset, windows=replace(dataset.windows, start=fast)), plant)
+    fast = dataset.windows.past.copy()
+    fast[:3, 0, 3] = 25.0
+    found = validate(replace(dataset, windows=replace(dataset.windows, past=fast)), plant)
     assert found.outside == 3
     assert len(found.windows) == len(dataset.windows) - 3
-    fast[:, 3] = 25.0
+    fast[:, 0, 3] = 25.0
     with pytest.raises(DataShortageError, match="leaves its range in every window"):
-        within_model_range(replace(dataset.windows, start=fast), plant)
+        within_model_range(replace(dataset.windows, past=fast), plant)
 
 
 def test_one_leg_cannot_be_split(unseen: Path, plant: Plant) -> None:

@@ -7,7 +7,7 @@ prior is a standard normal distribution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,54 +15,18 @@ from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Complexes, Floats
-from analysis.compiling import threads_for
-from analysis.estimation.kalman_kernel import WIDTH, gain_sequence
-from analysis.estimation.process_models import decay, oscillator
-from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_predict
+from hybrid.prediction.kalman_filter import (
+    FILTER_NUMBERS,
+    OBSERVED_S,
+    Observations,
+    filter_gains,
+    measured_past,
+    run_filter,
+)
 from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows, difference_rad
 from hybrid.vessel.actuators import KINDS, angle_columns
-from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.hulls import HULLS
 from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
-
-_DIFFUSE = 10.0
-WAVE_DAMPING = 0.1
-
-
-def wave_step(wave_radps: float) -> Floats:
-    """The transition of displacement and speed in waves over a second [2, 2]: a lightly damped oscillator."""
-    return np.array(oscillator(1.0, wave_radps, WAVE_DAMPING)).reshape(2, 2)
-
-
-def kalman_gains(
-    speed_walk: float,
-    force_walk: float,
-    position_noise: float,
-    kept_force: float,
-    steps: int,
-    wave_walk: float = 0.0,
-    wave_radps: float = 1.0,
-) -> Floats:
-    """The gains [steps, 5, 2] of position, speed, force, and of displacement and speed in waves, on the innovations
-    of position and speed, step by step.
-
-    One axis, a second a step: position changes by the speed, the speed by a force (per mass) that wanders; the
-    measurements swing in waves beside. All variances are in units of the measured speed's, [m/s]^2 (or [rad/s]^2):
-    ``speed_walk``, ``force_walk`` and ``wave_walk`` by which speed, force and speed in waves wander in a second,
-    ``position_noise`` of the measured position; ``kept_force`` is the share of the force that is left a second
-    later. Kalman, A new approach to linear filtering (1960); Fossen, Handbook of marine craft hydrodynamics and
-    motion control (2011), section 11.3, for the waves.
-    """
-    F, Q, P = np.zeros((3, 5, WIDTH))
-    F[:3, :3] = [[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept_force]]
-    F[3:, 3:5] = wave_step(wave_radps)
-    H = np.array([[1.0, 0.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0, 1.0]])
-    swing = wave_walk / (4.0 * WAVE_DAMPING * wave_radps)
-    each = np.arange(5)
-    Q[each, each] = [0.0, speed_walk, force_walk, 0.0, wave_walk]
-    P[each, each] = [position_noise, 1.0, _DIFFUSE * force_walk, swing / wave_radps**2, swing]
-    return np.asarray(gain_sequence(F, Q, H, np.array([position_noise, 1.0]), P, steps))
-
 
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
 _WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")
@@ -96,46 +60,15 @@ STEADY_MASS_KG = 4.0e5
 """The ship for which the usual steady forces above hold; they grow with the mass."""
 CURRENT_MPS, WIND_MPS, DRIFT_N = 0.2, 3.0, 3000.0
 SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "wind_north", "wind_east")
-AXES = ("surge", "sway", "yaw")
-NOISE_LEVELS = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
-FORCE_DECAY = tuple(f"force_decay_{axis}" for axis in AXES)
 LAG, LAG_S = "thruster_lag", 1.0
 """Thrusters that are recorded as ordered act later; a lag below zero means none."""
-JITTER, JITTER_S = "stamp_jitter", 0.1
-"""By how much headings are stamped too early or too late, now and then: noise that grows with the yaw rate."""
-WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
-SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
+SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, *FILTER_NUMBERS)
 """The names of the vector's last numbers: what acts on any ship, and how closely she is followed."""
 _PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUNDED)}  # from the end
 
-_WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
-_USUAL_POWER = 1.5
-_FORCE_DECAY_S = 120.0
-_WAVE_S, _USUAL_PERIOD = 6.0, 0.3
-_WAVE_WALK = -1.0  # a power of ten
-_OBSERVED_S = 30
-_RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
 _AVERAGED_S = 5
 _GUSTING_S, _GUSTS_APART_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Observations:
-    """What the observer is given of N windows.
-
-    ``past`` [N, P+1, channels] in the order of :class:`~hybrid.prediction.prediction_windows.PredictionWindows`,
-    newest first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] that
-    act from second 0.
-    """
-
-    past: Floats
-    known_s: NDArray[np.int64]
-    control: Floats
-    wind: Floats
-
-    def __len__(self) -> int:
-        return len(self.past)
 
 
 def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> Observations:
@@ -145,11 +78,8 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     the mean wind of the last seconds is; with it what is left of gusts dies away in that time
     (:func:`expected_wind`).
     """
-    now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
-    measured = windows.past.copy()
-    measured[:, 0] = np.where(np.isfinite(measured[:, 0]), measured[:, 0], now)
-    known_s = np.cumprod(np.isfinite(measured).all(axis=2), axis=1).sum(axis=1).astype(np.int64) - 1
-    past = measured[:, : _OBSERVED_S + 1]
+    measured, known_s = measured_past(windows, OBSERVED_S)
+    past = measured[:, : OBSERVED_S + 1]
     control = windows.commands
     if control is None:
         control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
@@ -157,7 +87,7 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     if gust_s is not None:
         wind = expected_wind(measured, gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
-    return Observations(past, known_s.clip(0, _OBSERVED_S), control, wind)
+    return Observations(past, known_s, control, wind)
 
 
 def _mean_control(past: Floats, actuators: Actuators) -> Floats:
@@ -265,57 +195,18 @@ def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[
 
 
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
-    """The gains [turns, steps, 3 axes, 5, 2], the share of the force left a second later [3], and the step of waves
-    [2, 2]."""
-    return _gains(*(parameter(vector, name) for name in (JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)))
-
-
-@lru_cache(maxsize=64)
-def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
-    """The gains of the vector's JITTER, NOISE_LEVELS, FORCE_DECAY and WAVES; remembered, as most steps do not
-    change them.
-    """
-    powers, lasting, (period, *walks) = np.split(
-        np.array(numbers), [len(NOISE_LEVELS), len(NOISE_LEVELS) + len(FORCE_DECAY)]
-    )
-    levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
-    wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
-    wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
-    kept = decay(1.0, _FORCE_DECAY_S * np.exp(lasting))
-    stamped = (
-        JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
-    ) ** 2
-    noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * stamped
-    gains = [
-        [_axis_gains(speed, force, noise, left, wave, wave_radps) for noise in axis_noises]
-        for (speed, force, _), axis_noises, left, wave in zip(levels, noises, kept, wave_walks, strict=True)
-    ]
-    return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), kept, wave_step(wave_radps)
-
-
-@lru_cache(maxsize=256)
-def _axis_gains(speed: float, force: float, noise: float, left: float, wave: float, wave_radps: float) -> Floats:
-    """The gains of one axis; most steps change none of its numbers, and without turning three times the same."""
-    return kalman_gains(speed, force, noise, left, _OBSERVED_S, wave, wave_radps)
+    """The gains that follow from the vector, as :func:`.filter_gains` has them."""
+    return filter_gains(*(parameter(vector, name) for name in FILTER_NUMBERS))
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
-    """Run the observer of the adapted model along the observations of N windows, and the model on from second 0.
+    """Run the adapted model as a filter along the observations of N windows, and on from second 0.
 
-    Returns the states [N, H+1, 6] without the motion in waves, and that motion as north, east [m] and heading [rad]
-    [N, H+1, 3].
+    Returns the states [N, H+1, 6] and the motion in waves [N, H+1, 3], as :func:`.run_filter`.
     """
-    gains, kept, wave = observer_gains(vector)
-    past, wind = observations.past, observations.wind
     if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
-        past = past.copy()
+        past, wind = observations.past.copy(), observations.wind
         past[..., WIND] = np.stack(add_wind(vector, *np.moveaxis(past[..., WIND], -1, 0)), axis=-1)
         wind = np.stack(add_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
-    plants = np.repeat(adapt_plant(vector, plant), len(observations))
-    extra, parameters = combine_forces(plant)
-    shape = len(observations), observations.control.shape[1] + 1
-    states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
-    known, control = observations.known_s, observations.control
-    with threads_for(len(observations) * (past.shape[1] + control.shape[1])):
-        observe_and_predict(plants, past, known, gains, kept, wave, control, wind, extra, parameters, states, waves)
-    return states, waves
+        observations = replace(observations, past=past, wind=wind)
+    return run_filter(adapt_plant(vector, plant), plant, observer_gains(vector), observations)

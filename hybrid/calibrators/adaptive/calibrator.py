@@ -14,7 +14,6 @@ from acquisition.core.channels import trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators.adaptive.adaptation import (
-    Observations,
     gust_decay_s,
     observations_of,
     parameter_names,
@@ -29,6 +28,7 @@ from hybrid.prediction.baselines import (
     present_motion_held,
     simulate_tracks,
 )
+from hybrid.prediction.kalman_filter import Observations
 from hybrid.prediction.prediction_windows import (
     PredictionWindows,
     clear_of,
@@ -294,10 +294,10 @@ def _starts(windows: PredictionWindows) -> Floats:
     control, angles = observations.control, angle_columns(windows.actuators)
     control = control if windows.commands is not None else control[:, :1]
     shafts = [column for column in range(control.shape[2]) if column not in angles]
-    turned = [f(control[..., column]) for column in angles for f in (np.cos, np.sin)]
+    turned = [f(control[..., [column]]) for column in angles for f in (np.cos, np.sin)]
     motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 0, 1]])
     repeated = np.repeat(motion[:, None], control.shape[1], axis=1)
-    return np.concatenate([repeated, control[..., shafts], np.stack(turned, axis=-1)], axis=-1)
+    return np.concatenate([repeated, control[..., shafts], *turned], axis=-1)
 
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:

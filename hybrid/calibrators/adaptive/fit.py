@@ -19,7 +19,8 @@ import numpy as np
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
 from analysis.kinematics import to_ship
-from hybrid.calibrators.adaptive.adaptation import Observations, parameter_names, run_observer
+from hybrid.calibrators.adaptive.adaptation import parameter_names, run_observer
+from hybrid.prediction.kalman_filter import Observations
 from hybrid.vessel.plant import Plant
 
 STEPS = 8

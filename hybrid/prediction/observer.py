@@ -1,8 +1,9 @@
 """The model run along what was measured before the start, and on from there: compiled.
 
 Second by second the model predicts where the ship is and how fast; the measurement update then corrects position,
-speed and the bias force, the force per mass that the model lacks in surge, sway and yaw (gains.py). At second 0 the
-model goes on from there by itself, that force decaying slowly. Nothing that was measured after second 0 is used.
+speed and the bias force, the force per mass that the model lacks in surge, sway and yaw, with the gains of
+:mod:`.kalman_filter`. At second 0 the model goes on from there by itself, that force decaying slowly. Nothing that
+was measured after second 0 is used.
 Where a measurement is too far off to be the ship's motion, as at a splice, the observer begins anew.
 """
 
@@ -66,7 +67,7 @@ def measurement_update(
 ) -> tuple[bool, State]:
     """Whether the measurement can be the ship's, and the state after it; bias force and swing are corrected.
 
-    ``gain`` [3 axes, 5, 2] as of :func:`~hybrid.calibrators.adaptive.adaptation.kalman_gains`.
+    ``gain`` [3 axes, 5, 2] as of :func:`~hybrid.prediction.kalman_filter.kalman_gains`.
     """
     north, east, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
