@@ -234,11 +234,14 @@ PREDICTION: Schema = {
                 "maxItems": 64,
                 "description": "Channels of actuators that followed planned orders; the others were held",
             },
+            "band_factor": _value(
+                "number", "What the calibrator's band was multiplied by to hold 95 of 100; left out without one"
+            ),
             "track": _TRACK,
             "error": _ERROR,
             "running": _RUNNING,
         },
-        unknown=("error", "planned_channels"),
+        unknown=("error", "planned_channels", "band_factor"),
     ),
 }
 

@@ -183,9 +183,10 @@ def message_body(
     latency_s: float,
     error: TrackError | None,
     running: tuple[float, MeanErrors],
+    band_factor: float = 1.0,
 ) -> dict[str, Any]:
     """The message. ``model`` names the vessel and the calibrator's folder, ``running`` is over how many seconds the
-    means are and what they are.
+    means are and what they are, ``band_factor`` what the band has been multiplied by.
     """
     over_s, mean = running
     body = {
@@ -201,6 +202,8 @@ def message_body(
         "track": track_arrays(prediction, origin),
         "running": {"over_s": over_s, **_without_none(asdict(mean))},
     }
+    if prediction.band_m is not None:
+        body["band_factor"] = round(band_factor, 4)
     if prediction.planned:
         body["planned_channels"] = list(prediction.planned)
     return body if error is None else {**body, "error": _without_none(error.as_dict())}

@@ -6,7 +6,7 @@ import time
 from array import array
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,7 @@ from hybrid.twin.forecast import (
     track_geojson,
 )
 from hybrid.twin.plan import PlanFile
+from hybrid.twin.running_coverage import RegionFactor
 from hybrid.twin.running_error import MeanErrors, RunningError, TrackError
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ class Twin:
         plan: PlanFile | None = None,
     ) -> None:
         self.predictor, self.statistics, self.errors = predictor, Statistics(), RunningError()
+        self.region = RegionFactor()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
         self.follower = Follower(name, configuration, keep_s(predictor.horizon_s), notify, folder)
@@ -123,6 +125,7 @@ class Twin:
             return False
         self._new_s = time.monotonic()
         self._evaluate(forecast, start_ns)
+        forecast = replace(forecast, prediction=self.region.widened(forecast.prediction))
         self.last = forecast
         self.errors.add(forecast.prediction)
         self._publish(forecast)
@@ -132,6 +135,7 @@ class Twin:
         errors = self.errors.evaluate(forecast.table, until_ns)
         for error in errors:
             self.statistics.errors = self.statistics.errors.with_error(error)
+            self.region = self.region.after(error, self.predictor.horizon_s)
         self.last_error = errors[-1] if errors else None
 
     def _publish(self, forecast: Forecast) -> None:
@@ -143,7 +147,15 @@ class Twin:
         names = self.predictor.vessel, self.predictor.calibrator
         running = self.errors.over_s, self.errors.mean()
         body = message_body(
-            forecast.prediction, forecast.held, origin, names, made_ns, latency_s, self.last_error, running
+            forecast.prediction,
+            forecast.held,
+            origin,
+            names,
+            made_ns,
+            latency_s,
+            self.last_error,
+            running,
+            self.region.factor,
         )
         if self.follower.recorder is None:
             return

@@ -26,6 +26,7 @@ from analysis.kinematics import to_ship
 from hybrid.calibrators.predict import Prediction
 from hybrid.calibrators.predictor import Predictor
 from hybrid.twin.plan import PlanFile
+from hybrid.twin.running_coverage import RegionFactor
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.twin.twin import Statistics, Twin, warm_up
 
@@ -43,7 +44,8 @@ class Summary:
     """Counts of predictions, means of their errors, and latencies.
 
     ``made`` predictions, of them ``recorded`` by the logger; ``judged`` by what was measured, ``left_out`` of the
-    means as a thruster moved otherwise than planned, ``unmeasured`` as no track was measured.
+    means as a thruster moved otherwise than planned, ``unmeasured`` as no track was measured. ``band_factor`` is
+    what the calibrator's band was multiplied by at the end.
     """
 
     made: int
@@ -55,6 +57,7 @@ class Summary:
     end_distance_m: float | None
     heading_deg: float | None
     inside_band: float | None
+    band_factor: float | None
     latency_median_s: float | None
     latency_95_s: float | None
     latency_max_s: float | None
@@ -66,13 +69,15 @@ class Summary:
             text += f"; {self.mean_distance_m:.2f} m off on the way, {self.end_distance_m:.2f} m at the end"
         if self.inside_band is not None:
             text += f", {self.inside_band:.0%} inside the band"
+        if self.band_factor is not None:
+            text += f"; {RegionFactor(self.band_factor)}"
         if self.latency_median_s is not None:
             text += f"; latency {self.latency_median_s:.2f} s, {self.latency_95_s:.2f} s in 95 of 100 cases"
         return text
 
 
-def summary_of(statistics: Statistics, unmeasured: int) -> Summary:
-    """The statistics in a few numbers."""
+def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> Summary:
+    """The statistics in a few numbers, and what has become of the regions."""
     median_s, most_s, longest_s = (_quantile(statistics.latency_s, share) for share in (0.5, 0.95, 1.0))
     errors = statistics.errors
     return Summary(
@@ -85,6 +90,7 @@ def summary_of(statistics: Statistics, unmeasured: int) -> Summary:
         end_distance_m=errors.end_distance_m,
         heading_deg=errors.heading_deg,
         inside_band=errors.inside_band,
+        band_factor=None if errors.inside_band is None else region.factor,
         latency_median_s=median_s,
         latency_95_s=most_s,
         latency_max_s=longest_s,
@@ -129,7 +135,7 @@ def watch(
         stack.enter_context(_display(Display(twin, messages)) if on_terminal else log_to(sys.stderr, log_format))
         warm_up(predictor)
         _run(twin, stop, duration_s)
-        return summary_of(twin.statistics, twin.errors.unmeasured)
+        return summary_of(twin.statistics, twin.errors.unmeasured, twin.region)
 
 
 def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
@@ -139,7 +145,8 @@ def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
         twin.poll()
         if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.statistics.made:
             logged_s = time.monotonic()
-            LOG.info("%s; %s", latency_text(twin), mean_error_text(twin.errors.mean(), twin.errors.over_s))
+            mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
+            LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
 
 
 def _display(display: Display) -> AbstractContextManager[object]:
@@ -175,6 +182,8 @@ class Display:
                 (source_text(twin.last.prediction), "yellow" if twin.last.prediction.outside_domain else "green")
             )
             yield track_table(twin.last.prediction)
+            if twin.last.prediction.band_m is not None:
+                yield _one_line((str(twin.region), "red" if twin.region.is_at_bound else ""))
         yield _one_line(latency_text(twin))
         yield _one_line(last_error_text(twin.last_error))
         for line in mean_error_text(twin.errors.mean(), twin.errors.over_s).split("; "):

@@ -12,6 +12,7 @@ import pandas as pd
 from rich.console import Console
 
 from hybrid.calibrators.predict import Prediction
+from hybrid.twin.running_coverage import RegionFactor
 from hybrid.twin.running_error import RunningError, TrackError
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import Display
@@ -27,6 +28,7 @@ def picture(prediction: Prediction | None, error: TrackError | None, width: int 
         last=None if prediction is None else SimpleNamespace(prediction=prediction),
         last_error=error,
         errors=errors,
+        region=RegionFactor(0.7),
     )
     twin.statistics.latency_s.append(0.25)
     console = Console(width=width, height=30)
@@ -50,6 +52,7 @@ def test_the_track_is_told_ahead_and_to_starboard() -> None:
     assert [line.split() for line in shown.splitlines() if line.strip().startswith("30 ")] == [
         ["30", "60.0", "15.0", "90.0", "3.0"]
     ]
+    assert "band 0.7 times as wide as the calibrator's, which was wider than needed" in shown
     assert "latency 0.25 s" in shown
     assert "tunnel_rpm missing" in shown
     assert "none judged" in shown

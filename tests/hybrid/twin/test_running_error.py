@@ -12,6 +12,7 @@ from acquisition.core.actuators import DEFAULT
 from acquisition.core.angles import wrap_180
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.predict import Prediction
+from hybrid.twin.running_coverage import RegionFactor
 from hybrid.twin.running_error import FILTER_REACH_S, RunningError, as_planned, track_error
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import summary_of
@@ -198,11 +199,12 @@ def test_a_summary_counts_all_and_means_what_was_held(table: pd.DataFrame) -> No
     for error in errors.evaluate(table, ns(100)):
         statistics.errors = statistics.errors.with_error(error)
     statistics.latency_s.extend([0.1] * 90 + [0.5] * 10)
-    summary = summary_of(statistics, errors.unmeasured)
+    summary = summary_of(statistics, errors.unmeasured, RegionFactor(1.5))
     assert (summary.made, summary.recorded, summary.judged, summary.left_out) == (30, 29, 20, 10)
     assert summary.end_distance_m == pytest.approx(1.0)
     assert summary.inside_band == pytest.approx(0.5)
     assert (summary.latency_median_s, summary.latency_95_s, summary.latency_max_s) == pytest.approx((0.1, 0.5, 0.5))
     assert "20 judged, 10 left out" in str(summary)
     assert "0.55 m off on the way" in str(summary)
-    assert summary_of(Statistics(), 0).mean_distance_m is None
+    assert "band 1.5 times as wide as the calibrator's" in str(summary)
+    assert summary_of(Statistics(), 0, RegionFactor()).mean_distance_m is None

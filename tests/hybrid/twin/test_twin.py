@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -18,8 +20,10 @@ from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
 from hybrid.calibrators.predictor import Predictor
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.twin import twin as twin_module
 from hybrid.twin.plan import PlanFile
+from hybrid.twin.running_coverage import STEP
 from hybrid.twin.twin import Twin
 from hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
@@ -122,6 +126,34 @@ def test_a_plan_is_followed_and_read_again_when_it_changes(
     assert [body.get("planned_channels", []) for body in said] == [list(each) for each in planned]
     assert [text.partition(" ")[0] for text in told] == ["no", "plan", "no", "plan", "no"]
     assert "the plan before goes on" in told[2]
+    watching.close()
+
+
+def test_regions_that_the_ship_left_are_wider_from_then_on(
+    recorder: Recorder, small: TrainedCalibrator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regions a thousandth as wide as they were: they grow as the errors come in, by what these say."""
+    monkeypatch.setattr(twin_module, "_LEAST_APART_S", 0.0)
+    fallback = replace(small.fallback, radius=1e-3 * small.fallback.radius)
+    narrow = replace(small, band_m=1e-3 * small.band_m, fallback=fallback)
+    model = Predictor("gunnerus_short", small.plant, HORIZON_S, narrow)
+    watching = Twin("bay", Path("/bay.toml"), model, lambda level, text: None, tmp_path / "run")
+    said = list[dict[str, Any]]()
+    for second in range(8, 26):
+        recorder.write(0.0 if second == 8 else second - 0.65, second + 0.35)
+        recorder.predictions._allowed = 4.0
+        assert watching.poll()
+        said += recorder.said()
+        assert watching.last is not None
+        band_m = watching.last.prediction.band_m
+        assert said[-1]["track"]["band_m"] == pytest.approx(band_m, abs=1e-3)
+    factors = [body["band_factor"] for body in said]
+    inside = [body["error"]["inside_band"] for body in said if "error" in body]
+    first = len(factors) - len(inside) + 1  # that knows of two judged ones and the time between
+    assert set(factors[:first]) == {1.0}
+    assert factors[-1] > 1.2
+    raised = STEP / HORIZON_S * (0.95 - np.array(inside[1:]))
+    assert np.diff(np.log(factors[first - 1 :])) == pytest.approx(raised, abs=2e-4)
     watching.close()
 
 
