@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 SIDECAR = "calibrator.json"
-FORMAT = 6
+FORMAT = 7
 UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.prediction.baselines import Fallback, conformal_radius
+from hybrid.prediction.baselines import BASELINES, Candidate, Fallback, conformal_radius
 from hybrid.prediction.prediction_windows import PredictionWindows
 
 if TYPE_CHECKING:
@@ -100,6 +100,13 @@ class Calibrator(ABC):
         """:meth:`predict`, and the relative uncertainty of each prediction [N, H], one on average; here of all."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
+        """Its predicted ``tracks`` [N, H+1, 3] as one of those that :class:`Fallback` averages.
+
+        Without it, None, they stand alone inside the domain of applicability.
+        """
+        return None
+
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         """The tracks [N, H+1, 3] of the ``stopping`` windows of :meth:`fit` by a model not fitted to them."""
         return self.predict(*stopping)
@@ -122,7 +129,8 @@ class PredictedTracks:
     """Predictions of N windows with their 95 % regions.
 
     ``tracks`` [N, H+1, 3], ``radius_m`` [N, H]; ``outside_domain`` [N] marks the windows outside the calibrator's
-    domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of :data:`BASELINES`.
+    domain of applicability, and ``source`` [N] names who has the largest weight in them: ``hybrid``, or one of
+    :data:`BASELINES`.
     """
 
     tracks: Floats
@@ -141,15 +149,23 @@ def predict_with_fallback(
 ) -> PredictedTracks:
     """The calibrator's tracks and regions, and the fallback's outside its domain or where it gives no number.
 
+    A calibrator that hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
+    domain too. The region is the mean of both then: who is averaged lies no further off than on average.
+
     ``radius_m`` is the calibrator's :meth:`~Calibrator.conformal_radius`, for as many seconds as the windows have
     or more; ``reference`` [N, H+1, 3] are the model's tracks.
     """
     tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
     radii_m = uncertainty * radius_m[: windows.horizon_s]
     outside = calibrator.outside_domain(windows, reference) | ~np.isfinite(tracks).all(axis=(1, 2))
-    source = np.where(outside, "", "hybrid").astype("<U20")
-    if outside.any():
-        instead = fallback.predict(windows.subset(outside), reference[outside], plant)
-        tracks[outside], source[outside] = instead.tracks, instead.source
-        radii_m[outside] = instead.expected_error_m[:, None] * fallback.radius[: windows.horizon_s]
+    tracks[outside] = np.nan
+    source = np.full(len(windows), "hybrid", dtype="<U20")
+    beside = calibrator.beside_baselines(windows, tracks)
+    asked = outside if beside is None else np.ones_like(outside)
+    if asked.any():
+        found = fallback.predict(windows.subset(asked), reference[asked], plant, beside)
+        own = found.weight[len(BASELINES) :].sum(axis=0)[:, None]
+        others_m = found.expected_error_m[:, None] * fallback.radius[: windows.horizon_s]
+        tracks[asked], source[asked] = found.tracks, found.source
+        radii_m[asked] = np.where(own > 0.0, own * radii_m[asked], 0.0) + (1.0 - own) * others_m
     return PredictedTracks(tracks, radii_m, outside, source)

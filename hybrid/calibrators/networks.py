@@ -37,8 +37,9 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.progress import Progress
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
-from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known, simulate_tracks
+from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
+from hybrid.prediction.scores import mean_distances
 from hybrid.vessel.actuators import angle_columns, control_labels
 from hybrid.vessel.sensors import HEADING, SURGE
 
@@ -336,7 +337,8 @@ class NetworkCalibrator(Calibrator):
     """One network from features of a window and second to the displacement at that second.
 
     ``fit`` takes at most ``epochs`` steps of least squares on ``batch`` rows each. It stops early on windows it
-    is not trained on, after ``patience`` steps without gain, and keeps the best weights seen.
+    is not trained on, after ``patience`` steps without gain, and keeps the best weights seen. Its errors on these
+    windows, and on hindcasts of the seconds before them, say how much it weighs beside the baselines.
     """
 
     needs_reference: ClassVar[bool]
@@ -380,12 +382,30 @@ class NetworkCalibrator(Calibrator):
         rows = self._scaled((inputs, targets), device), self._scaled(self._rows(*stopping), device)
         self._train(*rows, len(training[0]), progress)
         self.network_.cpu()
+        self.usual_error_m_ = self._errors(*stopping)
         return self
 
     def _train(self, training: Rows, stopping: Rows, windows: int, progress: Progress) -> None:
         """Fit the network to scaled rows of so many ``windows``."""
         until = StoppingRule(self.epochs, self.batch, self.patience)
         fit_network(self.network_, training, stopping, until, windows, self.seed, progress)
+
+    def _errors(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The mean errors [2] on windows over the horizon and over the hindcast."""
+        found = mean_distances(self.predict(windows, reference), windows.track), self._hindcast_m(windows)
+        return np.array([mean_known(each) for each in found])
+
+    def _hindcast_m(self, windows: PredictionWindows) -> Floats:
+        """The mean errors [N] over the seconds before second 0, no more than it was trained for; NaN without."""
+        if self.plant is None:
+            return np.full(len(windows), np.nan)
+        trained_s = int(self.input_range_[1, self.inputs.index("second")])
+        before = hindcast_windows(windows, min(HINDCAST_S, trained_s))
+        model = simulate_tracks(self.plant, before.start, before.acting, before.wind)
+        return mean_distances(self.predict(before, model), before.track)
+
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
+        return Candidate(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading is that of :meth:`heading`, which is not learned."""
@@ -419,6 +439,7 @@ class NetworkCalibrator(Calibrator):
         for name, scaling in scalings.items():
             tensors[f"{name}.mean"], tensors[f"{name}.deviation"] = scaling.mean, scaling.deviation
         tensors["input.range"] = self.input_range_
+        tensors["usual_error_m"] = torch.from_numpy(self.usual_error_m_)
         return {name: value.contiguous() for name, value in tensors.items()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
@@ -428,6 +449,7 @@ class NetworkCalibrator(Calibrator):
         self.input_scaling_ = Standardisation(tensors["input.mean"], tensors["input.deviation"])
         self.output_scaling_ = Standardisation(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]
+        self.usual_error_m_ = tensors["usual_error_m"].numpy()
         self.network_ = make_network(len(self.input_scaling_.mean), len(self.output_scaling_.mean))
         prefix = "network."
         self.network_.load_state_dict(

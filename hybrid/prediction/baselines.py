@@ -8,7 +8,8 @@ A region is a circle about each predicted position. Its radius is a quantile of 
 in the training (split conformal prediction, Lei et al. 2018), normalised by the relative uncertainty that a method
 gives each window. Outside its domain of applicability a calibrator is replaced by a weighted mean of the two
 baselines: each is weighted by the fourth power of the inverse of its expected error, which follows from its errors
-in the training and from a hindcast of the last seconds.
+in the training and from a hindcast of the last seconds. Inside it a calibrator may be averaged with them
+(:class:`Candidate`).
 """
 
 from __future__ import annotations
@@ -91,16 +92,33 @@ def conformal_radius(predicted: Floats, measured: Floats, uncertainty: Floats | 
 
 
 @dataclass(frozen=True, slots=True)
-class FallbackPrediction:
-    """The baselines' weighted mean for N windows.
+class Candidate:
+    """What is averaged with the baselines: its ``tracks`` [N, H+1, 3], NaN where it has no say, and the errors
+    ``hindcast_m`` [N] of its hindcasts; ``usual_error_m`` [2] are its mean errors on windows that it was not fitted
+    to, over the horizon and over the hindcast.
+    """
 
-    ``tracks`` [N, H+1, 3]; ``source`` [N] names the baseline with the larger weight, one of :data:`BASELINES`;
+    tracks: Floats
+    hindcast_m: Floats
+    usual_error_m: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class FallbackPrediction:
+    """The weighted mean for N windows.
+
+    ``tracks`` [N, H+1, 3]; ``weight`` [K, N] of the :data:`BASELINES` and of what is averaged with them;
     ``expected_error_m`` [N] is what the radius of the region is proportional to.
     """
 
     tracks: Floats
-    source: NDArray[np.str_]
+    weight: Floats
     expected_error_m: Floats
+
+    @property
+    def source(self) -> NDArray[np.str_]:
+        """The name [N] of what has the largest weight: one of :data:`BASELINES`, or ``hybrid``."""
+        return np.asarray(np.array([*BASELINES, "hybrid"])[self.weight.argmax(axis=0)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,20 +138,30 @@ class Fallback:
     def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
         """From windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
-        training_m = [_mean_known(mean_distances(track, windows.track)) for track in tracks]
+        training_m = [mean_known(mean_distances(track, windows.track)) for track in tracks]
         unscaled = cls(
-            np.array(training_m), np.array([_mean_known(each) for each in hindcast_m]), np.ones(windows.horizon_s)
+            np.array(training_m), np.array([mean_known(each) for each in hindcast_m]), np.ones(windows.horizon_s)
         )
         found = unscaled._average(tracks, hindcast_m)
         radius = conformal_radius(found.tracks, windows.track, found.expected_error_m[:, None])
         return replace(unscaled, radius=radius)
 
-    def predict(self, windows: PredictionWindows, reference: Floats, plant: Plant) -> FallbackPrediction:
-        """The weighted mean for windows of which ``reference`` [N, H+1, 3] are the model's tracks."""
-        return self._average(*_baselines(windows, reference, plant))
+    def predict(
+        self, windows: PredictionWindows, reference: Floats, plant: Plant, beside: Candidate | None = None
+    ) -> FallbackPrediction:
+        """The weighted mean for windows of which ``reference`` [N, H+1, 3] are the model's tracks, of the baselines
+        and of a candidate ``beside`` them.
+        """
+        tracks, hindcast_m = _baselines(windows, reference, plant)
+        if beside is None:
+            return self._average(tracks, hindcast_m)
+        usual_m = np.column_stack([[self.training_error_m, self.hindcast_error_m], beside.usual_error_m])
+        return replace(self, training_error_m=usual_m[0], hindcast_error_m=usual_m[1])._average(
+            np.concatenate([tracks, beside.tracks[None]]), np.concatenate([hindcast_m, beside.hindcast_m[None]])
+        )
 
     def _average(self, tracks: Floats, hindcast_m: Floats) -> FallbackPrediction:
-        """The baselines' ``tracks`` [2, N, H+1, 3] weighted by the errors [2, N] of their hindcasts.
+        """The ``tracks`` [K, N, H+1, 3] weighted by the errors [K, N] of their hindcasts.
 
         A baseline whose hindcast is not known has no weight beside one whose hindcast is; neither has one that left
         its range.
@@ -148,7 +176,7 @@ class Fallback:
         hindcast_m = np.maximum(np.where(known, hindcast_m, _UNKNOWN_ERROR_M), self.hindcast_error_m[:, None])
         return FallbackPrediction(
             tracks=average_tracks(weight, tracks),
-            source=np.array(BASELINES)[weight.argmax(axis=0)],
+            weight=weight,
             expected_error_m=_LEAST_UNCERTAINTY_M + (weight * hindcast_m).sum(axis=0),
         )
 
@@ -167,7 +195,7 @@ def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> t
     return np.stack([reference, constant_velocity(windows)]), np.stack(hindcast_m)
 
 
-def _mean_known(errors_m: Floats) -> float:
+def mean_known(errors_m: Floats) -> float:
     """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` without any, as where nothing was recorded before."""
     known = errors_m[np.isfinite(errors_m)]
     return max(float(known.mean()), _LEAST_ERROR_M) if known.size else _UNKNOWN_ERROR_M

@@ -20,9 +20,11 @@ from hybrid.calibrators.calibrator import (
     Progress,
     predict_with_fallback,
 )
+from hybrid.calibrators.networks import PaperCalibrator
 from hybrid.prediction.baselines import (
     BASELINES,
     HINDCAST_S,
+    Candidate,
     Fallback,
     conformal_radius,
     constant_velocity,
@@ -248,6 +250,64 @@ def test_outside_its_domain_a_calibrator_does_no_harm(
     baselines = [mean_distances(each, turning.track)[fast] for each in (alone, constant_velocity(turning))]
     assert (mean_distances(found.tracks, turning.track)[fast] <= np.maximum(*baselines)).all()
     assert mean_distances(found.tracks, turning.track)[fast].mean() < min(each.mean() for each in baselines)
+
+
+class Hindcasting(Boastful):
+    """Off by ``off_m`` everywhere, and over the last seconds too; it was off by two centimetres in its training."""
+
+    off_m: float = 0.02
+
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return np.asarray(windows.track + self.off_m / np.sqrt(2.0))
+
+    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
+        return np.zeros(len(windows), dtype=bool)
+
+    def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
+        return Candidate(tracks, np.full(len(windows), self.off_m), np.array([0.02, 0.02]))
+
+
+def test_inside_its_domain_a_calibrator_is_believed_as_it_hindcasts(
+    plant: Plant, turning: PredictionWindows, fallback: Fallback
+) -> None:
+    """One that is as good as ever is left as it is, but for centimetres; one that is a kilometre off is not heard.
+    The regions go with that.
+    """
+    alone, band_m = reference(turning, plant), np.linspace(0.1, 1.0, SECONDS)
+    calibrator = Hindcasting()
+    found = predict_with_fallback(calibrator, plant, band_m, fallback, turning, alone)
+    others = fallback.predict(turning, alone, plant)
+    others_m = mean_distances(others.tracks, turning.track)
+    usual_m = mean_distances(found.tracks, turning.track)
+    assert usual_m == pytest.approx(0.02, abs=0.02)
+    assert (found.source == "hybrid").all()
+    calibrator.off_m = 1000.0
+    found = predict_with_fallback(calibrator, plant, band_m, fallback, turning, alone)
+    assert mean_distances(found.tracks, turning.track) == pytest.approx(others_m, rel=0.05, abs=0.05)
+    assert np.array_equal(found.source, others.source)
+    assert found.radius_m == pytest.approx(others.expected_error_m[:, None] * fallback.radius, rel=0.05)
+
+
+def test_a_network_does_no_harm_on_a_ship_that_it_was_not_trained_on(plant: Plant) -> None:
+    """Trained on a ship with nine tenths of the thrust and tried on one with three quarters of it: what it learned
+    is of no use, inside its domain too, and it shows before.
+    """
+
+    def windows_of(thrust: float, count: int, seed: int) -> PredictionWindows:
+        return voyages(plant.replaced(thrust_nn=thrust * plant.number("thrust_nn")), count, SECONDS, seed)
+
+    examples, stopping = (
+        (each, reference(each, plant)) for each in (windows_of(0.9, 120, 3), windows_of(0.9, 30, 5))
+    )
+    network = PaperCalibrator(0, plant, epochs=40).fit(examples, stopping)
+    new = windows_of(0.75, 60, 4)
+    model = reference(new, plant)
+    fallback, band_m = Fallback.fit(*examples, plant), network.conformal_radius(stopping)
+    found = predict_with_fallback(network, plant, band_m, fallback, new, model)
+    best_m = min(mean_distances(each, new.track).mean() for each in (model, constant_velocity(new)))
+    bare_m = mean_distances(network.predict(new, model), new.track)[~found.outside_domain].mean()
+    assert found.outside_domain.mean() < 0.5
+    assert mean_distances(found.tracks, new.track).mean() < 1.05 * best_m < 0.1 * bare_m
 
 
 def test_regions_are_circles_that_grow(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
