@@ -12,16 +12,18 @@ import pandas as pd
 from acquisition.core.actuators import control_names
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
+from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, ModelRangeError
 from acquisition.core.result import ModelResult
-from analysis.tables.table import trial_channels
+from analysis.tables.table import table_actuators
 from analysis.windows.recordings import SecondBySecond
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.planned_commands import commands_from, planned_commands
-from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
+from hybrid.prediction.prediction_windows import PredictionWindows, rows_after, windows_of_channels
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.plant import Plant
+from hybrid.vessel.sensors import HEADING
 
 if TYPE_CHECKING:
     from hybrid.calibrators.train import TrainedCalibrator
@@ -102,18 +104,17 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
             f"{at.isoformat()} lies outside the recording",
             fix=f"choose from {first.isoformat()} to {last.isoformat()}",
         )
-    start = pd.Timestamp(times[int(np.argmin(np.abs(times.asi8 - at.as_unit("ns").value)))])
-    index = pd.date_range(start, periods=horizon_s + 1, freq="1s", name="time")
-    names = trial_channels(table)
-    rows = table.reindex(index)[list(names)]
-    missing = [name for name in names if not np.isfinite(rows[name].iloc[0])]
+    row, actuators = int(np.argmin(np.abs(times.asi8 - at.as_unit("ns").value))), table_actuators(table)
+    start_time = times[[row]]
+    channels = rows_after(table, start_time.as_unit("ns").asi8, np.arange(horizon_s + 1), actuators)
+    known = np.isfinite(channels[0])
+    missing = [name for name, there in zip(trial_names(actuators), known[0], strict=True) if not there]
     if missing:
-        raise InputError(f"{', '.join(missing)} has no value at {start.isoformat()}", fix="choose another time")
-    labelled = rows.reset_index(drop=True).assign(
-        window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
-    )
-    windows = windows_from_rows(labelled, tables={"prediction": recorded})
-    return windows, bool(rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None))
+        start = start_time[0].isoformat()
+        raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
+    name = np.array(["prediction"])
+    windows = windows_of_channels(channels, actuators, name, name, start_time, None, {"prediction": recorded})
+    return windows, bool(known[:, : HEADING + 1].all())
 
 
 def predict(

@@ -133,25 +133,45 @@ def windows_from_rows(
     count = ordered["window"].nunique()
     actuators = table_actuators(rows)
     names = trial_names(actuators)
-    cube = ordered[list(names)].to_numpy(dtype=float).reshape(count, -1, len(names))
-    value = {name: cube[:, :, column] for column, name in enumerate(names)}
+    channels = ordered[list(names)].to_numpy(dtype=float).reshape(count, -1, len(names))
     first = ordered.groupby("window", sort=True).first()
-    heading = np.deg2rad(np.apply_along_axis(unwrap, 1, value["heading_deg"]))
-    track = np.stack([value["north_m"], value["east_m"], heading], axis=-1)
-    now = _si(cube[:, 0], actuators)
-    past = _past(now, first, tables or {}, actuators)
+    trial, leg = (first[name].to_numpy(dtype=str) for name in ("trial", "leg"))
+    start_time = pd.DatetimeIndex(first["start"])
+    return windows_of_channels(
+        channels, actuators, trial, leg, start_time, motion, tables or {}, any_commands=any_commands
+    )
+
+
+def windows_of_channels(
+    channels: Floats,
+    actuators: Actuators,
+    trial: NDArray[np.str_],
+    leg: NDArray[np.str_],
+    start_time: pd.DatetimeIndex,
+    motion: pd.DataFrame | None,
+    tables: Mapping[str, SecondBySecond],
+    *,
+    any_commands: bool = False,
+) -> PredictionWindows:
+    """As :func:`windows_from_rows`, of ``channels`` [N, H+1, channels] in the order of :func:`.trial_names` and in
+    their own units, and what N windows are called.
+    """
+    heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
+    track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
+    now = _si(channels[:, 0], actuators)
+    past = _past(now, trial, start_time, tables, actuators)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     return PredictionWindows(
         start=past[:, 0, : WIND.start].copy(),
         track=track,
         wind=past[:, 0, WIND],
         control=past[:, 0, CONTROLS],
-        trial=first["trial"].to_numpy(dtype=str),
-        leg=first["leg"].to_numpy(dtype=str),
-        start_time=pd.DatetimeIndex(first["start"]),
+        trial=trial,
+        leg=leg,
+        start_time=start_time,
         past=past,
         actuators=actuators,
-        commands=mean_controls(_si(cube, actuators)[..., CONTROLS], actuators) if any_commands else None,
+        commands=mean_controls(_si(channels, actuators)[..., CONTROLS], actuators) if any_commands else None,
         two_sided=None if motion is None else _known_afterwards(motion, track[:, 0, HEADING]),
     )
 
@@ -171,28 +191,39 @@ def _si(channels: Floats, actuators: Actuators) -> Floats:
     return np.asarray(channels * np.concatenate([STATE_UNITS, WIND_UNITS, control_units(actuators)]))
 
 
-def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, SecondBySecond], actuators: Actuators) -> Floats:
+def _past(
+    now: Floats,
+    trial: NDArray[np.str_],
+    start_time: pd.DatetimeIndex,
+    tables: Mapping[str, SecondBySecond],
+    actuators: Actuators,
+) -> Floats:
     """What was measured at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
-    past = np.full((len(first), PAST_S + 1, now.shape[1]), np.nan)
+    past = np.full((len(now), PAST_S + 1, now.shape[1]), np.nan)
     past[:, 0] = now
-    trial, start_ns = first["trial"].to_numpy(dtype=str), pd.DatetimeIndex(first["start"]).as_unit("ns").asi8
+    start_ns = start_time.as_unit("ns").asi8
     for name, recorded in tables.items():
         mine = np.flatnonzero(trial == name)
         settled = np.arange(len(recorded.newest), PAST_S + 1)
-        past[np.ix_(mine, settled)] = _rows_before(recorded.table, start_ns[mine], settled, actuators)
+        past[np.ix_(mine, settled)] = _si(
+            rows_after(recorded.table, start_ns[mine], -settled, actuators), actuators
+        )
         for second, table in enumerate(recorded.newest):
-            past[mine, second] = _rows_before(table, start_ns[mine], np.array([second]), actuators)[:, 0]
+            row = rows_after(table, start_ns[mine], np.array([-second]), actuators)[:, 0]
+            past[mine, second] = _si(row, actuators)
     turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
     past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
     return past
 
 
-def _rows_before(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
-    """The rows of a table so many seconds before each start [N, seconds, channels]; NaN where there is none."""
+def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
+    """The rows of a table so many seconds after each start [N, seconds, channels] in the channels' own units; NaN
+    where there is none.
+    """
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
-    wanted = start_ns[:, None] - seconds * NANO
+    wanted = start_ns[:, None] + seconds * NANO
     row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
-    values = _si(table[list(trial_names(actuators))].to_numpy(dtype=float), actuators)[row]
+    values = table[list(trial_names(actuators))].to_numpy(dtype=float)[row]
     values[times_ns[row] != wanted] = np.nan
     return np.asarray(values)
 
