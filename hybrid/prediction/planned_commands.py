@@ -62,14 +62,15 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
 
 
 def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.DataFrame | None:
-    """The table of :func:`read_commands` by seconds after ``at``; None where it is over, one by ``time`` only.
+    """The table of :func:`read_commands` by seconds after ``at``; of one by ``time`` None before it begins within
+    the horizon, and where it is over.
 
     Rows before ``at`` are kept: the last of them is the order that holds.
     """
     if not isinstance(table.index, pd.DatetimeIndex):
         return table
     seconds = (table.index - at) / pd.Timedelta(seconds=1)
-    return table.set_axis(seconds) if seconds[-1] > -horizon_s else None
+    return table.set_axis(seconds) if seconds[0] < horizon_s and seconds[-1] > -horizon_s else None
 
 
 def planned_commands(table: pd.DataFrame, now: Floats, actuators: Actuators, horizon_s: int) -> Floats:
