@@ -15,7 +15,10 @@ from acquisition.config.sections import (
     FILE_SOURCES,
     ActuatorSection,
     AnySource,
+    CanFileSource,
     CanFrames,
+    CanSource,
+    FileSource,
     LiveSection,
     MarkKeys,
     MavlinkLinks,
@@ -235,7 +238,8 @@ _MAPPING_HINT = {
 }
 _SENTENCES_HINT = (
     "take it off the source's channels: NMEA 0183 tells of two rudders (RSA, ROR), three shafts (RPM, PRC), azimuth"
-    " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may"
+    " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may, or NMEA 2000 by a"
+    " gateway, whose `form` is to be given"
 )
 _MOTION = frozenset(MOTION) | {
     "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
@@ -252,9 +256,10 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
     if isinstance(source, MavlinkLinks):
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
-    if isinstance(source, CanFrames):
-        return nautical | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
-    return nautical | _in_sentences(actuators)
+    sentences = set() if isinstance(source, CanSource) else _in_sentences(actuators)
+    if isinstance(source, CanSource | FileSource | CanFileSource) or source.form or source.devices or source.dbc:
+        return nautical | sentences | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
+    return nautical | sentences
 
 
 def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:

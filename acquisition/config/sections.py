@@ -90,6 +90,11 @@ ReductionRatios = dict[
 
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
+Form = Literal[
+    "nmea0183", "candump", "canboat", "yacht_devices", "n2k_ascii", "ikonvert", "seasmart", "mxpgn", "garmin",
+    "opencpn", "actisense", "ebl", "ydvr", "yd_can", "pcap", "pcapng",
+]  # fmt: skip
+"""What gateways send and logs hold, by the names of ``acquisition/sources``' tables."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
 FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
@@ -271,14 +276,6 @@ class CanSource(_CanFrames):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class CanFileSource(_CanFrames):
-    """CAN frames from a log file: candump, BLF, ASC, TRC or canboat's text, told apart by what is in it."""
-
-    type: Literal["can_file"]
-    path: AbsolutePath
-
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Port(_Source):
     """A port of UDP or TCP: of this address, that datagrams are sent to or that we connect to."""
 
@@ -287,21 +284,22 @@ class _Port(_Source):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class _Sentences(_Source):
-    """What every line of NMEA 0183 says.
+class _Lines(_CanFrames):
+    """What every line says: of NMEA 0183, of a gateway that sends NMEA 2000, or of both.
 
-    ``theoretical_wind`` is what MWV's "T" refers to on this vessel: instruments differ, and the sentence does
-    not tell. RPM of an engine counts as that of its shaft with the ``reduction_ratios``.
+    ``form`` is what a gateway sends or a log holds where the content is not to tell. ``theoretical_wind`` is what
+    MWV's "T" refers to on this vessel: instruments differ, and the sentence does not tell. RPM of an engine counts
+    as that of its shaft with the ``reduction_ratios``.
     """
 
+    form: Form | Literal[""] = ""
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
-    reduction_ratios: ReductionRatios = field(default_factory=dict)
     theoretical_wind: Literal["ground", "water"] = "ground"
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class SerialSource(_Sentences):
-    """NMEA 0183 on a serial line."""
+class SerialSource(_Lines):
+    """NMEA 0183, or a gateway's NMEA 2000, on a serial line."""
 
     type: Literal["serial"]
     device: str
@@ -309,24 +307,32 @@ class SerialSource(_Sentences):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class UdpSource(_Port, _Sentences):
+class UdpSource(_Port, _Lines):
     """NMEA 0183 in UDP datagrams that are sent to this address and port."""
 
     type: Literal["udp"]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class TcpSource(_Port, _Sentences):
+class TcpSource(_Port, _Lines):
     """NMEA 0183 from a TCP server, a multiplexer or gateway, that we connect to."""
 
     type: Literal["tcp"]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class FileSource(_Sentences):
-    """NMEA 0183 sentences from a text file, read once from beginning to end."""
+class FileSource(_Lines):
+    """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end."""
 
     type: Literal["file"]
+    path: AbsolutePath
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class CanFileSource(_Lines):
+    """The same, by its earlier name for logs of CAN frames."""
+
+    type: Literal["can_file"]
     path: AbsolutePath
 
 
@@ -400,10 +406,10 @@ class MavlinkFileSource(_Mavlink):
     path: AbsolutePath
 
 
-CanFrames = CanSource | CanFileSource
-LineSource = SerialSource | UdpSource | TcpSource | FileSource
+LineSource = SerialSource | UdpSource | TcpSource | FileSource | CanFileSource
+CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
-AnySource = CanFrames | LineSource | MavlinkLinks
+AnySource = CanFrames | MavlinkLinks
 FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource)
 
 

@@ -33,12 +33,15 @@ class FrameFlag(IntFlag):
     STANDARD_ID = 1
     REMOTE = 2
     ERROR = 4
+    WHOLE = 8
+    """A message of NMEA 2000 that a gateway or a log has put together, if it took several frames."""
 
 
 class Frame(NamedTuple):
     """Bytes as they came off one wire, with the times of their reception; nothing is decoded yet.
 
-    ``payload`` is one CAN frame's data, one NMEA 0183 line without its line end, or one MAVLink datagram.
+    ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line without
+    its line end, or one MAVLink datagram.
     ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any.
     """
 

@@ -20,18 +20,18 @@ What a decoder may say, besides channels that a message carries as they are, in 
 
 from __future__ import annotations
 
+import typing
 from collections import Counter, deque
-from typing import Protocol
 
-from acquisition.config.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.frames import Frame, Group
+from acquisition.core.frames import Frame, Group, Protocol
 
 Notices = deque[tuple[str, str]]
 """What people should know, as (level, text): an address that changed, a clock that stepped."""
 
 
-class Decoder(Protocol):
+class Decoder(typing.Protocol):
     """One protocol's step from frame to samples."""
 
     refused: Counter[str]
@@ -44,22 +44,34 @@ class Decoder(Protocol):
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT) -> list[Decoder]:
-    """The decoders that a source's frames go through, on a ship with these actuators."""
-    if isinstance(config, CanFrames):
-        from acquisition.decoders.dbc import DbcDecoder
-        from acquisition.decoders.nmea2000 import Nmea2000Decoder
+    """The decoders that the frames of a source's own protocol go through, on a ship with these actuators."""
+    return next(iter(decoders_by_protocol(config, actuators).values()))
 
-        nmea2000 = Nmea2000Decoder(
-            config.clock, config.devices, actuators, config.reduction_ratios, shares_bus=config.dbc is not None
-        )
-        if config.dbc is None:
-            return [nmea2000]
-        return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices)]
+
+def decoders_by_protocol(config: AnySource, actuators: Actuators = DEFAULT) -> dict[Protocol, list[Decoder]]:
+    """The decoders of a source's frames, its own protocol first: on a line a gateway may send CAN frames, too."""
     if isinstance(config, MavlinkLinks):
         from acquisition.decoders.mavlink import MavlinkDecoder
 
-        return [MavlinkDecoder(config, actuators)]
+        return {"mavlink": [MavlinkDecoder(config, actuators)]}
+    if isinstance(config, CanSource):
+        return {"can": _of_can(config, actuators)}
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
 
     wind, ratios = config.theoretical_wind, config.reduction_ratios
-    return [Nmea0183Decoder(config.thrusters, config.clock, wind, actuators, ratios)]
+    sentences: list[Decoder] = [Nmea0183Decoder(config.thrusters, config.clock, wind, actuators, ratios)]
+    if isinstance(config, CanFileSource):
+        return {"can": _of_can(config, actuators), "nmea0183": sentences}
+    return {"nmea0183": sentences, "can": _of_can(config, actuators)}
+
+
+def _of_can(config: CanFrames, actuators: Actuators) -> list[Decoder]:
+    from acquisition.decoders.dbc import DbcDecoder
+    from acquisition.decoders.nmea2000 import Nmea2000Decoder
+
+    nmea2000 = Nmea2000Decoder(
+        config.clock, config.devices, actuators, config.reduction_ratios, shares_bus=config.dbc is not None
+    )
+    if config.dbc is None:
+        return [nmea2000]
+    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices)]

@@ -1,7 +1,8 @@
 """NMEA 2000: CAN frames to samples. What is believable is decided here; what a group means, beside it.
 
 Guards come first: remote, error and 11-bit frames, frames of other than 8 bytes, messages of which a part was
-lost. Sources are named by device, group and, where a group has several, the meaning: ``bus/35:130306 apparent``.
+lost; what a gateway has put together passes by the last. Sources are named by device, group and, where a group has
+several, the meaning: ``bus/35:130306 apparent``.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from acquisition.core.frames import Frame, FrameFlag, Group, Quality
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
-from acquisition.decoders.fast_packets import FastPackets
+from acquisition.decoders.fast_packets import LONGEST_BYTES, FastPackets
 from acquisition.decoders.machinery_groups import machinery_readers
 from acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
@@ -99,17 +100,22 @@ class Nmea2000Decoder:
                 self._fast.forget(address)
             return None
         payload: bytes | None = frame.payload
-        if group in SHORTEST_BYTES:
+        if group in SHORTEST_BYTES and not frame.flags:
             payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, SHORTEST_BYTES[group])
         return None if payload is None else (group, address, Message(FIELDS[group], payload))
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
-        if frame.flags:
+        if frame.flags and frame.flags != FrameFlag.WHOLE:
             if frame.flags != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
             return False
         if group not in self._readers and group != ADDRESS_CLAIM:
             return False
+        if frame.flags and group in SHORTEST_BYTES:
+            if not SHORTEST_BYTES[group] <= len(frame.payload) <= LONGEST_BYTES:
+                self.refused["impossible length"] += 1
+                return False
+            return True
         if len(frame.payload) != _FRAME_BYTES:
             self.refused["frame of other than 8 bytes"] += 1
             return False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from acquisition.config.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.config.sections import AnySource, CanSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators
 
 
@@ -55,7 +55,7 @@ class Encoder(Protocol):
 
 def make_encoder(config: AnySource, actuators: Actuators = DEFAULT) -> Encoder:
     """The encoder for what a configuration section would receive, on a ship with these actuators."""
-    if isinstance(config, CanFrames):
+    if isinstance(config, CanSource):
         from acquisition.encoders.can_frames import CanEncoder
 
         return CanEncoder(config, actuators)

@@ -14,7 +14,7 @@ from nmea2000.encoder import create_encoder
 from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
-from acquisition.config.sections import CanFrames
+from acquisition.config.sections import CanSource
 from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import NANO
@@ -30,7 +30,7 @@ _ADDRESS = 35
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanFrames, actuators: Actuators) -> None:
+    def __init__(self, config: CanSource, actuators: Actuators) -> None:
         self._rudders = rudder_channels(actuators)
         self._ratios = [
             (number, f"{name}_rpm", config.reduction_ratios[name])
@@ -75,7 +75,7 @@ class CanEncoder:
                 packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
         return packets
 
-    def _load_signals(self, config: CanFrames) -> None:
+    def _load_signals(self, config: CanSource) -> None:
         if config.dbc is None:
             return
         database = load_dbc(config.dbc)

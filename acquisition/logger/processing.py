@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import AnySource, CanFrames
 from acquisition.core.frames import Frame, Group, Sample
-from acquisition.decoders import Decoder, make_decoders
+from acquisition.decoders import Decoder, decoders_by_protocol
 from acquisition.logger.derive import Derivation
 from acquisition.logger.health import SILENT_NS, Health
 from acquisition.logger.supervision import LOG
@@ -130,11 +131,9 @@ class FrameProcessor:
         self._trial = config.trial
         self._writer = writer
         self._health = health
-        self._decoders: dict[str, list[Decoder]] = {
-            each.name: make_decoders(each, config.actuators) for each in config.sources
-        }
+        self._decoders = {each.name: decoders_by_protocol(each, config.actuators) for each in config.sources}
         for name, decoders in self._decoders.items():
-            health.sources[name].refusals = [each.refused for each in decoders]
+            health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
         self._derivation = Derivation(
             config.trial,
             frozenset(each.name for each in config.sources if _POSITION & set(each.channels)),
@@ -148,7 +147,7 @@ class FrameProcessor:
 
     def mute_clocks(self, origin: str) -> None:
         """Tell nothing of this source's clocks: its frames have no times that they could be compared with."""
-        for decoder in self._decoders[origin]:
+        for decoder in chain(*self._decoders[origin].values()):
             if (clock := getattr(decoder, "clock", None)) is not None:
                 clock.muted = True
 
@@ -158,7 +157,7 @@ class FrameProcessor:
         if self._in_storm:
             self._end_storm(frame)
         health = self._health.sources[frame.origin]
-        for decoder in self._decoders[frame.origin]:
+        for decoder in self._decoders[frame.origin].get(frame.protocol, ()):
             for group in self._decoded(decoder, frame):
                 samples, impossible = self._derivation.channels(group)
                 health.impossible += impossible

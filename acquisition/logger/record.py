@@ -199,6 +199,8 @@ def record_log_files(
 
 
 def _tell_troubles(source: Source, reading: _Reading) -> None:
+    if remark := getattr(source, "remark", ""):
+        reading.tell("warning", f"{source.name}: {remark}")
     if unreadable := getattr(source, "unreadable", 0):
         lines = "line" if unreadable == 1 else "lines"
         reading.tell("warning", f"{source.name}: {unreadable:,} {lines} of the log could not be read")

@@ -79,7 +79,9 @@ _RAW = {
         "One CAN frame as received",
         {
             "id": _value("integer", "Arbitration identifier"),
-            "flags": _value("integer", "1 standard identifier, 2 remote, 4 error"),
+            "flags": _value(
+                "integer", "1 standard identifier, 2 remote, 4 error, 8 message put together by a gateway"
+            ),
             "data": _value("string", "The data bytes, hexadecimal"),
             "monotonic_ns": _RECEIVED,
         },

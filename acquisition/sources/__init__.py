@@ -17,7 +17,7 @@ from acquisition.core.frames import Frame
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
     "can": ("acquisition.sources.can_bus", "CanBus"),
-    "can_file": ("acquisition.sources.can_file", "CanFile"),
+    "can_file": ("acquisition.sources.logfile", "LogFile"),
     "serial": ("acquisition.sources.streams", "SerialPort"),
     "udp": ("acquisition.sources.streams", "UdpPort"),
     "tcp": ("acquisition.sources.streams", "TcpConnection"),

@@ -1,80 +1,167 @@
-"""NMEA 0183 sentences from a text file, as fast as they are taken.
+"""Log files of CAN frames, messages and sentences, told apart by what is in them, as fast as they are taken.
 
-A log that tells times keeps them: a line counts as received when the time before it says (seconds or milliseconds
-since 1970, or ISO 8601 in UTC with its Z), or else its TAG block. In a log without any, lines count as received
-when they are read. Lines that begin with ``#`` are a person's.
+A log's time is UTC where it gives one; dates without a zone are this machine's local time in ASC and candump's
+text (as their writers mean them) and UTC elsewhere. Times of day, and times since the log or a gateway began,
+become UTC if the bus or a sentence tells it near the log's beginning; a time of day takes its date from the file's
+last change if nobody does. Other times keep their distances, counted from the moment of opening, but bear no stamp.
+What has no time has that of what came before it; a log without any is received as fast as it is read.
 """
 
 from __future__ import annotations
 
-import datetime as dt
-import re
-from typing import BinaryIO
+import gzip
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from io import BytesIO
+from itertools import chain, islice
+from pathlib import Path
+from typing import BinaryIO, cast
 
-from acquisition.config.sections import FileSource
-from acquisition.core.frames import EPOCH, Frame
-from acquisition.decoders.clock import is_possible
-from acquisition.decoders.nmea0183 import split_tag, unix_ns
+from acquisition.config.sections import CanFileSource, FileSource
+from acquisition.core.frames import Frame, iso, now_ns
+from acquisition.decoders.nmea0183 import split_sentence, split_tag
 from acquisition.sources import LogReader
-from acquisition.sources.streams import LineAssembler
+from acquisition.sources.file_forms import FILE_FORMS, read_lines
+from acquisition.sources.library_log import LibraryLog, library_form
+from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
+from acquisition.sources.looks import looks_like
 
-_BLOCK_BYTES = 8192
-_STAMP = re.compile(
-    rb"(\d{13}|\d{10}(?:\.\d{1,9})?|\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?Z)[ \t,;]+(?=[$!\\])"
+_MOST_FRAMES_AT_ONCE = 300
+_HEAD_BYTES = 65_536
+_HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
+_LATEST_NS = 2**63
+_GZIP = b"\x1f\x8b"
+UNDERSTOOD = (
+    "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
+    " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
 
 
 class LogFile(LogReader):
-    """One file of sentences."""
+    """One log; ``unreadable`` counts its lines and records that held nothing."""
 
-    def __init__(self, config: FileSource) -> None:
+    def __init__(self, config: CanFileSource | FileSource) -> None:
         super().__init__(config)
-        self._lines = LineAssembler(config.name)
-        self._time = LogTime()
+        self._log: _Log | LibraryLog | None = None
+        self._entries: Iterator[Entry] = iter(())
+        self._clock = LogClock((), 0)
+        self._opened_ns = self._last_ns = self._count = 0
+        self._newest_ns: int | None = None  # as the log tells it
+        self.timed = True  # whether the last frame had a time, of whatever kind
+
+    @property
+    def unreadable(self) -> int:
+        return 0 if self._log is None else self._log.unreadable
+
+    @property
+    def damage(self) -> str:
+        """What is broken in the log and where its reading ended; empty for a log that was read to its end."""
+        if self._log is None or not self._log.damage:
+            return ""
+        where = f"reading ended after {self._count:,} frames"
+        if self._newest_ns is not None:
+            where += f", the last of {_told_time(self._newest_ns)}"
+        return f"the log is damaged ({self._log.damage}); {where}"
+
+    @property
+    def remark(self) -> str:
+        """What should be known of the log's times."""
+        return self._clock.remark
+
+    def _begin(self, file: BinaryIO) -> None:
+        head = file.read(_HEAD_BYTES)
+        if packed := head.startswith(_GZIP):
+            head = _inflated(head)
+        path: Path = self._config.path
+        make = _maker(head, self._config.form, partial(_opened, path, packed))
+        log = self._log = make()
+        entries = iter(log)
+        beginning = list(islice(entries, _HEAD_ENTRIES))
+        if head and not any(map(_is_sound, chain(beginning, entries))):
+            why = log.damage or f"it looks like {looks_like(head)}"
+            raise ValueError(f"nothing in it can be recorded: {why}; understood are {UNDERSTOOD}")
+        log.close()
+        self._clock = LogClock(beginning, path.stat().st_mtime_ns)
+        self._log = make()
+        self._entries = iter(self._log)
+        self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 
     def _next(self, file: BinaryIO) -> list[Frame] | None:
-        block = file.read(_BLOCK_BYTES)
-        frames = self._lines.push(block) if block else self._lines.end()
-        if not block and not frames:
-            return None
-        return self._time.stamp([frame for frame in frames if not frame.payload.startswith(b"#")])
+        return [self._frame(entry) for entry in islice(self._entries, _MOST_FRAMES_AT_ONCE)] or None
+
+    def close(self) -> None:
+        self._entries = iter(())
+        if self._log is not None:
+            self._log.close()
+        super().close()
+
+    def _frame(self, entry: Entry) -> Frame:
+        time_ns = self._clock.time_ns(entry)
+        if time_ns is not None and self._newest_ns is not None and entry.protocol == "nmea0183":
+            time_ns = max(time_ns, self._newest_ns)  # sentences come late, not early
+        self._count, self._newest_ns, self.timed = self._count + 1, time_ns, time_ns is not None
+        stamped_ns, (received_ns, monotonic_ns) = None, now_ns()
+        if time_ns is not None and time_ns >= EARLIEST_UTC_NS:
+            stamped_ns = received_ns = monotonic_ns = time_ns
+        elif time_ns is not None:
+            received_ns = monotonic_ns = self._opened_ns + time_ns
+        self._last_ns = max(self._last_ns, monotonic_ns)
+        times = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns
+        return Frame(self.name, entry.protocol, entry.payload, *times)
 
 
-class LogTime:
-    """The time that a log tells, which never goes back.
-
-    A line without one has the time of the line before it; what precedes the first has the first.
-    """
-
-    def __init__(self) -> None:
-        self._now_ns: int | None = None
-
-    def stamp(self, frames: list[Frame]) -> list[Frame]:
-        """The bare lines with the log's time for every time they have; their own as long as the log tells none."""
-        told = [_told(frame.payload) for frame in frames]
-        if self._now_ns is None:
-            self._now_ns = next((time_ns for time_ns, _ in told if time_ns is not None), None)
-        return [self._stamped(frame, *each) for frame, each in zip(frames, told, strict=True)]
-
-    def _stamped(self, frame: Frame, told_ns: int | None, payload: bytes) -> Frame:
-        if self._now_ns is None:
-            return frame._replace(payload=payload)
-        now_ns = self._now_ns = max(self._now_ns, told_ns or 0)
-        return frame._replace(payload=payload, received_ns=now_ns, monotonic_ns=now_ns, stamped_ns=now_ns)
-
-
-def _told(line: bytes) -> tuple[int | None, bytes]:
-    """When a line was received (UTC, ns since 1970), as the log or else its TAG block tells, and the bare line."""
-    found = _STAMP.match(line)
-    payload = line[found.end() :] if found else line
-    time_ns = _stamp_ns(found[1].decode("ascii")) if found else split_tag(line).time_ns
-    return (time_ns if time_ns is not None and is_possible(time_ns) else None), payload
-
-
-def _stamp_ns(text: str) -> int | None:
-    if "T" not in text:
-        return unix_ns(text)
+def _inflated(beginning: bytes) -> bytes:
     try:
-        return (dt.datetime.fromisoformat(text) - EPOCH) // dt.timedelta(microseconds=1) * 1000
-    except ValueError:
-        return None
+        return zlib.decompressobj(wbits=31).decompress(beginning, _HEAD_BYTES)
+    except zlib.error as error:
+        raise ValueError(f"it cannot be unpacked: {error}") from error
+
+
+def _opened(path: Path, packed: bool) -> BinaryIO:
+    return cast(BinaryIO, gzip.GzipFile(path)) if packed else path.open("rb")
+
+
+def _told_time(time_ns: int) -> str:
+    """A log's time for a person: UTC, or since it began; broken ones can lie beyond all dates."""
+    if time_ns < EARLIEST_UTC_NS:
+        return f"{time_ns / 1e9:.3f} s after its beginning"
+    return iso(time_ns) if time_ns < _LATEST_NS else f"{time_ns / 1e9:.3f} s since 1970"
+
+
+class _Log:
+    """A log by one of our own functions; what is broken where it ends before its time is its ``damage``."""
+
+    def __init__(self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str) -> None:
+        self._read, self._file, self._reader = read, file, LineReader(form)
+        self.damage = ""
+        self.close = file.close
+
+    @property
+    def unreadable(self) -> int:
+        return self._reader.unreadable
+
+    def __iter__(self) -> Iterator[Entry]:
+        try:
+            yield from self._read(self._file, self._reader)
+        except (ValueError, EOFError, zlib.error, struct.error) as error:
+            self.damage = str(error)
+
+
+def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log | LibraryLog]:
+    """What begins to read a log: by its form or, where none is named, by its first bytes."""
+    read = FILE_FORMS[form].read if form in FILE_FORMS else None
+    if not form:
+        read = next((each.read for each in FILE_FORMS.values() if each.begins(head)), None)
+    library = library_form(head)
+    is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
+    if read is None and library is not None and not is_text:
+        return lambda: LibraryLog(library, open_file())
+    return lambda: _Log(read or read_lines, open_file(), form)
+
+
+def _is_sound(entry: Entry) -> bool:
+    """Whether it is a frame, a message, or a sentence with the right checksum."""
+    return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None

@@ -1,9 +1,8 @@
-"""Serial lines, TCP connections and UDP ports: NMEA 0183 line by line, or MAVLink as its bytes come."""
+"""Serial lines, TCP connections and UDP ports: NMEA 0183, a gateway's NMEA 2000, or MAVLink as its bytes come."""
 
 from __future__ import annotations
 
 import ipaddress
-import re
 import socket
 import struct
 import sys
@@ -23,12 +22,12 @@ from acquisition.config.sections import (
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source
+from acquisition.sources.actisense import Cutter
+from acquisition.sources.line_forms import Entry, LineReader
 
 if TYPE_CHECKING:
     import serial
 
-_LONGEST_LINE_BYTES = 1024  # the standard allows 82, and a TAG block; a line without an end must not eat the memory
-_LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
 _DATAGRAM_BYTES = 65_535
 _MOST_DATAGRAMS = 100
 _SO_RXQ_OVFL = 40  # Linux tells with each datagram how many it has dropped so far; Python has no name for it
@@ -39,33 +38,40 @@ StreamSource = SerialSource | UdpSource | TcpSource | MavlinkSource | MavlinkTcp
 
 
 class LineAssembler:
-    """Cuts a stream of bytes into lines of NMEA 0183, one frame a line, stamped when the line was complete.
+    """Cuts a stream of bytes into frames, stamped when they were complete: sentences, and what gateways send.
 
-    What stands before a sentence, a TAG block or a datagram's prefix, stays with it.
+    What stands before a sentence, a TAG block or a datagram's prefix, stays with it. A line that is of no form that
+    is known is a frame of NMEA 0183, for the decoder to refuse and to count.
     """
 
-    def __init__(self, origin: str) -> None:
+    def __init__(self, origin: str, form: str = "") -> None:
         self._origin = origin
-        self._pending = b""
+        self._reader = LineReader(form)
+        self._cutter = Cutter()
+        self.cut = self._cutter.cut
 
     def push(self, received: bytes) -> list[Frame]:
-        """The lines that ``received`` completes; empty lines are passed over."""
-        received_ns, monotonic_ns = now_ns()
-        *complete, self._pending = _LINE_END.split(self._pending + received)
-        if len(self._pending) > _LONGEST_LINE_BYTES:
-            complete.append(self._pending)
-            self._pending = b""
-        lines = (line.strip(b"\0 \t") for line in complete)
-        return [Frame(self._origin, "nmea0183", line, received_ns, monotonic_ns) for line in lines if line]
-
-    def cut(self) -> None:
-        """The stream was cut and begins anew: a line that was under way stays as far as it came, by itself."""
-        if self._pending:
-            self._pending += b"\n"
+        """The frames that ``received`` completes; empty lines are passed over."""
+        return self._frames(self._cutter.push(received))
 
     def end(self) -> list[Frame]:
         """The last line, where the stream ended without a line end (a datagram, a file)."""
-        return self.push(b"\n") if self._pending else []
+        return self._frames(self._cutter.end())
+
+    def _frames(self, pieces: list[bytes]) -> list[Frame]:
+        received_ns, monotonic_ns = now_ns()
+        frames = []
+        for piece in pieces:
+            refused = self._reader.unreadable
+            entry = self._reader.entry(piece)
+            if entry is None and self._reader.unreadable > refused:
+                entry = Entry(None, piece, protocol="nmea0183")
+            if entry is not None:
+                of_can = entry.identifier, entry.flags
+                frames.append(
+                    Frame(self._origin, entry.protocol, entry.payload, received_ns, monotonic_ns, *of_can)
+                )
+        return frames
 
 
 class _Stream(Source):
@@ -73,7 +79,7 @@ class _Stream(Source):
 
     def __init__(self, config: StreamSource) -> None:
         super().__init__(config)
-        self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name)
+        self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name, config.form)
 
     @abstractmethod
     def _bytes(self, timeout_s: float) -> bytes:

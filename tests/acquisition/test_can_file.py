@@ -15,16 +15,16 @@ from acquisition.config.sections import CanFileSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.sources import make_source
-from acquisition.sources.can_file import CanFile
-from acquisition.sources.can_text import LineReader
+from acquisition.sources.line_forms import LineReader
+from acquisition.sources.logfile import LogFile
 
 START_NS = 1_779_062_280_249_713_000
 MILLISECOND = 1_000_000
 
 
-def can_file(path: Path) -> CanFile:
+def can_file(path: Path) -> LogFile:
     source = make_source(CanFileSource(name="log", type="can_file", path=path, channels=()))
-    assert isinstance(source, CanFile)
+    assert isinstance(source, LogFile)
     return source
 
 
@@ -165,13 +165,13 @@ def test_a_log_without_times_is_received_as_it_is_read(tmp_path: Path) -> None:
     assert all(later.monotonic_ns >= former.monotonic_ns for former, later in pairwise(frames))
 
 
-def test_a_whole_message_is_split_as_it_came(tmp_path: Path) -> None:
-    """12 bytes in two frames of 8, numbered anew by device and group."""
+def test_a_whole_message_stays_whole(tmp_path: Path) -> None:
+    """What was put together already is told from a frame."""
     message = "2026-08-07T23:44:27.000Z,2,130578,{},255,12,ff,7f,ff,7f,a8,ff,bb,00,ff,7f,22,01"
-    frames = read_text(tmp_path / "log", *(message.format(source) for source in (1, 1, 2)))
-    assert [frame.payload[:2].hex() for frame in frames] == ["000c", "01bb", "200c", "21bb", "000c", "01bb"]
-    assert frames[1].payload == bytes.fromhex("01bb00ff7f2201ff")
-    assert {frame.identifier for frame in frames} == {0x09FE1201, 0x09FE1202}
+    frames = read_text(tmp_path / "log", *(message.format(source) for source in (1, 2)))
+    assert {frame.payload.hex() for frame in frames} == {"ff7fff7fa8ffbb00ff7f2201"}
+    assert [frame.identifier for frame in frames] == [0x09FE1201, 0x09FE1202]
+    assert {frame.flags for frame in frames} == {FrameFlag.WHOLE}
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_a_whole_message_is_split_as_it_came(tmp_path: Path) -> None:
         "2026-08-07T23:44:27.000Z,2,262400,35,255,2,05,A0",
         "2026-08-07T23:44:27.000Z,2,127250,35,255,3,05,A0",
         "2026-08-07T23:44:27.000Z,2,127250,35,256,2,05,A0",
-        "2026-08-07T23:44:27.000Z,2,130323,35,255,300" + ",05" * 300,
+        "2026-08-07T23:44:27.000Z,2,130323,35,255,1786" + ",05" * 1786,
         "rubbish",
     ],
 )
@@ -215,7 +215,7 @@ def test_a_log_that_was_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
     assert source.unreadable == 0
 
 
-def damaged(path: Path) -> tuple[CanFile, int]:
+def damaged(path: Path) -> tuple[LogFile, int]:
     """A log that was read as far as it can be, and how many frames it gave."""
     source = can_file(path)
     source.open()
@@ -316,6 +316,5 @@ ALPHABET = st.sampled_from("()<>[]#,. :'-x0123456789abcdefABCDEFRTcan\u0661")
 def test_no_line_raises(line: str) -> None:
     reader = LineReader()
     for prefix in ("", "(1436509052.249713) can0 ", "2026-08-07T23:44:27.000Z,2,"):
-        for logged in reader.frames(prefix + line):
-            assert logged.identifier < 2**29
-            assert len(logged.payload) <= 64
+        entry = reader.entry((prefix + line).encode())
+        assert entry is None or (entry.identifier < 2**29 and len(entry.payload) <= 512)

@@ -148,7 +148,7 @@ def test_a_signal_that_the_dbc_file_does_not_have_leaves_nothing_behind(tmp_path
 
 def test_a_file_that_fails_on_the_way_keeps_what_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A disk's bad sector, say: an error, and a recording that is closed well and holds all that came before."""
-    monkeypatch.setattr(logfile, "_BLOCK_BYTES", 128)
+    monkeypatch.setattr(logfile, "_MOST_FRAMES_AT_ONCE", 3)
     blocks, read = iter(range(3)), LogFile.read
 
     def failing(self: LogFile, timeout_s: float) -> list[Frame] | None:

@@ -1,0 +1,132 @@
+"""Actisense's binary messages (BST), of NGT-1, NGX, W2K, WGX and others, and the marks that they come between.
+
+Source: the descriptions in the maker's public SDK. A message begins with its kind and length; all its bytes add
+up to zero. Kinds that say nothing of the bus, the gateway's own, are sound and empty.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+MARK, END = b"\x10\x02", b"\x10\x03"
+_DLE = b"\x10"
+_BODY = re.compile(rb"((?:[^\x10]|\x10\x10)*+)\x10([^\x10])", re.DOTALL)
+_LONGEST_BYTES = 4096  # the longest message, 1,785 bytes, with every byte escaped
+_LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
+_LONGEST_LINE_BYTES = 8192  # of a message of 1,785 bytes in hexadecimal; a line without an end must not eat memory
+_MILLI_NS = 1_000_000
+_UPTIME_TURN_NS = 2**32 * _MILLI_NS
+_STEPS_NS = (1_000_000, 100_000, 10_000, 1_000)  # of the 16-bit clock of single frames, by two bits
+
+
+class Stored(NamedTuple):
+    """What a message holds: a group's bytes with their priority, group, source and destination, or a sentence.
+
+    ``time_ns`` counts from when the gateway started and comes round after ``turn_ns``. ``whole`` tells messages
+    that the gateway has put together from single frames.
+    """
+
+    header: tuple[int, int, int, int] = (0, 0, 0, 0)
+    payload: bytes = b""
+    time_ns: int = 0
+    turn_ns: int = _UPTIME_TURN_NS
+    whole: bool = True
+    sentence: bytes = b""
+
+
+def stored_message(stored: bytes) -> Stored | None:
+    """What a message with its checksum holds; None for one that is not sound."""
+    if len(stored) < 3 or sum(stored) & 0xFF:
+        return None
+    body, kind = stored[:-1], stored[0]
+    length = int.from_bytes(body[1:3], "little") if kind == 0xD0 else body[1] + 2
+    if length != len(body):
+        return None
+    if kind == 0x93:
+        return message_entry(body)
+    if kind == 0x95:
+        return _single_frame(body)
+    if kind == 0xD0:
+        return _newest(body)
+    return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == 0x9D else Stored()
+
+
+def message_entry(body: bytes) -> Stored | None:
+    """A message of kind 93, without its checksum; None where its lengths contradict each other."""
+    if len(body) < 13 or body[0] != 0x93 or len(body) < 13 + body[12]:
+        return None
+    group, destination = _group(body[5], body[4], body[3], body[6])
+    header = body[2] & 7, group, body[7], destination
+    return Stored(header, body[13 : 13 + body[12]], int.from_bytes(body[8:12], "little") * _MILLI_NS)
+
+
+def _newest(body: bytes) -> Stored | None:
+    if len(body) < 13:
+        return None
+    group, destination = _group(body[7], body[6], body[5], body[3])
+    time_ns = int.from_bytes(body[9:13], "little") * _MILLI_NS
+    return Stored((body[7] >> 2 & 7, group, body[4], destination), body[13:], time_ns)
+
+
+def _single_frame(body: bytes) -> Stored | None:
+    if not 8 <= len(body) <= 16:
+        return None
+    group, destination = _group(body[7], body[6], body[5], body[5] if body[6] < 240 else 255)
+    step_ns = _STEPS_NS[body[7] >> 5 & 3]
+    header = body[7] >> 2 & 7, group, body[4], destination
+    return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, whole=False)
+
+
+def _group(page: int, pdu_format: int, pdu_specific: int, destination: int) -> tuple[int, int]:
+    """The parameter group and who it is for, from the fields of an identifier."""
+    addressed = pdu_format < 240
+    return (page & 3) << 16 | pdu_format << 8 | (0 if addressed else pdu_specific), destination
+
+
+class Cutter:
+    """Cuts a stream of bytes into lines of text and binary messages, which begin with :data:`MARK`.
+
+    Both may come on one stream. Of a message that is cut off or escaped wrongly the bytes so far are a piece, too:
+    it is not sound, and so it is counted.
+    """
+
+    def __init__(self) -> None:
+        self._pending = b""
+
+    def push(self, received: bytes) -> list[bytes]:
+        """The lines and messages that ``received`` completes; empty lines are passed over."""
+        data, pieces = self._pending + received, []
+        while True:
+            text, mark, rest = data.partition(MARK)
+            *lines, left = _LINE_END.split(text)
+            pieces += [stripped for line in lines if (stripped := line.strip(b"\0 \t"))]
+            if not mark:
+                break
+            if left:
+                pieces.append(left)
+            found = _BODY.match(rest)
+            if found is None and len(rest) <= _LONGEST_BYTES:
+                self._pending = mark + rest
+                return pieces
+            body, data = (rest, b"") if found is None else (found[1], rest[found.end() :])
+            pieces.append(mark + body.replace(_DLE * 2, _DLE))
+            if found is not None and found[2] == MARK[1:]:
+                data = mark + data
+        if len(left) > _LONGEST_LINE_BYTES:
+            pieces.append(left)
+            left = b""
+        self._pending = left
+        return pieces
+
+    def cut(self) -> None:
+        """The stream was cut and begins anew: a line stays as far as it came, by itself; a message is gone."""
+        if self._pending:
+            self._pending = b"" if self._pending.startswith(MARK) else self._pending + b"\n"
+
+    def end(self) -> list[bytes]:
+        """The last line or message as far as it came, where the stream ended (a datagram, a file)."""
+        if self._pending.startswith(MARK):
+            piece, self._pending = self._pending, b""
+            return [piece]
+        return self.push(b"\n") if self._pending else []

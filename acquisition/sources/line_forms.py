@@ -1,0 +1,459 @@
+"""Lines of text as gateways send them and logs keep them, to CAN frames, whole messages and sentences.
+
+A form is a pattern and a small function from what it matched to an entry, listed in :data:`LINE_FORMS`. Times are
+as the line tells them: UTC, since the log began (before 2001), or a clock that comes round (``turn_ns``).
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import datetime as dt
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+
+from acquisition.core.frames import NANO, FrameFlag, Protocol
+from acquisition.decoders.clock import DAY_NS, is_possible
+from acquisition.decoders.nmea0183 import checksum, split_tag
+from acquisition.sources.actisense import MARK, message_entry, stored_message
+
+MILLI_NS = 1_000_000
+_MOST_BYTES = 64  # of a frame of CAN FD
+_LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
+_ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
+
+
+class Entry(NamedTuple):
+    """One frame, whole message or sentence, with the time that its line tells, if any.
+
+    A clock that starts anew every ``turn_ns`` (at midnight, after 2^32 ms) tells how much of the turn is over.
+    """
+
+    time_ns: int | None
+    payload: bytes
+    identifier: int = 0
+    flags: FrameFlag = FrameFlag.NONE
+    protocol: Protocol = "can"
+    turn_ns: int = 0
+
+
+def message(
+    header: tuple[int, int, int, int], payload: bytes, time_ns: int | None, turn_ns: int = 0, *, whole: bool = True
+) -> Entry | None:
+    """A message of a parameter group; ``header`` is its priority, group, source and destination.
+
+    ``whole`` says that it was put together where it took several frames. None for what can have been on no bus:
+    groups beyond 18 bits are a gateway's own.
+    """
+    priority, group, source, destination = header
+    addressed = (group >> 8) & 0xFF < 240
+    if group > 0x3FFFF or max(source, destination) > 255 or len(payload) > _LONGEST_MESSAGE:
+        return None
+    if addressed and group & 0xFF:
+        return None
+    identifier = (priority & 7) << 26 | group << 8 | source | (destination << 8 if addressed else 0)
+    flags = FrameFlag.WHOLE if whole else FrameFlag.NONE
+    return Entry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
+
+
+def utc_ns(date: str, clock: str, fraction: str | None, zone: str | None, usual: dt.tzinfo | None) -> int | None:
+    """A date, a time and a zone as ns since 1970; ``usual`` where no zone is given, None is this machine's.
+
+    >>> utc_ns("1970-01-01", "02:00:01", "25", "+02:00", None)
+    1250000000
+    """
+    try:
+        whole = dt.datetime.fromisoformat(f"{date}T{clock}")
+        if zone and zone not in ("Z", "UTC"):
+            sign, hours, minutes = -1 if zone[0] == "-" else 1, int(zone[1:3]), int(zone[3:].strip(":") or 0)
+            usual = dt.timezone(sign * dt.timedelta(hours=hours, minutes=minutes))
+        elif zone:
+            usual = dt.UTC
+        seconds = round((whole.replace(tzinfo=usual) if usual else whole.astimezone()).timestamp())
+    except (ValueError, OverflowError, OSError):
+        return None
+    return seconds * NANO + int((fraction or "")[:9].ljust(9, "0"))
+
+
+def day_ns(clock: str, fraction: str | None) -> int | None:
+    """A time of day, ``hh:mm:ss`` or ``hhmmss``, as ns since midnight; None where there is no such time.
+
+    >>> day_ns("17:33:21", "107")
+    63201107000000
+    """
+    digits = clock.replace(":", "")
+    hours, minutes, seconds = int(digits[:2]), int(digits[2:4]), int(digits[4:])
+    if hours > 23 or minutes > 59 or seconds > 59:
+        return None
+    return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
+
+
+_CANDUMP_LOG = re.compile(
+    r"\((?P<time>[\d.]+)\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
+    r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-9A-Fa-f]?)(?:_[0-9A-Fa-f])?(?:\s+[RT])?\s*"
+)
+_CANDUMP_CONSOLE = re.compile(
+    r"(?:\((?P<time>[\d.]+|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?\S+\s+(?:[RT]X [B-] [E-]\s+)?"
+    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d{1,2})\]"
+    r"(?:\s+(?P<remote>remote request)|(?P<data>(?:[\s`]+(?:[01]{8}|[0-9A-Fa-f]{2}))*))"
+    r"(?:\s+ERRORFRAME|\s+'.*')?\s*"
+)
+_CANDUMP_OLD = re.compile(
+    r"<0x(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})>\s+\[(?P<length>\d{1,2})\](?P<data>(?:\s+[0-9A-Fa-f]{2})*)\s*"
+)
+
+
+def _candump_log(match: re.Match[str]) -> Entry | None:
+    remote = match["data"].startswith("R")
+    data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
+    return _frame(match["time"], match["id"], data, remote)
+
+
+def _candump_console(match: re.Match[str]) -> Entry | None:
+    found = match.groupdict()
+    remote = found.get("remote") is not None
+    data = _console_bytes(found["data"] or "")
+    if not remote and len(data) != int(found["length"]):
+        return None
+    return _frame(found.get("time"), found["id"], data, remote)
+
+
+def _console_bytes(text: str) -> bytes:
+    """Bytes as candump prints them: hexadecimal, binary (``-i``), or the last one first (``-S``)."""
+    swapped = "`" in text
+    parts = text.replace("`", " ").split()
+    base = 2 if parts and len(parts[0]) == 8 else 16
+    data = bytes(int(part, base) for part in parts)
+    return data[::-1] if swapped else data
+
+
+def _frame(time: str | None, identifier: str, data: bytes, remote: bool) -> Entry | None:
+    time_ns = None if time is None else _candump_time_ns(time)
+    if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
+        return None
+    number = int(identifier, 16)
+    flags = FrameFlag.REMOTE if remote else FrameFlag.NONE
+    if len(identifier) == 3:
+        flags |= FrameFlag.STANDARD_ID
+    if number & _ERROR_BIT:
+        flags |= FrameFlag.ERROR
+    return Entry(time_ns, data, number & 0x1FFFFFFF, flags)
+
+
+def _candump_time_ns(text: str) -> int | None:
+    """Seconds, or a date and time of this machine's zone, which is what candump prints; None for anything else."""
+    if "-" in text:
+        return utc_ns(text[:10], text[11:19], text[20:], None, None)
+    seconds, _, fraction = text.partition(".")
+    if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
+        return None
+    return int(seconds) * NANO + int(fraction[:9].ljust(9, "0"))
+
+
+_ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
+_CANBOAT = re.compile(
+    r"(?P<date>\d{4}-\d\d-\d\d)[-T ](?P<clock>\d\d:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
+    rf"{_ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
+    r"(?P<source>\d{1,3}),(?P<destination>\d{1,3}),(?P<length>\d{1,4})(?P<data>(?:,[0-9A-Fa-f]{2})*),?\s*"
+)
+
+
+def _canboat(match: re.Match[str]) -> Entry | None:
+    """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
+    data = bytes.fromhex(match["data"].replace(",", ""))
+    time_ns = utc_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
+    if time_ns is None or len(data) != int(match["length"]):
+        return None
+    header = int(match["priority"]), int(match["group"]), int(match["source"]), int(match["destination"])
+    return message(header, data, time_ns, whole=len(data) > 8)
+
+
+_YACHT_DEVICES = re.compile(
+    r"(?:(?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?\s+[RT]\s+)?"
+    r"(?P<id>[0-9A-Fa-f]{8})(?P<data>(?:\s+[0-9A-Fa-f]{2}){1,8})\s*"
+)
+
+
+def _yacht_devices(match: re.Match[str]) -> Entry | None:
+    """``17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70``, and of some devices without time and direction."""
+    time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
+    number = int(match["id"], 16)
+    if number > 0x1FFFFFFF or (match["clock"] and time_ns is None):
+        return None
+    return Entry(time_ns, bytes.fromhex(match["data"]), number, turn_ns=DAY_NS)
+
+
+_N2K_ASCII = re.compile(
+    r"(?:A(?P<clock>\d{6})(?:\.(?P<fraction>\d{1,9}))?\s+)?"
+    r"(?P<source>[0-9A-Fa-f]{2})(?P<destination>[0-9A-Fa-f]{2})(?P<priority>[0-9A-Fa-f])\s+"
+    r"(?P<group>[0-9A-Fa-f]{5,6})\s+(?P<data>(?:[0-9A-Fa-f]{2})+)(?:\s.*)?"
+)
+
+
+def _n2k_ascii(match: re.Match[str]) -> Entry | None:
+    """``A173321.107 23FF7 1F513 012F3070002F30709F``: whole messages of an Actisense gateway."""
+    time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
+    if match["clock"] and time_ns is None:
+        return None
+    numbers = tuple(int(match[name], 16) for name in ("priority", "group", "source", "destination"))
+    return message(numbers, bytes.fromhex(match["data"]), time_ns, DAY_NS)  # type: ignore[arg-type]
+
+
+_IKONVERT = re.compile(
+    r"!PDGY,(?P<group>\d{1,6}),(?:(?P<priority>[0-7]),(?P<source>\d{1,3}),)?(?P<destination>\d{1,3}),"
+    r"(?:(?P<seconds>\d{0,9})(?:\.(?P<fraction>\d{1,9}))?,)?(?P<data>[A-Za-z0-9+/]+={0,2})\s*"
+)
+
+
+def _ikonvert(match: re.Match[str]) -> Entry | None:
+    """Digital Yacht's, with the seconds since the gateway started; of what is sent to it they are not told."""
+    try:
+        data = base64.b64decode(match["data"], validate=True)
+    except binascii.Error:
+        return None
+    time_ns = (
+        int(match["seconds"]) * NANO + int((match["fraction"] or "").ljust(9, "0")) if match["seconds"] else None
+    )
+    numbers = tuple(int(match[name] or 0) for name in ("priority", "group", "source", "destination"))
+    return message(numbers, data, time_ns)  # type: ignore[arg-type]
+
+
+_SEASMART = re.compile(
+    r"\$PCDIN,(?P<group>[0-9A-Fa-f]{6}),(?P<time>[0-9A-Va-v]{1,8})!?,(?P<source>[0-9A-Fa-f]{2}),"
+    r"(?P<data>(?:[0-9A-Fa-f]{2})+)\*(?P<sum>[0-9A-Fa-f]{2})\s*"
+)
+_SEASMART_EPOCH_NS = 1_262_304_000 * NANO  # 2010
+_LONGEST_UPTIME_MS = 0x80000000
+
+
+def _seasmart(match: re.Match[str]) -> Entry | None:
+    """SeaSmart's and what followed it. Its time is of one of two kinds, which the protocol does not tell apart.
+
+    Devices write milliseconds since they started, hexadecimal; the original 1/1024 s since 2010 to the base of 32,
+    which begin with 8 or more since 2018: a device that has been on for 25 days is taken for one.
+    """
+    if not _is_sound(match):
+        return None
+    header = 0, int(match["group"], 16), int(match["source"], 16), 255
+    digits, turn_ns = match["time"], 2**32 * MILLI_NS
+    time_ns = None
+    if max(digits.upper()) <= "F" and int(digits, 16) < _LONGEST_UPTIME_MS:
+        time_ns = int(digits, 16) * MILLI_NS
+    else:
+        time_ns, turn_ns = _SEASMART_EPOCH_NS + int(digits, 32) * NANO // 1024, 0
+    return message(header, bytes.fromhex(match["data"]), time_ns, turn_ns)
+
+
+_MXPGN = re.compile(
+    r"\$[A-Z]{2}PGN,(?P<group>[0-9A-Fa-f]{6}),(?P<attribute>[0-9A-Fa-f]{4}),"
+    r"(?P<data>(?:[0-9A-Fa-f]{2})+)\*(?P<sum>[0-9A-Fa-f]{2})\s*"
+)
+
+
+def _mxpgn(match: re.Match[str]) -> Entry | None:
+    """ShipModul's: a CAN frame, its data as one number, so that the last byte comes first; some put them together.
+
+    What a program sends to the bus bears a bit, and an address that is the receiver's; the sender's is not told.
+    """
+    attribute, group = int(match["attribute"], 16), int(match["group"], 16)
+    data, address = bytes.fromhex(match["data"])[::-1], attribute & 0xFF
+    if not _is_sound(match) or (len(data) <= 8 and len(data) != min(attribute >> 8 & 0xF, 8)):
+        return None
+    source, destination = (0, address) if attribute & 0x8000 else (address, 255)
+    if (group >> 8) & 0xFF < 240:
+        group, destination = group & 0x3FF00, group & 0xFF or destination
+    return message((attribute >> 12 & 7, group, source, destination), data, None, whole=len(data) > 8)
+
+
+def _is_sound(match: re.Match[str]) -> bool:
+    body = match.string[1 : match.string.rindex("*")]
+    return checksum(body.encode("latin-1")) == int(match["sum"], 16)
+
+
+_GARMIN = re.compile(
+    r"\d+,(?P<time>\d+|(?:\d+_){6}\d+),(?P<group>\d{1,6}),.*,(?P<source>\d{1,3}),(?P<destination>\d{1,3}),"
+    r"(?P<priority>[0-7]),[01],(?P<length>\d{1,3}),0x(?P<data>(?:[0-9A-Fa-f]{2})+)\s*"
+)
+
+
+def _garmin(match: re.Match[str]) -> Entry | None:
+    """A chart plotter's log: milliseconds since it started, or ``month_day_year_hour_minute_second_ms``."""
+    data, numbers = bytes.fromhex(match["data"]), match["time"].split("_")
+    if len(data) != int(match["length"]):
+        return None
+    time_ns: int | None = int(numbers[0]) * MILLI_NS
+    if len(numbers) > 1:
+        month, day, year, hour, minute, second, milli = map(int, numbers)
+        clock = f"{hour:02d}:{minute:02d}:{second:02d}"
+        time_ns = utc_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
+    header = int(match["priority"]), int(match["group"]), int(match["source"]), int(match["destination"])
+    return None if time_ns is None else message(header, data, time_ns)
+
+
+_OPENCPN_MESSAGE = re.compile(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
+
+
+def _opencpn(match: re.Match[str]) -> Entry | None:
+    """A message as OpenCPN keeps it: as Actisense's gateway gives it, whose time it fills in as it likes."""
+    found = message_entry(bytes.fromhex(match["data"]))
+    return None if found is None else message(found.header, found.payload, None)
+
+
+Read = Callable[[re.Match[str]], Entry | None]
+LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
+    "candump": (
+        (_CANDUMP_LOG, _candump_log),
+        (_CANDUMP_CONSOLE, _candump_console),
+        (_CANDUMP_OLD, _candump_console),
+    ),
+    "canboat": ((_CANBOAT, _canboat),),
+    "yacht_devices": ((_YACHT_DEVICES, _yacht_devices),),
+    "n2k_ascii": ((_N2K_ASCII, _n2k_ascii),),
+    "ikonvert": ((_IKONVERT, _ikonvert),),
+    "seasmart": ((_SEASMART, _seasmart),),
+    "mxpgn": ((_MXPGN, _mxpgn),),
+    "garmin": ((_GARMIN, _garmin),),
+    "opencpn": ((_OPENCPN_MESSAGE, _opencpn),),
+}
+"""Each form of a line by its name, with what it looks like and how it is read."""
+
+_NO_ENTRY = re.compile(r"(?:[#;].*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*|(?:timestamp|received_at),.*|)")
+_COMMENTS = frozenset("#;")
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_BEGINNINGS = frozenset("$!\\U")  # of a sentence, a TAG block, a datagram's prefix
+_SENTENCE = re.compile(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
+_ENVELOPES = (
+    re.compile(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
+    # OpenCPN's voyage data recorder: the time, the protocol, one or two columns of its own, what came.
+    re.compile(r"(?P<before>[^,]*),NMEA2000,(?:[^,]*,){1,2}\"?(?P<inner>A?[0-9A-Fa-f][0-9A-Fa-f:.RT ]{11,})\"?"),
+)
+_TIMES = (
+    re.compile(
+        r"(?<!\d)(?P<year>\d{4})[-/](?P<month>\d\d)[-/](?P<day>\d\d)[-T ,_;\t]+(?P<clock>\d\d:\d\d:\d\d)"
+        rf"(?:[.,](?P<fraction>\d{{1,9}}))?\s?{_ZONE}"
+    ),
+    re.compile(  # the logs of American research vessels (SCS): the month comes first
+        r"(?<!\d)(?P<month>\d\d)/(?P<day>\d\d)/(?P<year>\d{4})[ ,;\t]+(?P<clock>\d\d:\d\d:\d\d)"
+        r"(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z)?"
+    ),
+    re.compile(
+        r"(?<!\d)(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)T(?P<clock>\d{6})"
+        rf"(?:\.(?P<fraction>\d{{1,9}}))?{_ZONE}"
+    ),
+    re.compile(
+        r"(?<!\d)(?P<year>\d{4})[:-](?P<yearday>\d{3})[:T](?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?"
+        r"(?P<zone>Z)?"
+    ),
+)
+_UNIX = re.compile(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
+_CLOCK = re.compile(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
+_SECONDS = re.compile(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
+
+
+def told_time(text: str) -> tuple[int | None, int] | None:
+    """The time in what stands before a sentence, and the turn of its clock [ns]; None where there is none.
+
+    A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
+    the log began. A time that cannot be is None itself.
+
+    >>> told_time("NAV 2013/11/20 05:00:04.5 GPS ") == told_time("1384923604.5 ") == (1384923604500000000, 0)
+    True
+    """
+    for pattern in _TIMES:
+        if found := pattern.search(text):
+            return _possible(_date_time_ns(found.groupdict())), 0
+    if found := _UNIX.search(text):
+        digits, _, fraction = found[1].partition(".")
+        return _possible(int((digits + fraction).ljust(19, "0"))), 0
+    if found := _CLOCK.search(text):
+        return day_ns(found[1], found[2]), DAY_NS
+    if found := _SECONDS.match(text):
+        return int(found[1]) * NANO + int(found[2].ljust(9, "0")), 0
+    return None
+
+
+def _possible(time_ns: int | None) -> int | None:
+    return time_ns if time_ns is not None and is_possible(time_ns) else None
+
+
+def _date_time_ns(parts: dict[str, str]) -> int | None:
+    year, month, day, clock = parts["year"], parts.get("month", "01"), parts.get("day", "01"), parts["clock"]
+    if int(month) > 12:  # then it was the day
+        month, day = day, month
+    if ":" not in clock:
+        clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
+    time_ns = utc_ns(f"{year}-{month}-{day}", clock, parts["fraction"], parts["zone"], dt.UTC)
+    return None if time_ns is None else time_ns + (int(parts.get("yearday", "1")) - 1) * DAY_NS
+
+
+class LineReader:
+    """Lines, and Actisense's messages, to entries: of one form, or of any, as each line shows.
+
+    ``unreadable`` counts those that are neither an entry nor a comment.
+    """
+
+    def __init__(self, form: str = "") -> None:
+        self.unreadable = 0
+        self._forms = [each for name, forms in LINE_FORMS.items() if form in ("", name) for each in forms]
+
+    def entry(self, piece: bytes) -> Entry | None:
+        """The entry in a line or a message, if there is one."""
+        if piece.startswith(MARK):
+            return self._message(piece)
+        text = piece.decode("latin-1")
+        return self._sentence(text) if text[:1] in _BEGINNINGS else self._line(text)
+
+    def _message(self, piece: bytes) -> Entry | None:
+        """A message between the marks of Actisense's protocol."""
+        found = stored_message(piece[len(MARK) :])
+        if found is None:
+            self.unreadable += 1
+            return None
+        if found.sentence:
+            return Entry(None, found.sentence, protocol="nmea0183")
+        if not found.payload:
+            return None
+        return message(found.header, found.payload, found.time_ns, found.turn_ns, whole=found.whole)
+
+    def _sentence(self, text: str) -> Entry | None:
+        """A line that begins as a sentence does; some have a message of NMEA 2000 inside."""
+        line = text.encode("latin-1")
+        tagged = split_tag(line)
+        if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
+            entry = self._bare(tagged.sentence.decode("latin-1"))
+            if entry is None:
+                self.unreadable += 1
+            return _at(entry, None if tagged.time_ns is None else (_possible(tagged.time_ns), 0))
+        return None if _NO_ENTRY.fullmatch(text) else Entry(_possible(tagged.time_ns), line, protocol="nmea0183")
+
+    def _line(self, text: str) -> Entry | None:
+        if "\x1b" in text:
+            text = _COLOUR.sub("", text).strip()
+        entry = self._bare(text) or self._enveloped(text)
+        if entry is None and not _NO_ENTRY.fullmatch(text):
+            self.unreadable += 1
+        return entry
+
+    def _bare(self, text: str) -> Entry | None:
+        for place, (pattern, read) in enumerate(self._forms):
+            if match := pattern.fullmatch(text):
+                if place:  # the next line is most likely of the same form
+                    self._forms.insert(0, self._forms.pop(place))
+                return read(match)
+        return None
+
+    def _enveloped(self, text: str) -> Entry | None:
+        """What stands behind a time or a name that a logger wrote before it."""
+        if text[:1] in _COMMENTS:
+            return None
+        if found := _SENTENCE.fullmatch(text):
+            inner = found["inner"].removesuffix('"') if found["before"].endswith('"') else found["inner"]
+            return _at(self._sentence(inner), told_time(found["before"]))
+        found = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
+        return None if found is None else _at(self._bare(found["inner"]), told_time(found["before"]))
+
+
+def _at(entry: Entry | None, time: tuple[int | None, int] | None) -> Entry | None:
+    """The entry at the time that was told beside it, if any was."""
+    return entry if entry is None or time is None else entry._replace(time_ns=time[0], turn_ns=time[1])

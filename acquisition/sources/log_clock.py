@@ -1,0 +1,122 @@
+"""The times of a log's entries: UTC as far as the log, the bus or a sentence tells it, else since the log began."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from acquisition.core.frames import NANO, FrameFlag
+from acquisition.decoders.clock import DAY_NS, is_possible, utc_ns
+from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.nmea2000 import parameter_group
+from acquisition.decoders.parameter_groups import (
+    FIELDS,
+    GNSS_POSITION,
+    SYSTEM_TIME,
+    TIME_AND_DATE,
+    Message,
+    group_time,
+)
+from acquisition.decoders.sentences import Fields, readers
+from acquisition.sources.line_forms import Entry
+
+EARLIEST_UTC_NS = 1_000_000_000 * NANO
+"""Times before are since the log began."""
+_SLACK_NS = NANO  # by so much a clock that comes round may go back without having come round
+_AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
+_TELL_TIME = {kind: read for kind, read in readers("ground").items() if kind in ("ZDA", "RMC")}
+
+
+class LogClock:
+    """The clock of one log, learned from its first entries; ``changed_ns`` is when the file was last changed.
+
+    ``remark`` is what should be known of its times.
+    """
+
+    def __init__(self, head: Sequence[Entry], changed_ns: int) -> None:
+        self.remark = ""
+        self._differences = _are_differences([each.time_ns for each in head if not each.turn_ns])
+        self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as nobody tells it
+        self._begin()
+        running = [(self._running_ns(each), each) for each in head]
+        self._learn([(time_ns, each) for time_ns, each in running if time_ns is not None], changed_ns)
+        self._begin()
+        first = next((each for each in head if each.time_ns is not None), None)
+        self._now_ns = None if first is None else self.time_ns(first)
+        self._begin()
+
+    def _begin(self) -> None:
+        self._turns: dict[int, tuple[int, int]] = {}
+        self._since_start_ns = 0
+
+    def time_ns(self, entry: Entry) -> int | None:
+        """The entry's time, or that of the one before: UTC, or since the log began; None where there is none."""
+        running_ns = self._running_ns(entry)
+        if running_ns is not None:
+            self._now_ns = running_ns + (self._epoch_ns if running_ns < EARLIEST_UTC_NS else 0)
+        return self._now_ns
+
+    def _running_ns(self, entry: Entry) -> int | None:
+        """As the entry tells it, but that a clock which comes round runs on, and differences are added up."""
+        time_ns, turn_ns = entry.time_ns, entry.turn_ns
+        if time_ns is None:
+            return None
+        if turn_ns:
+            before_ns, running_ns = self._turns.get(turn_ns, (time_ns, self._since_start_ns or time_ns))
+            running_ns += (time_ns - before_ns + _SLACK_NS) % turn_ns - _SLACK_NS
+            self._turns[turn_ns] = time_ns, running_ns
+            time_ns = max(running_ns, 0)
+        elif self._differences:
+            time_ns += self._since_start_ns
+        if time_ns < EARLIEST_UTC_NS:
+            self._since_start_ns = max(time_ns, self._since_start_ns)
+        return time_ns
+
+    def _learn(self, running: list[tuple[int, Entry]], changed_ns: int) -> None:
+        """When the log began: by the first that tells UTC or, of times of day, by the file's last change."""
+        told = ((utc - time_ns, each) for time_ns, each in running if (utc := told_utc_ns(each)) is not None)
+        since = [(time_ns, each) for time_ns, each in running if time_ns < EARLIEST_UTC_NS]
+        if not since:
+            return
+        began_ns, _ = next(told, (0, None))
+        has_clock = any(each.turn_ns == DAY_NS for _, each in since)
+        if began_ns and has_clock and abs(began_ns - (midnight := _whole_days(began_ns))) <= _AGREED_NS:
+            began_ns = midnight
+        elif began_ns and has_clock:
+            off_s = (_whole_days(began_ns) - began_ns) / 1e9
+            self.remark = f"its clock is {off_s:+.1f} s from that of the bus or a sentence, which is taken"
+        elif has_clock:
+            last_ns = max(time_ns for time_ns, _ in since)
+            began_ns = (changed_ns - last_ns) // DAY_NS * DAY_NS
+            self.remark = "it tells times of day but no date; that of the file's last change is taken"
+        self._epoch_ns = began_ns
+
+
+def _whole_days(time_ns: int) -> int:
+    return (time_ns + DAY_NS // 2) // DAY_NS * DAY_NS
+
+
+def told_utc_ns(entry: Entry) -> int | None:
+    """The UTC that a message or a sentence tells [ns since 1970]; None for all others."""
+    if entry.protocol == "nmea0183":
+        parts = split_sentence(split_tag(entry.payload).sentence)
+        read = _TELL_TIME.get(parts[0][-3:]) if parts else None
+        if read is None or parts is None:
+            return None
+        reading = read(Fields(parts[1]))
+        if reading.date is None or reading.seconds_of_day is None:
+            return None
+        told_ns = utc_ns(reading.date, reading.seconds_of_day)
+        return told_ns if is_possible(told_ns) else None
+    group = parameter_group(entry.identifier)[0]
+    whole = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
+    if not whole and (group not in (SYSTEM_TIME, TIME_AND_DATE) or entry.flags & ~FrameFlag.WHOLE):
+        return None
+    told = group_time(Message(FIELDS[group], entry.payload))
+    return told if told is not None and is_possible(told) else None
+
+
+def _are_differences(times_ns: list[int | None]) -> bool:
+    """Whether times are since the frame before (candump -td): times since the log began would not fall."""
+    given = [each for each in times_ns if each is not None]
+    return any(later < former < EARLIEST_UTC_NS for former, later in pairwise(given))

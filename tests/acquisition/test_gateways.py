@@ -1,0 +1,465 @@
+"""Gateways and logs of every form: the same bus comes out of each, live and from a file; rubbish breaks none."""
+
+from __future__ import annotations
+
+import gzip
+import socket
+import threading
+import time
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from nmea2000.encoder import create_encoder
+from nmea2000.input_formats import N2KFormat
+from nmea2000.message import NMEA2000Field, NMEA2000Message
+
+from acquisition.config.configuration import load_config
+from acquisition.config.sections import CanFileSource, FileSource, Form
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag
+from acquisition.logger.pipeline import Recorder
+from acquisition.logger.record import record
+from acquisition.recording.reader import Recording, read_recording
+from acquisition.sources.actisense import Cutter
+from acquisition.sources.file_forms import FILE_FORMS
+from acquisition.sources.line_forms import LINE_FORMS, LineReader
+from acquisition.sources.logfile import LogFile
+from acquisition.sources.streams import LineAssembler
+from tests.acquisition import bus_logs
+from tests.acquisition.bus_logs import FORMS, FRAMES, MESSAGES, SECOND, START_NS
+from tests.acquisition.can_frames import fast_parts, gnss
+from tests.acquisition.conftest import free_port
+
+CHANNELS = (
+    "north_m", "east_m", "heading_deg", "yaw_rate_dps", "apparent_wind_angle_deg", "apparent_wind_speed_mps"
+)  # fmt: skip
+
+
+def read(path: Path, form: Form | Literal[""] = "") -> tuple[list[Frame], LogFile]:
+    """Every frame of a log, which must be open to its end."""
+    source = LogFile(FileSource(name="log", type="file", path=path, channels=(), form=form))
+    source.open()
+    frames: list[Frame] = []
+    while (some := source.read(0.0)) is not None:
+        frames += some
+    source.close()
+    return frames, source
+
+
+def written(folder: Path, data: bytes) -> Path:
+    path = folder / "a log"
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_same_bus_comes_out_of_every_form(tmp_path: Path, name: str) -> None:
+    """Frame by frame or message by message, at its own times, as exact as they are written."""
+    form = FORMS[name]
+    frames, source = read(written(tmp_path, form.write()))
+    assert (source.damage, source.remark) == ("", "")
+    assert source.unreadable == (len(MESSAGES) if name == "Signal K" else 0)
+    sent = MESSAGES if form.whole else FRAMES
+    assert [frame.payload for frame in frames] == [each.payload for each in sent]
+    mask = 0x03FFFFFF if name.startswith("SeaSmart") else 0x1FFFFFFF  # it has no priority
+    assert [frame.identifier & mask for frame in frames] == [each.identifier & mask for each in sent]
+    if form.exact_ns is None:
+        assert {frame.stamped_ns for frame in frames} == {None}
+        return
+    late_ns = np.array([frame.received_ns for frame in frames]) - [each.time_ns for each in sent]
+    assert np.abs(late_ns).max() <= form.exact_ns
+    assert all(frame.stamped_ns == frame.received_ns <= frame.monotonic_ns for frame in frames)
+
+
+def config_text(source: str) -> str:
+    channels = ", ".join(f'"{name}"' for name in CHANNELS)
+    return (
+        '[trial]\nname = "gateway"\norigin = { latitude_deg = 63.4, longitude_deg = 10.4 }\n'
+        f'[[source]]\nname = "gate"\nchannels = [{channels}]\n{source}'
+    )
+
+
+def recorded(folder: Path, source: str) -> Recording:
+    (folder / "trial.toml").write_text(config_text(source))
+    (path,), health = record(load_config(folder / "trial.toml"), folder / "out")
+    assert health.sources["gate"].rejected == 0
+    return read_recording(path)
+
+
+@pytest.fixture(scope="module")
+def by_candump(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    folder = tmp_path_factory.mktemp("candump")
+    (folder / "bus.log").write_bytes(bus_logs.candump_log())
+    return recorded(folder, 'type = "can_file"\npath = "bus.log"\n')
+
+
+@pytest.mark.parametrize(
+    ("name", "section"),
+    [
+        ("Yacht Devices RAW", 'type = "file"\n'),
+        ("N2K ASCII", 'type = "can_file"\n'),
+        ("Actisense 93", 'type = "file"\nform = "actisense"\n'),
+        ("EBL", 'type = "file"\n'),
+        ("YDVR", 'type = "file"\nform = "ydvr"\n'),
+        ("MXPGN", 'type = "file"\nclock = "source"\n'),
+        ("Signal K", 'type = "can_file"\n'),
+        ("pcapng", 'type = "file"\n'),
+    ],
+)
+def test_a_recording_has_the_values_of_that_by_candump(
+    tmp_path: Path, name: str, section: str, by_candump: Recording
+) -> None:
+    written(tmp_path, FORMS[name].write())
+    recording = recorded(tmp_path, f'{section}path = "a log"\n')
+    for channel in CHANNELS:
+        ours, theirs = recording.series[channel], by_candump.series[channel]
+        assert ours.value.size == theirs.value.size > 100
+        assert np.array_equal(ours.value, theirs.value), channel
+
+
+def test_a_source_that_falls_silent_gives_way_in_the_logs_time(tmp_path: Path) -> None:
+    """A minute that is read in a moment: 35 says nothing for 10 s of it, and has the heading again after."""
+    lines = [
+        f"12:00:{second:02d}.000 R 09F112{source:02X} 00 00 10 FF 7F FF 7F FC"
+        for second in range(60)
+        for source in (35, 40)
+        if source == 40 or not 20 <= second < 30
+    ]
+    written(tmp_path, "\n".join(lines).encode())
+    devices = 'devices = [{ name = "gyro", address = 35 }, { name = "spare", address = 40 }]\n'
+    recording = recorded(tmp_path, f'type = "file"\npath = "a log"\n{devices}')
+    changes = [text for _, text in recording.events if text.startswith("heading_deg: from")]
+    assert [change.split(" to ")[1].split(":")[0] for change in changes] == ["gate/spare", "gate/gyro"]
+    came = recording.series["heading_deg"].received_ns
+    assert (came[-1] - came[0]) / SECOND == 59.0
+
+
+ENCODED = [
+    NMEA2000Message(
+        PGN=127250, id="vesselHeading", priority=2, source=35, destination=255,
+        fields=[
+            NMEA2000Field(id="sid", raw_value=0), NMEA2000Field(id="heading", value=1.0),
+            NMEA2000Field(id="deviation", value=0.1), NMEA2000Field(id="variation", value=0.02),
+            NMEA2000Field(id="reference", raw_value=0), NMEA2000Field(id="reserved_58", raw_value=0),
+        ],
+    )
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        N2KFormat.N2K_ASCII, N2KFormat.N2K_ASCII_RAW, N2KFormat.BASIC_STRING, N2KFormat.CAN_FRAME_ASCII_RAW,
+        N2KFormat.CAN_FRAME_ASCII_RAW_OUT, N2KFormat.PCDIN, N2KFormat.MXPGN, N2KFormat.PDGY, N2KFormat.CANDUMP1,
+        N2KFormat.CANDUMP2, N2KFormat.CANDUMP3, N2KFormat.BST_D0, N2KFormat.BST_95,
+    ],
+)  # fmt: skip
+def test_what_the_librarys_encoders_write_is_read(kind: N2KFormat) -> None:
+    """Another's idea of the same forms."""
+    encoded = create_encoder(kind).encode(ENCODED[0])
+    piece = encoded[0] if isinstance(encoded, list) else encoded
+    data = bus_logs.framed(piece[:-1]) if isinstance(piece, bytes) else piece.encode() + b"\n"
+    (frame,) = LineAssembler("line").push(data)
+    assert (frame.protocol, frame.payload) == ("can", bytes.fromhex("001027e803c80000"))
+    assert frame.identifier & 0x03FFFFFF == 0x09F11223 & 0x03FFFFFF
+    assert frame.stamped_ns is None
+
+
+@pytest.mark.parametrize(
+    ("line", "identifier", "payload", "flags"),
+    [
+        ("17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70", 0x19F51323, "012f3070002f3070", FrameFlag.NONE),
+        ("17:33:21 T 09F1122A 00 01", 0x09F1122A, "0001", FrameFlag.NONE),
+        ("19F51323 01 02", 0x19F51323, "0102", FrameFlag.NONE),
+        ("A173321.107 23FF7 1F513 012F3070002F30709F", 0x1DF51323, "012f3070002f30709f", FrameFlag.WHOLE),
+        ("A173321 23FFF 1F513 012F more", 0x1DF51323, "012f", FrameFlag.WHOLE),
+        ("A164027.880 05FF7 0EF00 E598", 0x1CEFFF05, "e598", FrameFlag.WHOLE),
+        ("!PDGY,127257,3,17,255,0.563,AP9/UgAh/v8=", 0x0DF11911, "00ff7f520021feff", FrameFlag.WHOLE),
+        ("!PDGY,127257,255,AP9/UgAh/v8=", 0x01F11900, "00ff7f520021feff", FrameFlag.WHOLE),
+        ("$PCDIN,01F119,00000000,0F,2AAF00D1067414FF*59", 0x01F1190F, "2aaf00d1067414ff", FrameFlag.WHOLE),
+        ("$MXPGN,01F801,2801,C1308AC40C5DE343*19", 0x09F80101, "43e35d0cc48a30c1", FrameFlag.NONE),
+        ("2018-10-16T22:25:25,166Z,2,128267,35,255,8,ff,ff,ff,ff,ff,00,00,ff", 0x09F50B23, "ffffffffff0000ff", 0),
+        ("0,486942,127508,Battery Status,Garmin,6,255,2,1,8,0x017505FF7FFFFFFF", 0x09F21406, "017505ff7fffffff", 8),
+    ],
+)
+def test_lines_from_the_makers_descriptions(line: str, identifier: int, payload: str, flags: int) -> None:
+    (frame,) = LineAssembler("line").push(line.encode() + b"\r\n")
+    assert (frame.identifier, frame.payload.hex(), frame.flags) == (identifier, payload, flags)
+
+
+def test_mxpgn_is_where_its_makers_example_lies() -> None:
+    """20.748 N, 105.37 W: the most significant byte comes first."""
+    (frame,) = LineAssembler("line").push(b"$MXPGN,01F801,2801,C1308AC40C5DE343*19\n")
+    assert int.from_bytes(frame.payload[:4], "little", signed=True) / 1e7 == pytest.approx(20.748, abs=1e-3)
+    assert int.from_bytes(frame.payload[4:], "little", signed=True) / 1e7 == pytest.approx(-105.37, abs=1e-2)
+
+
+HEADING = "$HEHDT,12.3,T*1F"
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        "2026-08-07T10:00:00.25Z ", "2026-08-07T10:00:00.250000000Z,", "2026-08-07T12:00:00.25+02:00\t",
+        "2026-08-07 06:30:00.25-0330 ", "2026-08-07 10:00:00,250 ", "[2026-08-07 10:00:00.250] ",
+        "INNAV\t2026-08-07T10:00:00.250Z\tSEAPATH330\t", "NAV 2026/08/07 10:00:00.250 GPS ",
+        "08/07/2026,10:00:00.250,", "cnav\t2026:219:10:00:00.2500\t", "20260807T100000.250Z ",
+        "1786096800.25 ", "1786096800250;", "1786096800250000 ", "1786096800250000000,", "1786096800250;N;",
+        "gyro 1786096800.250000 | ", "2026-08-07T10:00:00.250Z,NMEA0183,,\"",
+        '2026-08-07T10:00:00.250Z,NMEA0183,HEHDT,"COM3/NMEA0183/HE",',
+    ],
+)  # fmt: skip
+def test_a_sentence_behind_any_time(tmp_path: Path, before: str) -> None:
+    """Of loggers ashore and afloat; a date without a zone is UTC."""
+    after = '"' if before.endswith('"') else ""
+    first, second = read(written(tmp_path, f"{before}{HEADING}{after}\n{before}{HEADING}{after}\r\n".encode()))[0]
+    assert first.payload == second.payload == HEADING.encode()
+    assert first.stamped_ns == second.stamped_ns == 1_786_096_800_250_000_000
+
+
+def test_times_of_day_take_the_date_from_a_sentence_and_run_through_midnight(tmp_path: Path) -> None:
+    told = bus_logs.summed("$GPZDA,235958.00,31,12,2025,00,00")
+    lines = [f"23:59:58.5 {told}", f"23:59:59.5 {HEADING}", f"00:00:00.5 {HEADING}"]
+    frames, source = read(written(tmp_path, "\n".join(lines).encode()))
+    midnight = 1_767_225_600 * SECOND
+    assert [frame.received_ns - midnight for frame in frames] == [-1.5 * SECOND, -0.5 * SECOND, 0.5 * SECOND]
+    assert source.remark == ""
+
+
+def test_times_of_day_without_a_date_take_the_files_and_say_so(tmp_path: Path) -> None:
+    path = written(tmp_path, f"23:59:59.5 {HEADING}\n00:00:00.5 {HEADING}\n".encode())
+    frames, source = read(path)
+    assert "no date; that of the file's last change is taken" in source.remark
+    assert frames[1].received_ns - frames[0].received_ns == SECOND
+    assert -86_400 * SECOND < frames[0].received_ns - path.stat().st_mtime_ns <= 0
+
+
+def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> None:
+    """Its times of day count from when it was switched on."""
+    moved = [frame._replace(time_ns=frame.time_ns + 5 * 3600 * SECOND) for frame in FRAMES]
+    lines = [f"{bus_logs.when(f.time_ns)[1]} R {f.identifier:08X} {bus_logs.spaced(f.payload)}" for f in moved]
+    frames, source = read(written(tmp_path, "\n".join(lines).encode()))
+    assert "its clock is +18000.0 s from that of the bus" in source.remark
+    assert [frame.received_ns for frame in frames] == [f.time_ns for f in FRAMES]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"time,heading_deg\n0.0,12.3\n", r"a table with the columns time, heading_deg: `seatrial import`"),
+        (b'{"timestamp":"2018-10-16","pgn":128267}\n', "JSON, already decoded by another program"),
+        (b"\x89MCAP0\r\n" + bytes(50), "a recording"),
+        (b"\x89PNG\r\n" + bytes(50), "a picture"),
+        (b"PK\x03\x04" + bytes(50), "a ZIP archive: unpack it"),
+        ("$HEHDT,12.3,T*1F\n".encode("utf-16"), "text in UTF-16: save it as UTF-8"),
+        (b"$HEHDT,12.3,T\n" * 9, r"sentences without a sound checksum \(\$HEHDT,12.3,T\)"),
+        (b"Dear diary,\n\ntoday we sailed.\n", r"text \(Dear diary,\)"),
+        (bytes(range(256)) * 9, "binary, and begins with 00 01 02 03"),
+        (bus_logs.pcap().replace(b"\xe3\0\0\0", b"\x01\0\0\0", 1), "capture of link type 1, which holds no CAN"),
+    ],
+)
+def test_what_holds_nothing_says_what_it_looks_like(tmp_path: Path, data: bytes, message: str) -> None:
+    """And leaves no recording behind."""
+    written(tmp_path, data)
+    with pytest.raises(SourceError, match=rf"nothing in it can be recorded: .*{message}.*; understood are candump"):
+        recorded(tmp_path, 'type = "file"\npath = "a log"\n')
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_log_that_is_packed_is_read_as_it_is(tmp_path: Path) -> None:
+    frames, _ = read(written(tmp_path, gzip.compress(bus_logs.pcap())))
+    assert [frame.payload for frame in frames] == [frame.payload for frame in FRAMES]
+    frames, source = read(written(tmp_path, gzip.compress(bus_logs.candump_log())[:-4000]))
+    assert 0 < len(frames) < len(FRAMES)
+    assert "the log is damaged (" in source.damage
+
+
+@pytest.mark.parametrize("name", ["EBL", "YDVR", "YD CAN", "pcap", "pcapng"])
+def test_a_file_that_was_cut_off_gives_what_is_whole_and_says_so(tmp_path: Path, name: str) -> None:
+    form = FORMS[name]
+    frames, source = read(written(tmp_path, form.write()[:-7]))
+    sent = MESSAGES if form.whole else FRAMES
+    assert [frame.payload for frame in frames] == [each.payload for each in sent][: len(frames)]
+    assert len(frames) >= len(sent) - 1
+    assert source.damage.startswith("the log is damaged (its last record is cut off)")
+
+
+def test_damage_in_a_recorders_file_costs_little(tmp_path: Path) -> None:
+    """40 bytes cut out of the middle: some ten messages are gone, and the rest is right."""
+    data = bus_logs.ydvr()
+    middle = len(data) // 2
+    frames, source = read(written(tmp_path, data[:middle] + data[middle + 40 :]))
+    sent = [message.payload for message in MESSAGES]
+    assert len(sent) - 10 <= len(frames) < len(sent)
+    assert sum(frame.payload not in sent for frame in frames) <= 1
+    assert source.unreadable >= 1
+
+
+def test_the_named_form_is_the_only_one(tmp_path: Path) -> None:
+    data = bus_logs.yacht_devices().splitlines()[:3] + bus_logs.candump_log().splitlines()[:5]
+    frames, source = read(written(tmp_path, b"\n".join(data)), "yacht_devices")
+    assert (len(frames), source.unreadable) == (3, 5)
+
+
+def test_every_form_can_be_named() -> None:
+    assert {*get_args(Form)} == {*LINE_FORMS, *FILE_FORMS, "nmea0183", "actisense"}
+
+
+@pytest.mark.parametrize("name", ["Yacht Devices RAW", "N2K ASCII", "Actisense D0", "SeaSmart uptime", "MXPGN"])
+def test_a_gateway_records_live_beside_sentences(tmp_path: Path, name: str) -> None:
+    """By TCP, in pieces that end anywhere; what comes is stamped when it comes."""
+    port, sent = free_port(), FORMS[name].write()
+    server = socket.create_server(("127.0.0.1", port))
+    (tmp_path / "trial.toml").write_text(config_text(f'type = "tcp"\nport = {port}\n'))
+
+    def serve() -> None:
+        line, _ = server.accept()
+        with line:
+            for at in range(0, len(sent), 777):
+                line.sendall(sent[at : at + 777])
+                time.sleep(0.001)
+            line.sendall(f"\r\n{HEADING}\r\n".encode())
+            done.wait(5.0)
+
+    done = threading.Event()
+    thread = threading.Thread(target=serve)
+    thread.start()
+    stop, before_ns = threading.Event(), time.time_ns()
+    timer = threading.Timer(2.5, stop.set)
+    timer.start()
+    (path,), health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out", stop=stop)
+    done.set()
+    thread.join()
+    server.close()
+    recording = read_recording(path)
+    expected = len(MESSAGES) if FORMS[name].whole else len(FRAMES)
+    assert recording.raw == {"/raw/can/gate": expected, "/raw/nmea0183/gate": 1}
+    assert recording.series["north_m"].value.size == pytest.approx(bus_logs.DURATION_S, abs=1)
+    assert recording.start_ns > before_ns - SECOND
+    assert "heading_deg: from gate/35:127250 to gate/HE:HDT" not in [text for _, text in recording.events]
+    assert health.sources["gate"].refused == 0
+
+
+PIECES = [
+    bus_logs.framed(bus_logs.stored(MESSAGES[1])),
+    bus_logs.framed(bus_logs.stored(MESSAGES[4])),
+    bus_logs.yacht_devices().splitlines()[0] + b"\r\n",
+    HEADING.encode() + b"\r\n",
+]
+
+
+@given(st.lists(st.sampled_from(PIECES), max_size=12), st.data())
+def test_messages_and_lines_stay_whole_however_they_arrive(pieces: list[bytes], data: st.DataObject) -> None:
+    stream = b"".join(pieces)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=6)))
+    assembler = LineAssembler("line")
+    parts = [stream[start:stop] for start, stop in zip([0, *cuts], [*cuts, len(stream)], strict=True)]
+    frames = [frame for part in parts for frame in assembler.push(part)] + assembler.end()
+    alone = [LineAssembler("line").push(piece)[0].payload for piece in pieces]
+    assert [frame.payload for frame in frames] == alone
+
+
+@given(
+    st.lists(st.binary(max_size=40) | st.sampled_from([*PIECES, b"\x10\x02", b"\x10\x03", b"\x10"]), max_size=20)
+)
+@settings(max_examples=300)
+def test_rubbish_between_messages_costs_them_nothing_but_those_it_breaks(pieces: list[bytes]) -> None:
+    """No byte breaks the reading, memory is bounded, and a message behind a line end comes out."""
+    assembler = LineAssembler("line")
+    for piece in pieces:
+        for frame in assembler.push(piece):
+            assert frame.identifier < 2**29
+    assembler.cut()
+    assembler.push(b"")
+    (frame,) = assembler.push(PIECES[0])
+    assert frame.payload == MESSAGES[1].payload
+
+
+def test_a_stream_without_an_end_does_not_eat_memory() -> None:
+    cutter = Cutter()
+    for _ in range(200):
+        cutter.push(b"\x10\x02" + bytes(997))
+        cutter.push(b"x" * 1000)
+        assert len(cutter._pending) < 10_000
+
+
+def changed(data: bytes, draw: st.DataObject) -> bytes:
+    """Bytes of a log with some of them changed, cut out or put in."""
+    for _ in range(draw.draw(st.integers(0, 4))):
+        at = draw.draw(st.integers(0, len(data)))
+        data = data[:at] + draw.draw(st.binary(max_size=8)) + data[at + draw.draw(st.integers(0, 12)) :]
+    return data
+
+
+SHORT = {name: form.write()[:3000] for name, form in FORMS.items()}
+
+
+@given(st.sampled_from(sorted(SHORT)), st.data())
+@settings(max_examples=300)
+def test_a_damaged_log_is_read_or_refused_but_breaks_nothing(
+    tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject
+) -> None:
+    path = written(tmp_path_factory.getbasetemp(), changed(SHORT[name], data))
+    source = LogFile(CanFileSource(name="log", type="can_file", path=path, channels=()))
+    try:
+        source.open()
+    except SourceError:
+        return
+    while (frames := source.read(0.0)) is not None:
+        assert all(frame.identifier < 2**29 and len(frame.payload) <= 8192 for frame in frames)
+    assert source.unreadable >= 0
+    source.close()
+
+
+@given(st.text(max_size=80) | st.text(st.sampled_from("$!\\,*:;.- 0123456789ABCDEFRTPGNCDIMX93"), max_size=80))
+@settings(max_examples=500)
+def test_no_line_raises(line: str) -> None:
+    reader = LineReader()
+    for prefix in (
+        "",
+        "$PCDIN,01F119,",
+        "$MXPGN,",
+        "!PDGY,",
+        "A1733",
+        "17:33:21.107 R ",
+        "1786096800250;A;",
+        "0,1,2,",
+    ):
+        entry = reader.entry((prefix + line).encode())
+        assert entry is None or entry.identifier < 2**29
+
+
+def test_a_whole_message_takes_part_in_no_reassembly(tmp_path: Path) -> None:
+    """A position that a gateway put together, between the frames of another's; too short a one is refused."""
+    lines = [
+        f"(1786096800.{number:06d}) can0 0DF80503#{part.hex()}"
+        for number, part in enumerate(fast_parts(gnss(1, 63.4)))
+    ]
+    whole = gnss(1, 63.5).hex().upper()
+    lines.insert(3, f"A100000.000 03FF3 1F805 {whole}")
+    lines.append(f"A100000.000 03FF3 1F805 {whole[:40]}")
+    (tmp_path / "trial.toml").write_text(
+        config_text(f'type = "file"\npath = "{written(tmp_path, chr(10).join(lines).encode())}"\n')
+    )
+    (path,), health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
+    assert read_recording(path).series["north_m"].value.size == 2
+    assert health.sources["gate"].reasons == {"impossible length": 1}
+
+
+def test_a_recorder_knows_both_protocols_of_a_line(tmp_path: Path) -> None:
+    """A refusal of either counts."""
+    (tmp_path / "trial.toml").write_text(config_text(f'type = "udp"\nport = {free_port()}\n'))
+    config = load_config(tmp_path / "trial.toml")
+    from acquisition.recording.parts import RecordingParts
+
+    parts = RecordingParts(tmp_path, config.trial, config.attachments, config.recording, {})
+    recorder = Recorder(config, parts)
+    assert len(recorder.health.sources["gate"].refusals) == 2
+    parts.close()
+
+
+assert FRAMES[0].time_ns == START_NS
