@@ -12,7 +12,8 @@ from typing import NamedTuple
 MARK, END = b"\x10\x02", b"\x10\x03"
 _DLE = b"\x10"
 _BODY = re.compile(rb"((?:[^\x10]|\x10\x10)*+)\x10([^\x10])", re.DOTALL)
-_LONGEST_BYTES = 4096  # the longest message, 1,785 bytes, with every byte escaped
+_KINDS = frozenset(range(0x90, 0xB0)) | frozenset(range(0xD0, 0xE0))
+_LONGEST_BYTES = 1_800  # 1,785 bytes is the longest message
 _LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
 _LONGEST_LINE_BYTES = 8192  # of a message of 1,785 bytes in hexadecimal; a line without an end must not eat memory
 _MILLI_NS = 1_000_000
@@ -52,6 +53,11 @@ def stored_message(stored: bytes) -> Stored | None:
     return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == 0x9D else Stored()
 
 
+def is_message(piece: bytes) -> bool:
+    """Whether a piece that :class:`Cutter` cut is a message, not text."""
+    return piece.startswith(MARK) and stored_message(piece[len(MARK) :]) is not None
+
+
 def message_entry(body: bytes) -> Stored | None:
     """A message of kind 93, without its checksum; None where its lengths contradict each other."""
     if len(body) < 13 or body[0] != 0x93 or len(body) < 13 + body[12]:
@@ -87,8 +93,7 @@ def _group(page: int, pdu_format: int, pdu_specific: int, destination: int) -> t
 class Cutter:
     """Cuts a stream of bytes into lines of text and binary messages, which begin with :data:`MARK`.
 
-    Both may come on one stream. Of a message that is cut off or escaped wrongly the bytes so far are a piece, too:
-    it is not sound, and so it is counted.
+    Both may come on one stream. A message that is not sound is text.
     """
 
     def __init__(self) -> None:
@@ -96,37 +101,48 @@ class Cutter:
 
     def push(self, received: bytes) -> list[bytes]:
         """The lines and messages that ``received`` completes; empty lines are passed over."""
-        data, pieces = self._pending + received, []
-        while True:
-            text, mark, rest = data.partition(MARK)
-            *lines, left = _LINE_END.split(text)
-            pieces += [stripped for line in lines if (stripped := line.strip(b"\0 \t"))]
-            if not mark:
-                break
-            if left:
-                pieces.append(left)
-            found = _BODY.match(rest)
-            if found is None and len(rest) <= _LONGEST_BYTES:
-                self._pending = mark + rest
-                return pieces
-            body, data = (rest, b"") if found is None else (found[1], rest[found.end() :])
-            pieces.append(mark + body.replace(_DLE * 2, _DLE))
-            if found is not None and found[2] == MARK[1:]:
-                data = mark + data
-        if len(left) > _LONGEST_LINE_BYTES:
-            pieces.append(left)
-            left = b""
-        self._pending = left
+        data, pieces, start, at = self._pending + received, list[bytes](), 0, 0
+        while (at := data.find(MARK, at)) >= 0:
+            found = _BODY.match(data, at + len(MARK))
+            if found is None:
+                if _may_go_on(data, at + len(MARK)):
+                    break
+            elif found[2] == END[1:] and stored_message(body := found[1].replace(_DLE * 2, _DLE)) is not None:
+                pieces += [*_lines(data[start:at] + b"\n"), MARK + body]
+                start = at = found.end()
+                continue
+            at += 1
+        until = len(data) if at < 0 else at
+        last = max(data.rfind(b"\n", start, until), data.rfind(b"\r", start, until))
+        if last >= 0:
+            pieces += _lines(data[start : last + 1])
+            start = last + 1
+        if len(data) - start > _LONGEST_LINE_BYTES:
+            pieces.append(data[start:])
+            start = len(data)
+        self._pending = data[start:]
         return pieces
 
     def cut(self) -> None:
-        """The stream was cut and begins anew: a line stays as far as it came, by itself; a message is gone."""
+        """The stream was cut and begins anew: what was under way stays as far as it came, by itself."""
         if self._pending:
-            self._pending = b"" if self._pending.startswith(MARK) else self._pending + b"\n"
+            self._pending = self._pending.replace(MARK, MARK[:1] + b"\n" + MARK[1:]) + b"\n"
 
     def end(self) -> list[bytes]:
-        """The last line or message as far as it came, where the stream ended (a datagram, a file)."""
-        if self._pending.startswith(MARK):
-            piece, self._pending = self._pending, b""
-            return [piece]
-        return self.push(b"\n") if self._pending else []
+        """The last line, or what there is of a message, where the stream ended (a datagram, a file)."""
+        pieces, self._pending = _lines(self._pending), b""
+        return pieces
+
+
+def _lines(text: bytes) -> list[bytes]:
+    return [stripped for line in _LINE_END.split(text) if (stripped := line.strip(b"\0 \t"))]
+
+
+def _may_go_on(data: bytes, at: int) -> bool:
+    """Whether a message may begin here of which more is to come: by its kind, and its length with all escaped."""
+    kind, length = data[at : at + 1], data[at + 1 : at + 3]
+    if kind and kind[0] not in _KINDS:
+        return False
+    return len(data) - at < (
+        2 * _LONGEST_BYTES if kind == b"\xd0" else 2 * (258 if len(length) < 2 else length[0] + 4)
+    )

@@ -11,17 +11,21 @@ import binascii
 import datetime as dt
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from acquisition.core.frames import NANO, FrameFlag, Protocol
 from acquisition.decoders.clock import DAY_NS, is_possible
 from acquisition.decoders.nmea0183 import checksum, split_tag
-from acquisition.sources.actisense import MARK, message_entry, stored_message
+from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
 _MOST_BYTES = 64  # of a frame of CAN FD
 _LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
+
+
+_pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
 
 
 class Entry(NamedTuple):
@@ -89,17 +93,17 @@ def day_ns(clock: str, fraction: str | None) -> int | None:
     return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-_CANDUMP_LOG = re.compile(
+_CANDUMP_LOG = _pattern(
     r"\((?P<time>[\d.]+)\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
     r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-9A-Fa-f]?)(?:_[0-9A-Fa-f])?(?:\s+[RT])?\s*"
 )
-_CANDUMP_CONSOLE = re.compile(
+_CANDUMP_CONSOLE = _pattern(
     r"(?:\((?P<time>[\d.]+|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?\S+\s+(?:[RT]X [B-] [E-]\s+)?"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d{1,2})\]"
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:[\s`]+(?:[01]{8}|[0-9A-Fa-f]{2}))*))"
     r"(?:\s+ERRORFRAME|\s+'.*')?\s*"
 )
-_CANDUMP_OLD = re.compile(
+_CANDUMP_OLD = _pattern(
     r"<0x(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})>\s+\[(?P<length>\d{1,2})\](?P<data>(?:\s+[0-9A-Fa-f]{2})*)\s*"
 )
 
@@ -152,7 +156,7 @@ def _candump_time_ns(text: str) -> int | None:
 
 
 _ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
-_CANBOAT = re.compile(
+_CANBOAT = _pattern(
     r"(?P<date>\d{4}-\d\d-\d\d)[-T ](?P<clock>\d\d:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
     rf"{_ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
     r"(?P<source>\d{1,3}),(?P<destination>\d{1,3}),(?P<length>\d{1,4})(?P<data>(?:,[0-9A-Fa-f]{2})*),?\s*"
@@ -169,7 +173,7 @@ def _canboat(match: re.Match[str]) -> Entry | None:
     return message(header, data, time_ns, whole=len(data) > 8)
 
 
-_YACHT_DEVICES = re.compile(
+_YACHT_DEVICES = _pattern(
     r"(?:(?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?\s+[RT]\s+)?"
     r"(?P<id>[0-9A-Fa-f]{8})(?P<data>(?:\s+[0-9A-Fa-f]{2}){1,8})\s*"
 )
@@ -184,7 +188,7 @@ def _yacht_devices(match: re.Match[str]) -> Entry | None:
     return Entry(time_ns, bytes.fromhex(match["data"]), number, turn_ns=DAY_NS)
 
 
-_N2K_ASCII = re.compile(
+_N2K_ASCII = _pattern(
     r"(?:A(?P<clock>\d{6})(?:\.(?P<fraction>\d{1,9}))?\s+)?"
     r"(?P<source>[0-9A-Fa-f]{2})(?P<destination>[0-9A-Fa-f]{2})(?P<priority>[0-9A-Fa-f])\s+"
     r"(?P<group>[0-9A-Fa-f]{5,6})\s+(?P<data>(?:[0-9A-Fa-f]{2})+)(?:\s.*)?"
@@ -200,7 +204,7 @@ def _n2k_ascii(match: re.Match[str]) -> Entry | None:
     return message(numbers, bytes.fromhex(match["data"]), time_ns, DAY_NS)  # type: ignore[arg-type]
 
 
-_IKONVERT = re.compile(
+_IKONVERT = _pattern(
     r"!PDGY,(?P<group>\d{1,6}),(?:(?P<priority>[0-7]),(?P<source>\d{1,3}),)?(?P<destination>\d{1,3}),"
     r"(?:(?P<seconds>\d{0,9})(?:\.(?P<fraction>\d{1,9}))?,)?(?P<data>[A-Za-z0-9+/]+={0,2})\s*"
 )
@@ -219,7 +223,7 @@ def _ikonvert(match: re.Match[str]) -> Entry | None:
     return message(numbers, data, time_ns)  # type: ignore[arg-type]
 
 
-_SEASMART = re.compile(
+_SEASMART = _pattern(
     r"\$PCDIN,(?P<group>[0-9A-Fa-f]{6}),(?P<time>[0-9A-Va-v]{1,8})!?,(?P<source>[0-9A-Fa-f]{2}),"
     r"(?P<data>(?:[0-9A-Fa-f]{2})+)\*(?P<sum>[0-9A-Fa-f]{2})\s*"
 )
@@ -245,7 +249,7 @@ def _seasmart(match: re.Match[str]) -> Entry | None:
     return message(header, bytes.fromhex(match["data"]), time_ns, turn_ns)
 
 
-_MXPGN = re.compile(
+_MXPGN = _pattern(
     r"\$[A-Z]{2}PGN,(?P<group>[0-9A-Fa-f]{6}),(?P<attribute>[0-9A-Fa-f]{4}),"
     r"(?P<data>(?:[0-9A-Fa-f]{2})+)\*(?P<sum>[0-9A-Fa-f]{2})\s*"
 )
@@ -271,7 +275,7 @@ def _is_sound(match: re.Match[str]) -> bool:
     return checksum(body.encode("latin-1")) == int(match["sum"], 16)
 
 
-_GARMIN = re.compile(
+_GARMIN = _pattern(
     r"\d+,(?P<time>\d+|(?:\d+_){6}\d+),(?P<group>\d{1,6}),.*,(?P<source>\d{1,3}),(?P<destination>\d{1,3}),"
     r"(?P<priority>[0-7]),[01],(?P<length>\d{1,3}),0x(?P<data>(?:[0-9A-Fa-f]{2})+)\s*"
 )
@@ -291,7 +295,7 @@ def _garmin(match: re.Match[str]) -> Entry | None:
     return None if time_ns is None else message(header, data, time_ns)
 
 
-_OPENCPN_MESSAGE = re.compile(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
+_OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")
 
 
 def _opencpn(match: re.Match[str]) -> Entry | None:
@@ -318,37 +322,38 @@ LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
 }
 """Each form of a line by its name, with what it looks like and how it is read."""
 
-_NO_ENTRY = re.compile(r"(?:[#;].*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*|(?:timestamp|received_at),.*|)")
+_NO_ENTRY = _pattern(r"(?:[#;].*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*|(?:timestamp|received_at),.*|)")
 _COMMENTS = frozenset("#;")
-_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-_BEGINNINGS = frozenset("$!\\U")  # of a sentence, a TAG block, a datagram's prefix
-_SENTENCE = re.compile(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
+_COLOUR = _pattern(r"\x1b\[[0-9;]*m")
+_BEGINNINGS = ("$", "!", "\\", "UdPbC")  # of a sentence, a TAG block, a datagram's prefix
+_ENDING = _pattern(r"(?P<inner>.*\*[0-9A-Fa-f]{2})[\s,;]+(?P<after>[^*]*)")
+_SENTENCE = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
 _ENVELOPES = (
-    re.compile(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
+    _pattern(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
     # OpenCPN's voyage data recorder: the time, the protocol, one or two columns of its own, what came.
-    re.compile(r"(?P<before>[^,]*),NMEA2000,(?:[^,]*,){1,2}\"?(?P<inner>A?[0-9A-Fa-f][0-9A-Fa-f:.RT ]{11,})\"?"),
+    _pattern(r"(?P<before>[^,]*),NMEA2000,(?:[^,]*,){1,2}\"?(?P<inner>A?[0-9A-Fa-f][0-9A-Fa-f:.RT ]{11,})\"?"),
 )
 _TIMES = (
-    re.compile(
+    _pattern(
         r"(?<!\d)(?P<year>\d{4})[-/](?P<month>\d\d)[-/](?P<day>\d\d)[-T ,_;\t]+(?P<clock>\d\d:\d\d:\d\d)"
         rf"(?:[.,](?P<fraction>\d{{1,9}}))?\s?{_ZONE}"
     ),
-    re.compile(  # the logs of American research vessels (SCS): the month comes first
+    _pattern(  # the logs of American research vessels (SCS): the month comes first
         r"(?<!\d)(?P<month>\d\d)/(?P<day>\d\d)/(?P<year>\d{4})[ ,;\t]+(?P<clock>\d\d:\d\d:\d\d)"
         r"(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z)?"
     ),
-    re.compile(
+    _pattern(
         r"(?<!\d)(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)T(?P<clock>\d{6})"
         rf"(?:\.(?P<fraction>\d{{1,9}}))?{_ZONE}"
     ),
-    re.compile(
+    _pattern(
         r"(?<!\d)(?P<year>\d{4})[:-](?P<yearday>\d{3})[:T](?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?"
         r"(?P<zone>Z)?"
     ),
 )
-_UNIX = re.compile(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
-_CLOCK = re.compile(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
-_SECONDS = re.compile(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
+_UNIX = _pattern(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
+_CLOCK = _pattern(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
+_SECONDS = _pattern(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
 
 
 def told_time(text: str) -> tuple[int | None, int] | None:
@@ -399,25 +404,15 @@ class LineReader:
 
     def entry(self, piece: bytes) -> Entry | None:
         """The entry in a line or a message, if there is one."""
-        if piece.startswith(MARK):
-            return self._message(piece)
+        if piece.startswith(MARK) and (stored := stored_message(piece[len(MARK) :])) is not None:
+            return _of_stored(stored)
         text = piece.decode("latin-1")
-        return self._sentence(text) if text[:1] in _BEGINNINGS else self._line(text)
-
-    def _message(self, piece: bytes) -> Entry | None:
-        """A message between the marks of Actisense's protocol."""
-        found = stored_message(piece[len(MARK) :])
-        if found is None:
-            self.unreadable += 1
-            return None
-        if found.sentence:
-            return Entry(None, found.sentence, protocol="nmea0183")
-        if not found.payload:
-            return None
-        return message(found.header, found.payload, found.time_ns, found.turn_ns, whole=found.whole)
+        return self._sentence(text) if text.startswith(_BEGINNINGS) else self._line(text)
 
     def _sentence(self, text: str) -> Entry | None:
-        """A line that begins as a sentence does; some have a message of NMEA 2000 inside."""
+        """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
+        if text[-3:-2] != "*" and (found := _ENDING.fullmatch(text)):
+            return _at(self._sentence(found["inner"]), told_time(found["after"]))
         line = text.encode("latin-1")
         tagged = split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
@@ -452,6 +447,15 @@ class LineReader:
             return _at(self._sentence(inner), told_time(found["before"]))
         found = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
         return None if found is None else _at(self._bare(found["inner"]), told_time(found["before"]))
+
+
+def _of_stored(stored: Stored) -> Entry | None:
+    """What an Actisense message says of the bus, if anything."""
+    if stored.sentence:
+        return Entry(None, stored.sentence, protocol="nmea0183")
+    if not stored.payload:
+        return None
+    return message(stored.header, stored.payload, stored.time_ns, stored.turn_ns, whole=stored.whole)
 
 
 def _at(entry: Entry | None, time: tuple[int | None, int] | None) -> Entry | None:

@@ -22,6 +22,7 @@ from acquisition.sources.line_forms import Entry
 
 EARLIEST_UTC_NS = 1_000_000_000 * NANO
 """Times before are since the log began."""
+_LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
 _SLACK_NS = NANO  # by so much a clock that comes round may go back without having come round
 _AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
 _TELL_TIME = {kind: read for kind, read in readers("ground").items() if kind in ("ZDA", "RMC")}
@@ -35,15 +36,17 @@ class LogClock:
 
     def __init__(self, head: Sequence[Entry], changed_ns: int) -> None:
         self.remark = ""
+        self._now_ns: int | None = None
         self._differences = _are_differences([each.time_ns for each in head if not each.turn_ns])
         self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as nobody tells it
         self._begin()
         running = [(self._running_ns(each), each) for each in head]
-        self._learn([(time_ns, each) for time_ns, each in running if time_ns is not None], changed_ns)
+        timed = [(time_ns, each) for time_ns, each in running if time_ns is not None]
+        self._learn(timed, changed_ns)
         self._begin()
-        first = next((each for each in head if each.time_ns is not None), None)
-        self._now_ns = None if first is None else self.time_ns(first)
-        self._begin()
+        if timed:  # what comes before has it, too
+            self.time_ns(timed[0][1])
+            self._begin()
 
     def _begin(self) -> None:
         self._turns: dict[int, tuple[int, int]] = {}
@@ -59,26 +62,28 @@ class LogClock:
     def _running_ns(self, entry: Entry) -> int | None:
         """As the entry tells it, but that a clock which comes round runs on, and differences are added up."""
         time_ns, turn_ns = entry.time_ns, entry.turn_ns
-        if time_ns is None:
+        if time_ns is None or not 0 <= time_ns < _LATEST_NS:
             return None
         if turn_ns:
             before_ns, running_ns = self._turns.get(turn_ns, (time_ns, self._since_start_ns or time_ns))
             running_ns += (time_ns - before_ns + _SLACK_NS) % turn_ns - _SLACK_NS
             self._turns[turn_ns] = time_ns, running_ns
             time_ns = max(running_ns, 0)
+        elif time_ns >= EARLIEST_UTC_NS:
+            return time_ns
         elif self._differences:
             time_ns += self._since_start_ns
-        if time_ns < EARLIEST_UTC_NS:
-            self._since_start_ns = max(time_ns, self._since_start_ns)
+        time_ns = min(time_ns, EARLIEST_UTC_NS - 1)
+        self._since_start_ns = max(time_ns, self._since_start_ns)
         return time_ns
 
     def _learn(self, running: list[tuple[int, Entry]], changed_ns: int) -> None:
         """When the log began: by the first that tells UTC or, of times of day, by the file's last change."""
-        told = ((utc - time_ns, each) for time_ns, each in running if (utc := told_utc_ns(each)) is not None)
         since = [(time_ns, each) for time_ns, each in running if time_ns < EARLIEST_UTC_NS]
         if not since:
             return
-        began_ns, _ = next(told, (0, None))
+        told = (utc - time_ns for time_ns, each in since if (utc := told_utc_ns(each)) is not None)
+        began_ns = next(told, 0)
         has_clock = any(each.turn_ns == DAY_NS for _, each in since)
         if began_ns and has_clock and abs(began_ns - (midnight := _whole_days(began_ns))) <= _AGREED_NS:
             began_ns = midnight

@@ -32,7 +32,6 @@ from acquisition.sources.looks import looks_like
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
-_LATEST_NS = 2**63
 _GZIP = b"\x1f\x8b"
 UNDERSTOOD = (
     "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
@@ -125,10 +124,8 @@ def _opened(path: Path, packed: bool) -> BinaryIO:
 
 
 def _told_time(time_ns: int) -> str:
-    """A log's time for a person: UTC, or since it began; broken ones can lie beyond all dates."""
-    if time_ns < EARLIEST_UTC_NS:
-        return f"{time_ns / 1e9:.3f} s after its beginning"
-    return iso(time_ns) if time_ns < _LATEST_NS else f"{time_ns / 1e9:.3f} s since 1970"
+    """A log's time for a person: UTC, or since it began."""
+    return iso(time_ns) if time_ns >= EARLIEST_UTC_NS else f"{time_ns / 1e9:.3f} s after its beginning"
 
 
 class _Log:

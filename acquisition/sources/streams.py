@@ -22,7 +22,7 @@ from acquisition.config.sections import (
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source
-from acquisition.sources.actisense import Cutter
+from acquisition.sources.actisense import Cutter, is_message
 from acquisition.sources.line_forms import Entry, LineReader
 
 if TYPE_CHECKING:
@@ -62,9 +62,8 @@ class LineAssembler:
         received_ns, monotonic_ns = now_ns()
         frames = []
         for piece in pieces:
-            refused = self._reader.unreadable
             entry = self._reader.entry(piece)
-            if entry is None and self._reader.unreadable > refused:
+            if entry is None and not is_message(piece):  # those say nothing of the bus
                 entry = Entry(None, piece, protocol="nmea0183")
             if entry is not None:
                 of_can = entry.identifier, entry.flags

@@ -209,7 +209,7 @@ HEADING = "$HEHDT,12.3,T*1F"
         "INNAV\t2026-08-07T10:00:00.250Z\tSEAPATH330\t", "NAV 2026/08/07 10:00:00.250 GPS ",
         "08/07/2026,10:00:00.250,", "cnav\t2026:219:10:00:00.2500\t", "20260807T100000.250Z ",
         "1786096800.25 ", "1786096800250;", "1786096800250000 ", "1786096800250000000,", "1786096800250;N;",
-        "gyro 1786096800.250000 | ", "2026-08-07T10:00:00.250Z,NMEA0183,,\"",
+        "gyro 1786096800.250000 | ", "UTC 2026-08-07 10:00:00.25: ", "2026-08-07T10:00:00.250Z,NMEA0183,,\"",
         '2026-08-07T10:00:00.250Z,NMEA0183,HEHDT,"COM3/NMEA0183/HE",',
     ],
 )  # fmt: skip
@@ -219,6 +219,13 @@ def test_a_sentence_behind_any_time(tmp_path: Path, before: str) -> None:
     first, second = read(written(tmp_path, f"{before}{HEADING}{after}\n{before}{HEADING}{after}\r\n".encode()))[0]
     assert first.payload == second.payload == HEADING.encode()
     assert first.stamped_ns == second.stamped_ns == 1_786_096_800_250_000_000
+
+
+def test_a_sentence_before_its_time(tmp_path: Path) -> None:
+    frames, _ = read(written(tmp_path, f"{HEADING},1786096800\n{HEADING} 2026-08-07T10:00:01Z\n".encode()))
+    assert [(frame.payload, frame.stamped_ns) for frame in frames] == [
+        (HEADING.encode(), 1_786_096_800_000_000_000), (HEADING.encode(), 1_786_096_801_000_000_000)
+    ]  # fmt: skip
 
 
 def test_times_of_day_take_the_date_from_a_sentence_and_run_through_midnight(tmp_path: Path) -> None:
