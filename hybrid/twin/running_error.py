@@ -131,17 +131,19 @@ def any_thruster_moved(
 def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
     """Whether a control channel did from ``row`` on what was ``planned`` [H], in the channel's unit.
 
-    Each second it has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those that the filter of
-    the 1 Hz table reaches, within the span that a held setting may have. The last seconds do not count, to which
-    that filter carries what comes after the horizon.
+    Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those that the
+    filter of the 1 Hz table reaches, within the span that a held setting may have. The last seconds do not count,
+    to which that filter carries what comes after the horizon.
     """
     reach, circular = SETTING_FILTER.reach, is_circular(name)
-    done = values[row : row + max(len(planned) + 1 - reach, 1)]
-    orders = np.concatenate([np.full(_DRIVEN_S + 1, done[0]), planned, planned[-reach:]])
-    near = sliding_window_view(unwrap(orders) if circular else orders, _DRIVEN_S + reach + 2)[: len(done)]
+    seconds = max(len(planned) - reach, 1)
+    series = unwrap(values) if circular else values
+    done = sliding_window_view(series[row : row + seconds + 1], 2).mean(axis=1)
+    orders = np.concatenate([np.full(_DRIVEN_S, values[row]), planned, np.full(reach, planned[-1])])
+    near = sliding_window_view(unwrap(orders) if circular else orders, _DRIVEN_S + 1 + reach)[:seconds]
     low, high = near.min(axis=1), near.max(axis=1)
     off = done - 0.5 * (low + high)
-    tolerance = tolerance_of(name, actuators).at(series := unwrap(values) if circular else values)
+    tolerance = tolerance_of(name, actuators).at(series)
     span = tolerance.span + SPAN_SIGMAS * feedback_of(series, tolerance.noise).noise
     return bool((np.abs(wrap_180(off) if circular else off) <= 0.5 * (high - low) + span).all())
 

@@ -133,6 +133,17 @@ def test_what_was_done_is_what_was_planned(name: str, before: float, after: floa
     assert not judge(np.full(60, step[-1]))
 
 
+@pytest.mark.parametrize("name", ["port_angle_deg", "starboard_rpm"])
+def test_a_plan_that_is_what_was_done_is_carried_out_however_restless(name: str) -> None:
+    """Settings that wander all the time, pods all the way round; a plan of 15 s before is not."""
+    values = np.cumsum(np.random.default_rng(2).normal(0.0, 12.0, 90))
+    values = wrap_180(values) if name.endswith("_deg") else values
+    step = np.diff(values)
+    means = values[:-1] + 0.5 * (wrap_180(step) if name.endswith("_deg") else step)
+    assert as_planned(name, values, 30, means[30:60], DEFAULT)
+    assert not as_planned(name, values, 45, means[30:60], DEFAULT)
+
+
 def test_a_prediction_with_a_plan_is_judged_where_it_was_done(table: pd.DataFrame) -> None:
     """The helm is put over at second 50: who knew is judged, who did not, or expected more, is not. The last second
     of a horizon, which the filter blurs, does not count.
