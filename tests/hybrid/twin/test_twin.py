@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from acquisition.config.sections import RecordingSection
+from acquisition.core.errors import InputError
 from acquisition.core.frames import Sample
 from acquisition.core.trial import Trial
 from acquisition.logger.health import Health
@@ -25,6 +26,7 @@ from hybrid.twin import twin as twin_module
 from hybrid.twin.plan import PlanFile
 from hybrid.twin.running_coverage import STEP
 from hybrid.twin.twin import Twin
+from hybrid.twin.watch import watch
 from hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
 
@@ -127,6 +129,12 @@ def test_a_plan_is_followed_and_read_again_when_it_changes(
     assert [text.partition(" ")[0] for text in told] == ["no", "plan", "no", "plan", "no"]
     assert "the plan before goes on" in told[2]
     watching.close()
+
+
+def test_a_calibrator_of_held_controls_watches_no_plan(small: TrainedCalibrator) -> None:
+    unused: Any = None
+    with pytest.raises(InputError, match=r"held controls.*--commands"):
+        watch(unused, Predictor("x", small.plant, HORIZON_S, small), unused, commands=Path("plan.csv"))
 
 
 def test_regions_that_the_ship_left_are_wider_from_then_on(

@@ -34,7 +34,7 @@ class Aboard:
     """A recorder, twins and the ship's instruments, each a process or a thread of its own."""
 
     def __init__(self, folder: Path, more: str = "") -> None:
-        self.folder, self.config = folder, folder / "trial.toml"
+        self.folder, self.config, self.plan = folder, folder / "trial.toml", folder / "plan.csv"
         section = f'type = "udp"\nport = {free_port()}\n'
         self.config.write_text(config_text(section, clock="receiver") + more)
         self.processes: list[subprocess.Popen[str]] = []
@@ -57,7 +57,7 @@ class Aboard:
         return process
 
     def watch(self, name: str = "twin") -> subprocess.Popen[str]:
-        return self.start(name, "watch", "--horizon", str(HORIZON_S), "--json")
+        return self.start(name, "watch", "--horizon", str(HORIZON_S), "--commands", str(self.plan), "--json")
 
     def log(self, name: str) -> str:
         return (self.folder / name).read_text()
@@ -109,7 +109,9 @@ def recorded(paths: list[Path]) -> dict[str, int]:
 
 
 def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard: Aboard, tmp_path: Path) -> None:
-    """One twin that is there before the recorder and is stopped for a while, another that is killed."""
+    """One twin that is there before the recorder and is stopped for a while, another that is killed; a plan of
+    what is done anyhow comes in between.
+    """
     twin = aboard.watch()
     aboard.wait_for_log("twin", "no recorder of the trial 'round trip' runs here; waiting for one")
     killed = aboard.watch("killed")
@@ -120,6 +122,8 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
     aboard.wait_for_log("twin", "predicting")
     aboard.wait_for_log("killed", "predicting")
     killed.kill()
+    aboard.plan.write_text("time,port_rpm\n2026-06-01T08:00:00Z,140\n2100-01-01T00:00:00Z,0\n")
+    aboard.wait_for_log("twin", "plan of port_rpm: 2 orders")
     twin.send_signal(signal.SIGSTOP)
     time.sleep(2.0)
     (path,) = (tmp_path / "out").glob("*.mcap")
@@ -142,6 +146,8 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
     assert len(said) > summary["recorded"] >= 5  # the other one's are among them
     assert summary["judged"] >= 1
     assert summary["left_out"] == 0
+    assert {tuple(body.get("planned_channels", ())) for _, body in said} == {(), ("port_rpm",)}
+    assert "no plan at" in aboard.log("twin")
     assert "predictions" in aboard.log("twin").splitlines()[-1]
     assert_errors_are_those_of_the_recording(path, [body for _, body in said])
 
