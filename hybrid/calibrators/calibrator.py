@@ -64,6 +64,8 @@ class Calibrator(ABC):
     """
 
     method: ClassVar[str]
+    extrapolates: ClassVar[bool] = False
+    """Whether it is believed outside its domain of applicability too, as one may whose regions grow there."""
     outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")
 
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
@@ -157,11 +159,13 @@ def predict_with_fallback(
     """
     tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
     radii_m = uncertainty * radius_m[: windows.horizon_s]
-    outside = calibrator.outside_domain(windows, reference) | ~np.isfinite(tracks).all(axis=(1, 2))
-    tracks[outside] = np.nan
+    no_number = np.asarray(~np.isfinite(tracks).all(axis=(1, 2)))
+    outside = calibrator.outside_domain(windows, reference) | no_number
+    silent = no_number if calibrator.extrapolates else outside
+    tracks[silent] = np.nan
     source = np.full(len(windows), "hybrid", dtype="<U20")
     beside = calibrator.beside_baselines(windows, tracks)
-    asked = outside if beside is None else np.ones_like(outside)
+    asked = silent if beside is None else np.ones_like(silent)
     if asked.any():
         found = fallback.predict(windows.subset(asked), reference[asked], plant, beside)
         own = found.weight[len(BASELINES) :].sum(axis=0)[:, None]

@@ -187,9 +187,12 @@ def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
     return np.asarray(np.select(list(rules.values()), list(rules), "straight"))
 
 
+_MINUTE = 61
+
+
 def winds(windows: PredictionWindows) -> NDArray[np.str_]:
     """The wind of the minute before each window by its Beaufort number [N], of :data:`WINDS`."""
-    speed_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[..., WIND][..., -1]]), axis=1)
+    speed_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[:, :_MINUTE, WIND][..., -1]]), axis=1)
     return np.asarray(np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, speed_mps, side="right")])
 
 

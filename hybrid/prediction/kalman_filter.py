@@ -171,7 +171,16 @@ def run_filter(
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
     with threads_for(len(observations) * (past.shape[1] + control.shape[1])):
         observe_and_predict(
-            plants, past, known, *gains, control, observations.wind, extra, parameters, states, waves
+            plants,
+            past,
+            known,
+            *gains,
+            control,
+            observations.wind,
+            extra,
+            parameters,
+            states,
+            waves,
         )
     return states, waves
 

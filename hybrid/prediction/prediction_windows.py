@@ -29,8 +29,9 @@ from hybrid.vessel.sensors import HEADING
 WIND, CONTROLS = slice(6, 8), slice(8, None)
 """Where wind and controls stand among the channels of a window: after the state."""
 
-PAST_S = 60
-"""How many seconds before its start a window knows of."""
+PAST_S = 180
+"""How many seconds before its start a window knows of: enough to see whether a model that was right on another day
+is right on this one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,14 +229,15 @@ def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Ac
     return np.asarray(values)
 
 
-def hindcast_windows(windows: PredictionWindows, seconds: int) -> PredictionWindows:
-    """The windows that start so many ``seconds`` earlier and end at second 0, with their recorded commands.
+def hindcast_windows(windows: PredictionWindows, seconds: int, horizon_s: int | None = None) -> PredictionWindows:
+    """The windows that start so many ``seconds`` earlier, with their recorded commands, and end at second 0, or
+    after ``horizon_s`` already.
 
     NaN where the past was not recorded.
     """
     past = np.full_like(windows.past, np.nan)
     past[:, : past.shape[1] - seconds] = windows.past[:, seconds:]
-    recorded = windows.past[:, seconds::-1]
+    recorded = windows.past[:, seconds::-1][:, : (seconds if horizon_s is None else horizon_s) + 1]
     return replace(
         windows,
         start=recorded[:, 0, :6],

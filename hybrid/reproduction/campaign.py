@@ -31,7 +31,6 @@ from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.dataset import start_motion
 from hybrid.prediction.prediction_windows import (
-    PAST_S,
     PredictionWindows,
     draw_groups,
     starting_two_sided,
@@ -48,6 +47,8 @@ SEQUENCES, HORIZON_S, RATE_HZ = 70, 30, 20.0
 TRUTH, MODEL = "gunnerus_long", "gunnerus_short"
 _SWINGS = tuple(side * angle for side, angle in product((-1.0, 1.0), AZIMUTHS_DEG))
 _NEAR_DEG = 2.0
+BEFORE_S = 60
+"""How much of the past of a sequence no other takes part in, and is known of it [s]."""
 _SETTLING_S = 8  # of thrusters after an order, and of the filters about it: part of a swing that is not held
 _STRETCHES, _SPARE, _TRIES = 2.3, 8, 4
 """The trial is so many times as long as that many sequences, and a few more, laid end to end."""
@@ -95,7 +96,7 @@ def paper_campaign(
     :class:`DataShortageError` where the ship's zigzags do not give enough held swings.
     """
     manoeuvre = _held_for(manoeuvre_named("paper"), horizon_s)
-    duration_s = _STRETCHES * (sequences + _SPARE) * (horizon_s + PAST_S)
+    duration_s = _STRETCHES * (sequences + _SPARE) * (horizon_s + BEFORE_S)
     found = 0
     for _ in range(_TRIES):
         table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration_s, RATE_HZ, seed)
@@ -106,6 +107,7 @@ def paper_campaign(
             chosen = rows[rows["window"].isin(numbers)]
             before = {f"{sea_state}-{seed}": SecondBySecond(one_hz)}
             windows = starting_two_sided(windows_from_rows(chosen, start_motion(chosen, one_hz), before))
+            windows.past[:, BEFORE_S + 1 :] = np.nan
             ship = _ship_states(windows, table.index[0], truth["states"])
             return Campaign(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])
         duration_s, found = 1.5 * duration_s, len(numbers)
@@ -144,7 +146,7 @@ def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tup
     room = {swing: sequences // len(_SWINGS) for swing in _SWINGS}
     for swing in _SWINGS[: sequences % len(_SWINGS)]:
         room[swing] += 1
-    apart_s, taken = horizon_s + PAST_S, list[int]()
+    apart_s, taken = horizon_s + BEFORE_S, list[int]()
     for each in np.random.default_rng(seed).permutation(len(first)):
         free = room.get(float(order_deg[each]), 0) > 0
         if free and all(abs(begins_s[each] - begins_s[other]) > apart_s for other in taken):

@@ -26,10 +26,10 @@ from acquisition.core.progress import Progress
 from analysis.report.figures import ENDINGS, fill_figure, write_figure
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.tables.table import table_actuators
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from hybrid.report.words import plain
-from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES, Job, Sea, example_sequence, seas_of
+from hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, SEA_STATES, Job, Sea, example_sequence, seas_of
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 
@@ -194,7 +194,7 @@ def draw_tracks(figure: Figure, shown: FigureData) -> None:
         campaign_tracks(axes, sea.campaign.windows.subset(first), sea.campaign.azimuth_deg[first])
         text = f"{sea.job.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
         axes.set_title(text, loc="left")
-    before = Line2D([], [], color=FAINT, label=f"{PAST_S} s before")
+    before = Line2D([], [], color=FAINT, label=f"{BEFORE_S} s before")
     handles = [*panels[0].get_legend_handles_labels()[0], before]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
 

@@ -242,7 +242,7 @@ def test_the_wind_that_is_expected_goes_from_the_last_to_the_mean() -> None:
     past[:, :3, 6], past[:, :3, 7] = np.pi / 2.0, 6.0
     direction, speed = expected_wind(past, 10.0, 200).T
     vector = (speed * np.exp(1j * direction))[:, 0]
-    mean = (58.0 * 2.0 + 3.0 * 6.0j) / 61.0
+    mean = ((PAST_S - 2.0) * 2.0 + 3.0 * 6.0j) / (PAST_S + 1.0)
     assert vector[0] == pytest.approx(6.0j, abs=0.5)
     assert vector[-1] == pytest.approx(mean, abs=1e-6)
     assert np.abs(np.diff(vector - mean)).max() < np.abs(vector[0] - mean) / 10.0

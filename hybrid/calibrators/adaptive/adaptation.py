@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Complexes, Floats
 from hybrid.prediction.kalman_filter import (
+    AXES,
     FILTER_NUMBERS,
     OBSERVED_S,
     Observations,
@@ -67,6 +68,7 @@ SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, *FILTER_NUMBERS)
 _PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUNDED)}  # from the end
 
 _AVERAGED_S = 5
+_MEAN_WIND_S = 60
 _GUSTING_S, _GUSTS_APART_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
 
@@ -85,7 +87,7 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
         control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
     wind = np.repeat(_mean_wind(past)[:, None], windows.horizon_s, axis=1)
     if gust_s is not None:
-        wind = expected_wind(measured, gust_s, windows.horizon_s)
+        wind = expected_wind(measured[:, : _MEAN_WIND_S + 1], gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
     return Observations(past, known_s, control, wind)
 
@@ -197,6 +199,13 @@ def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
     """The gains that follow from the vector, as :func:`.filter_gains` has them."""
     return filter_gains(*(parameter(vector, name) for name in FILTER_NUMBERS))
+
+
+def follow_closer(vector: Floats, deviations: float) -> Floats:
+    """The vector of a filter whose bias force wanders by so many prior standard deviations more in each axis."""
+    closer = vector.copy()
+    closer[[_PLACES[f"force_walk_{axis}"] for axis in AXES]] += deviations
+    return closer
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:

@@ -1,4 +1,10 @@
-"""The adaptive calibrator: an ensemble of adapted models, cross-validated by legs and weighted by hindcasts."""
+"""The adaptive calibrator: an ensemble of adapted models, cross-validated by legs and weighted by hindcasts.
+
+What it learned holds for the day, the loading and the sea of its training. How far it holds now shows in hindcasts
+over the last minutes: how wrong the model would have been, beside how wrong it was in the training. Where it is
+worse than nearly all of the training, models that follow what is measured more closely speak too, by how well each
+would have done; and the regions grow with it.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +20,7 @@ from acquisition.core.channels import trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators.adaptive.adaptation import (
+    follow_closer,
     gust_decay_s,
     observations_of,
     parameter_names,
@@ -30,6 +37,7 @@ from hybrid.prediction.baselines import (
 )
 from hybrid.prediction.kalman_filter import Observations
 from hybrid.prediction.prediction_windows import (
+    PAST_S,
     PredictionWindows,
     clear_of,
     concatenate_windows,
@@ -76,18 +84,72 @@ _LEAST_RATIO = 0.1  # hindcast errors below this share of the median one say not
 _UNKNOWN_RATIO = 2.0  # the hindcast error of a window whose past is not known, in median ones
 _RECENT_S = 5
 _CANDIDATES = 3  # the adapted model, constant velocity, the reference
+_MINUTES = range(HINDCAST_S, PAST_S - HINDCAST_S, HINDCAST_S)
+"""So long before the start begin the hindcasts that say how good the model is on this day [s]."""
+_CLOSER = (0.0, 1.0, 2.0)
+"""By how many prior standard deviations the force that a model lacks may wander more than in the training."""
+_CLOSER_POWER = 4.0
+"""The weight of each falls with that power of its error over the last minutes."""
+_UNUSUAL = 0.95
+"""Worse than this share of the training's windows, a model is not believed alone."""
+_DAYS_APART = np.log(2.0)
+"""The prior standard deviation of a day's errors beside those of another day, as a logarithm: a factor of two."""
+_LEAST_LOG_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidates:
     """The candidate predictions of N windows, the adapted model's first: ``tracks`` [3, N, H+1, 3] and the mean
     errors ``hindcast_m`` [3, N] of their hindcasts in metres; ``spread_m`` [N, H] is how far the members' tracks
-    lie apart.
+    lie apart; ``minutes`` [N] the mean logarithm of the adapted model's errors over the last minutes [log m].
     """
 
     tracks: Floats
     hindcast_m: Floats
     spread_m: Floats
+    minutes: Floats
+
+    def subset(self, chosen: Bools) -> _Candidates:
+        """Those of the windows that a mask chooses."""
+        return _Candidates(
+            self.tracks[:, chosen], self.hindcast_m[:, chosen], self.spread_m[chosen], self.minutes[chosen]
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Usual:
+    """What was usual in the training, on legs left out: the median error of hindcasts ``hindcast_m``, the median
+    spread of the members ``spread_m`` [H], and of the errors over the last minutes, as logarithms, ``mean``,
+    standard ``deviation`` and what nearly all of them are below, ``most``.
+    """
+
+    hindcast_m: float
+    spread_m: Floats
+    mean: float
+    deviation: float
+    most: float
+
+    @classmethod
+    def of(cls, candidates: _Candidates) -> _Usual:
+        """That of the candidates of all windows; of what was recorded in none a metre."""
+        own_m, minutes = candidates.hindcast_m[0], candidates.minutes[np.isfinite(candidates.minutes)]
+        minutes = minutes if len(minutes) else np.zeros(1)
+        return cls(
+            hindcast_m=float(np.nanmedian(own_m)) if np.isfinite(own_m).any() else 1.0,
+            spread_m=np.nanmedian(candidates.spread_m, axis=0),
+            mean=float(minutes.mean()),
+            deviation=float(minutes.std()),
+            most=float(np.quantile(minutes, _UNUSUAL)),
+        )
+
+    def day(self, minutes: Floats) -> Floats:
+        """How many times the errors of the training are to be expected [N] after such last minutes, at least once.
+
+        What a few minutes show is uncertain by ``deviation``, so that the logarithm shrinks (normal prior of
+        standard deviation :data:`_DAYS_APART` and normal likelihood); where nothing is known they count as usual.
+        """
+        worse = np.maximum(np.nan_to_num(minutes, nan=self.mean) - self.mean, 0.0)
+        return np.asarray(np.exp(worse * _DAYS_APART**2 / (_DAYS_APART**2 + self.deviation**2)))
 
 
 class AdaptiveCalibrator(Calibrator):
@@ -99,8 +161,9 @@ class AdaptiveCalibrator(Calibrator):
     """
 
     method: ClassVar[str] = "adaptive"
+    extrapolates: ClassVar[bool] = True
     gust_s_: float | None
-    median_spread_m_: Floats | None
+    usual_: _Usual
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_names(actuators)
@@ -110,7 +173,6 @@ class AdaptiveCalibrator(Calibrator):
         windows = concatenate_windows([training[0], stopping[0]])
         self.any_commands = windows.commands is not None
         self.gust_s_ = gust_decay_s(windows) if self.any_commands else None
-        self.median_spread_m_ = None
         fold = _folds(unlike_groups(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
@@ -163,33 +225,79 @@ class AdaptiveCalibrator(Calibrator):
 
     def _cross_validate(self, windows: PredictionWindows, fold: NDArray[np.int64]) -> Floats:
         """Fit weights and regions; the tracks [N, H+1, 3] of each window by the member not fitted to it."""
-        spread_m = self._member_states(self.vectors_, self._observed(windows))[2]
-        if self.any_commands:
-            self.median_spread_m_ = np.nanmedian(spread_m, axis=0)
         candidates = _Candidates(
-            np.empty((_CANDIDATES, *windows.track.shape)), np.empty((_CANDIDATES, len(windows))), spread_m
+            np.empty((_CANDIDATES, *windows.track.shape)),
+            np.empty((_CANDIDATES, len(windows))),
+            self._member_states(self.vectors_, self._observed(windows))[2],
+            np.empty(len(windows)),
         )
         for member, vector in enumerate(self.vectors_):
             mine = fold == member
             part = self._candidates(windows.subset(mine), vector[None])
             candidates.tracks[:, mine], candidates.hindcast_m[:, mine] = part.tracks, part.hindcast_m
-        own_m = candidates.hindcast_m[0]
-        self.median_hindcast_m_ = float(np.nanmedian(own_m)) if np.isfinite(own_m).any() else 1.0
+            candidates.minutes[mine] = part.minutes
+        self.usual_ = _Usual.of(candidates)
         errors = [
             np.nanmean(distances(self._average(candidates, power)[0], windows.track)) for power in WEIGHT_POWERS
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
-        tracks, hindcast_m = self._average(candidates, self.weight_power_)
-        uncertainty = self._uncertainty(hindcast_m, spread_m)
+        tracks, uncertainty = np.empty(windows.track.shape), np.empty(candidates.spread_m.shape)
+        for member, vector in enumerate(self.vectors_):
+            mine = fold == member
+            tracks[mine], uncertainty[mine] = self._predicted(windows.subset(mine), candidates.subset(mine), vector)
         self.radius_ = conformal_radius(tracks, windows.track, uncertainty)
         return tracks
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
-        """The candidates' tracks over the windows, and their errors over the seconds before."""
+        """The candidates' tracks over the windows, and their errors over the seconds and minutes before."""
         before = hindcast_windows(windows, HINDCAST_S)
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(before))
-        return _Candidates(tracks, np.stack([mean_distances(each, before.track) for each in hindcasts]), spread_m)
+        hindcast_m = np.stack([mean_distances(each, before.track) for each in hindcasts])
+        return _Candidates(tracks, hindcast_m, spread_m, self._last_minutes(windows, vectors.mean(axis=0)))
+
+    def _last_minutes(self, windows: PredictionWindows, vector: Floats) -> Floats:
+        """The mean logarithm [N] of the mean errors of hindcasts that begin at each of :data:`_MINUTES`; NaN where
+        none of them was recorded.
+        """
+        before = concatenate_windows([hindcast_windows(windows, each, HINDCAST_S) for each in _MINUTES])
+        states, waves = run_observer(vector, self._model, self._observed(before))
+        error_m = mean_distances(states[..., :3] + waves, before.track).reshape(len(_MINUTES), -1)
+        known = np.isfinite(error_m)
+        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=0)
+        return np.where(known.any(axis=0), total / known.sum(axis=0).clip(min=1), np.nan)
+
+    def _predicted(
+        self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
+    ) -> tuple[Floats, Floats]:
+        """The tracks [N, H+1, 3] and their relative uncertainty [N, H], of models of whose vectors the mean is
+        ``vector``.
+        """
+        tracks, hindcast_m = self._average(candidates, self.weight_power_)
+        minutes = candidates.minutes.copy()
+        unusual = minutes > self.usual_.most
+        if unusual.any():
+            tracks[unusual], minutes[unusual] = self._followed(
+                windows.subset(unusual), tracks[unusual], minutes[unusual], vector
+            )
+            hindcast_m = hindcast_m * np.exp(np.nan_to_num(minutes - candidates.minutes))
+        return tracks, self._uncertainty(hindcast_m, candidates.spread_m, minutes)
+
+    def _followed(
+        self, windows: PredictionWindows, tracks: Floats, minutes: Floats, vector: Floats
+    ) -> tuple[Floats, Floats]:
+        """The mean of ``tracks`` [N, H+1, 3] with those of models that follow what is measured more closely, and of
+        ``minutes`` [N], weighted by how well each would have predicted the last minutes.
+        """
+        closer = [follow_closer(vector, more) for more in _CLOSER[1:]]
+        runs = [run_observer(each, self._model, self._observed(windows)) for each in closer]
+        every = np.stack([tracks, *(states[..., :3] + waves for states, waves in runs)])
+        logs = np.stack([minutes, *(self._last_minutes(windows, each) for each in closer)])
+        usable = np.asarray(np.isfinite(every).all(axis=(2, 3)))
+        usable[0] |= ~usable.any(axis=0)
+        weight = np.where(usable, np.exp(-_CLOSER_POWER * (logs - logs[0])), 0.0)
+        weight /= weight.sum(axis=0)
+        return average_tracks(weight, every), (weight * logs).sum(axis=0)
 
     def _member_states(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats, Floats]:
         """The members' mean states [N, H+1, 6] and motion in waves [N, H+1, 3], and how far their tracks lie apart
@@ -218,33 +326,28 @@ class AdaptiveCalibrator(Calibrator):
         weight = np.zeros_like(candidates.hindcast_m)
         weight[0] = 1.0
         if np.isfinite(power):
-            error_m = np.nan_to_num(candidates.hindcast_m, nan=np.inf) + _LEAST_RATIO * self.median_hindcast_m_
+            error_m = np.nan_to_num(candidates.hindcast_m, nan=np.inf) + _LEAST_RATIO * self.usual_.hindcast_m
             weight = np.where(known[0], error_m**-power, weight)
         usable = np.isfinite(candidates.tracks).all(axis=(2, 3)) | (np.arange(_CANDIDATES) == 0)[:, None]
         weight = np.where(usable, weight, 0.0)
         weight = weight / weight.sum(axis=0)
-        hindcast_m = np.where(known, candidates.hindcast_m, _UNKNOWN_RATIO * self.median_hindcast_m_)
+        hindcast_m = np.where(known, candidates.hindcast_m, _UNKNOWN_RATIO * self.usual_.hindcast_m)
         return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
-    def _uncertainty(self, hindcast_m: Floats, spread_m: Floats) -> Floats:
-        """The relative uncertainty [N, H], one for the median hindcast error; half of it grows with that error [N].
-
-        With any commands a third does, and another third with how far the members' tracks lie apart [N, H].
+    def _uncertainty(self, hindcast_m: Floats, spread_m: Floats, minutes: Floats) -> Floats:
+        """The relative uncertainty [N, H]: a third of it grows with the hindcast's error [N], another with how far
+        the members' tracks lie apart [N, H], and all of it with how wrong the last minutes were [N].
         """
-        horizon_s = spread_m.shape[1]
-        by_hindcast = np.repeat(hindcast_m[:, None], horizon_s, axis=1) / max(self.median_hindcast_m_, 1e-6)
-        if self.median_spread_m_ is None:
-            return 0.5 + 0.5 * by_hindcast
-        usual_m = self.median_spread_m_[:horizon_s].clip(min=1e-6)
-        return np.asarray((1.0 + by_hindcast + spread_m / usual_m) / 3.0)
+        usual_m = self.usual_.spread_m[: spread_m.shape[1]].clip(min=1e-6)
+        by_hindcast = hindcast_m[:, None] / max(self.usual_.hindcast_m, 1e-6)
+        return np.asarray((1.0 + by_hindcast + spread_m / usual_m) / 3.0 * self.usual_.day(minutes)[:, None])
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
 
     def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
         candidates = self._candidates(windows, self.vectors_)
-        tracks, hindcast_m = self._average(candidates, self.weight_power_)
-        return tracks, self._uncertainty(hindcast_m, candidates.spread_m)
+        return self._predicted(windows, candidates, self.vectors_.mean(axis=0))
 
     def conformal_radius(self, stopping: Examples) -> Floats:
         return self.radius_
@@ -258,12 +361,14 @@ class AdaptiveCalibrator(Calibrator):
         import torch
 
         power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # no infinity in a file
+        usual = self.usual_
         fitted = {
             "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.radius_,
-            "trust": np.array([power, self.median_hindcast_m_]),
+            "trust": np.array([power, usual.hindcast_m, usual.mean, usual.deviation, usual.most]),
+            "spread": usual.spread_m,
         }  # fmt: skip
-        if self.gust_s_ is not None and self.median_spread_m_ is not None:
-            fitted["any_commands"] = np.array([self.gust_s_, *self.median_spread_m_])
+        if self.gust_s_ is not None:
+            fitted["gust"] = np.array([self.gust_s_])
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in fitted.items()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
@@ -273,11 +378,10 @@ class AdaptiveCalibrator(Calibrator):
         if self.vectors_.ndim != 2 or self.vectors_.shape[1] != numbers:
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {numbers}")
         self.radius_ = fitted["region"]
-        power, self.median_hindcast_m_ = map(float, fitted["trust"])
+        power, hindcast_m, *minutes = map(float, fitted["trust"])
+        self.usual_ = _Usual(hindcast_m, fitted["spread"], *minutes)
         self.weight_power_ = power or np.inf
-        self.gust_s_ = self.median_spread_m_ = None
-        if "any_commands" in fitted:
-            self.gust_s_, self.median_spread_m_ = float(fitted["any_commands"][0]), fitted["any_commands"][1:]
+        self.gust_s_ = float(fitted["gust"][0]) if "gust" in fitted else None
         return self
 
 
