@@ -26,13 +26,21 @@ from hybrid.calibrators.adaptive.adaptation import (
     run_observer,
     signed_names,
 )
-from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds, _starts, start_names
+from hybrid.calibrators.adaptive.calibrator import (
+    _MINUTES,
+    AdaptiveCalibrator,
+    _folds,
+    _starts,
+    _Usual,
+    start_names,
+)
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.artefact import load, save
+from hybrid.calibrators.calibrator import predict_with_fallback
 from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.prediction.baselines import Fallback, reference
+from hybrid.prediction.baselines import HINDCAST_S, Fallback, reference
 from hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, hindcast_windows
 from hybrid.prediction.scores import distances
 from hybrid.vessel.actuators import control_labels
 from hybrid.vessel.files import load_vessel
@@ -420,3 +428,68 @@ def test_starts_have_a_value_for_each_name_on_any_ship(vessel: str) -> None:
         past=np.full((3, PAST_S + 1, 8 + controls), np.nan), commands=np.zeros((3, 4, controls)),
     )  # fmt: skip
     assert _starts(windows).shape == (3, 4, len(start_names(actuators)))
+
+
+@pytest.fixture(scope="module")
+def another_day(truth: Plant) -> PredictionWindows:
+    """The ship of the training, pushed by a wind that nobody measured and that the training did not have."""
+    return noisy(voyages(replace(truth, constant_X_n=-30e3, constant_Y_n=20e3), 24, SECONDS, seed=7))
+
+
+def test_a_day_unlike_the_training_shows_in_the_last_minutes(
+    plant: Plant, truth: Plant, learned: AdaptiveCalibrator, another_day: PredictionWindows
+) -> None:
+    """There the regions grow as the errors do, and the prediction follows what is measured more closely; on a day
+    like the training's nothing of the kind happens.
+    """
+    same_day = noisy(voyages(truth, 24, SECONDS, seed=8))
+    grown, off, alone_m = [], [], []
+    for windows in (same_day, another_day):
+        candidates = learned._candidates(windows, learned.vectors_)
+        predicted, uncertainty = learned.predict_with_uncertainty(windows, reference(windows, plant))
+        grown.append(float(np.median(uncertainty)))
+        off.append(off_m(predicted, windows))
+        alone_m.append(off_m(learned._average(candidates, learned.weight_power_)[0], windows))
+    assert grown[1] > 1.3 * grown[0]
+    assert off[0] == pytest.approx(alone_m[0], rel=0.1)
+    assert off[1] < 0.8 * alone_m[1]
+
+
+def test_the_last_minutes_are_hindcasts_one_by_one(
+    plant: Plant, learned: AdaptiveCalibrator, another_day: PredictionWindows
+) -> None:
+    """Each 15 s of them predicted from what was known at their start, with the commands that were given."""
+    windows, vector = another_day.subset(np.arange(3)), learned.vectors_.mean(axis=0)
+    found = learned._last_minutes(windows, vector)
+    logs = []
+    for began_s in _MINUTES:
+        before = hindcast_windows(windows, began_s, HINDCAST_S)
+        assert np.array_equal(before.track, windows.past[:, began_s - np.arange(HINDCAST_S + 1), :3])
+        logs.append(np.log(distances(tracks(vector, plant, before), before.track).mean(axis=1)))
+    assert found == pytest.approx(np.mean(logs, axis=0), abs=1e-4)
+    blind = replace(windows, past=np.full_like(windows.past, np.nan))
+    assert np.isnan(learned._last_minutes(blind, vector)).all()
+
+
+def test_a_day_is_never_better_than_the_training() -> None:
+    """And a worse one counts the more the surer it is: with a wide scatter of minutes it may be chance."""
+    sure, unsure = (_Usual(1.0, np.ones(3), 0.0, deviation, 1.0) for deviation in (0.1, 2.0))
+    minutes = np.array([-3.0, 0.0, 0.5, 2.0, np.nan])
+    assert sure.day(minutes)[[0, 1, 4]] == pytest.approx(1.0)
+    assert (np.diff(sure.day(minutes)[1:4]) > 0.0).all()
+    assert (unsure.day(minutes)[2:4] < sure.day(minutes)[2:4]).all()
+    assert (sure.day(minutes)[2:4] < np.exp(minutes[2:4])).all()
+
+
+def test_outside_its_range_it_goes_on_by_itself(plant: Plant, learned: AdaptiveCalibrator) -> None:
+    """A model extrapolates; where it gives no number, the fallback speaks."""
+    windows = noisy(voyages(plant, 8, SECONDS, seed=9))
+    windows = replace(windows, wind=windows.wind + np.array([0.0, 30.0]))
+    windows.past[..., 7] += 30.0
+    alone = reference(windows, plant)
+    assert learned.outside_domain(windows, alone).all()
+    fallback = Fallback.fit(windows, alone, plant)
+    found = predict_with_fallback(learned, plant, learned.radius_, fallback, windows, alone)
+    assert (found.source == "hybrid").all()
+    assert np.array_equal(found.tracks, learned.predict(windows, alone))
+    assert found.outside_domain.all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +14,15 @@ from scipy.linalg import block_diag, expm, solve_discrete_are
 from acquisition.core.actuators import Actuator
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
+from analysis.tables.resample import resample
+from analysis.windows.recordings import second_by_second
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.dataset import dataset_of
 from hybrid.prediction.kalman_filter import WAVE_DAMPING, filtered_starts, kalman_gains, wave_step
+from hybrid.prediction.scores import distances
+from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import moved, voyages, windows_at
 
@@ -124,3 +133,15 @@ def test_a_ship_with_other_actuators_is_refused(plant: Plant) -> None:
     other = replace(windows_at([[0.0] * 6], 5), actuators=(Actuator("main", "rudder"),))
     with pytest.raises(InputError):
         filtered_starts(other, plant)
+
+
+def test_a_small_fast_craft_is_followed(plant: Plant) -> None:
+    """A craft of 2 m at 2 m/s, of whose model a step of a second would make infinity: known as well as measured."""
+    table, _ = simulate_trial("otter_2m", "calm", "zigzag", 240.0, 2.0, 1)
+    craft = vessel_plant(load_vessel("otter_2m"))
+    tables = {"zigzag": second_by_second(partial(resample, table, 1.0))}
+    windows = dataset_of(tables, 10, 5, any_commands=True, length_m=2.0).windows
+    known = windows.past[:, 30, 0] == windows.past[:, 30, 0]
+    found = filtered_starts(windows.subset(known), craft)
+    assert np.abs(found.start - windows.start[known])[:, 3:].max() < 0.3
+    assert distances(reference(found, craft), found.track).mean() < 1.0
