@@ -79,16 +79,17 @@ def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Pl
 def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
-    """The band is nothing at the start, never falls, and is that of the training."""
+    """Track and band are those of the calibrator beside the baselines; the band is nothing at the start."""
     found = predict(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S, plant, small)
     windows, _ = window_at(SecondBySecond(table), at(table, 300.0), SMALL_HORIZON_S)
     windows = filtered_starts(windows, plant)
     assert found.method == "hybrid"
-    assert np.array_equal(found.track, small.calibrator.predict(windows, reference(windows, plant))[0])
+    expected = small.predict_tracks(windows, reference(windows, plant))
+    assert np.array_equal(found.track, expected.tracks[0])
     assert found.band_m is not None
     assert found.band_m[0] == 0.0
     assert (np.diff(found.band_m) >= 0.0).all()
-    assert np.array_equal(found.band_m[1:], small.band_m)
+    assert np.array_equal(found.band_m[1:], expected.radius_m[0])
 
 
 def test_a_calibrator_predicts_its_own_horizon_at_the_most(
