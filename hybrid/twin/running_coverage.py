@@ -6,9 +6,9 @@ prediction", equation 3), on a logarithmic scale:
 
     log factor  <-  log factor + step (share of seconds outside - 0.05)
 
-for each independent prediction. Predictions that start a second apart have nearly the same error, so each counts as
-the seconds since the one before it over the horizon. Whatever the errors do, the mean share outside comes to 5 % as
-1 / (number of independent predictions) while the factor is inside its bounds.
+for each independent prediction, the step larger at first. Predictions that start a second apart have nearly the
+same error, so each counts as the seconds since the one before it over the horizon. Whatever the errors do, the mean
+share outside comes to 5 % as 1 / (number of independent predictions) while the factor is inside its bounds.
 """
 
 from __future__ import annotations
@@ -22,20 +22,28 @@ from hybrid.prediction.baselines import COVERAGE
 from hybrid.twin.running_error import TrackError
 
 STEP = 0.3
-"""Regions half as wide as they should be hold 93 % over the first hour of 30 s predictions, twice as wide ones
-97 %, and right ones become 9 % larger in area by chance, where errors are a Gaussian process. A step half as large
-takes twice as long, one twice as large costs twice the area."""
+"""The step after the first predictions. Where errors are a Gaussian process, regions half as wide as they should be
+hold 94 % over the first hour of 30 s predictions, twice as wide ones 97 %, and right ones become 9 % larger in area
+by chance; a step half as large takes twice as long to get there, one twice as large costs twice the area."""
 LARGEST_FACTOR = 4.0
 """And 1 over it the smallest. From there, as after a failed sensor, it is back in an hour of 30 s predictions."""
 
 
+def step(learned: float) -> float:
+    """The step after so many independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and Bates
+    2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, as ships and days change.
+    """
+    return max(STEP, exp(-0.6 * log(max(learned, 1.0))))
+
+
 @dataclass(frozen=True, slots=True)
 class RegionFactor:
-    """What the radius of the 95 % regions is multiplied by, and the start of the last prediction that it learned
-    from [ns UTC].
+    """What the radius of the 95 % regions is multiplied by, from how many independent predictions it was learned,
+    and the start of the last of them [ns UTC].
     """
 
     factor: float = 1.0
+    learned: float = 0.0
     start_ns: int | None = None
 
     def after(self, error: TrackError, horizon_s: int) -> RegionFactor:
@@ -44,9 +52,9 @@ class RegionFactor:
             return self
         apart_s = 0.0 if self.start_ns is None else (error.start_ns - self.start_ns) / NANO
         independent = min(max(apart_s, 0.0) / horizon_s, 1.0)
-        raised = log(self.factor) + STEP * independent * (COVERAGE - error.inside_band)
-        bound = log(LARGEST_FACTOR)
-        return RegionFactor(exp(min(max(raised, -bound), bound)), error.start_ns)
+        learned, bound = self.learned + independent, log(LARGEST_FACTOR)
+        raised = log(self.factor) + step(learned) * independent * (COVERAGE - error.inside_band)
+        return RegionFactor(exp(min(max(raised, -bound), bound)), learned, error.start_ns)
 
     def widened(self, prediction: Prediction) -> Prediction:
         """A prediction with its region, if it has one, multiplied by the factor."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from hybrid.calibrators.predictor import Predictor
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.twin import twin as twin_module
 from hybrid.twin.plan import PlanFile
-from hybrid.twin.running_coverage import STEP
+from hybrid.twin.running_coverage import LARGEST_FACTOR, step
 from hybrid.twin.twin import Twin
 from hybrid.twin.watch import watch
 from hybrid.vessel.plant import Plant
@@ -160,8 +161,10 @@ def test_regions_that_the_ship_left_are_wider_from_then_on(
     first = len(factors) - len(inside) + 1  # that knows of two judged ones and the time between
     assert set(factors[:first]) == {1.0}
     assert factors[-1] > 1.2
-    raised = STEP / HORIZON_S * (0.95 - np.array(inside[1:]))
-    assert np.diff(np.log(factors[first - 1 :])) == pytest.approx(raised, abs=2e-4)
+    learned = np.arange(1, len(inside)) / HORIZON_S
+    raised = np.array([step(each) for each in learned]) / HORIZON_S * (0.95 - np.array(inside[1:]))
+    expected = accumulate(raised, lambda log, more: min(log + more, np.log(LARGEST_FACTOR)))
+    assert np.log(factors[first:]) == pytest.approx(list(expected), abs=2e-4)
     watching.close()
 
 
