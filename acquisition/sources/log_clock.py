@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -42,11 +43,15 @@ class LogClock:
         self._begin()
         running = [(self._running_ns(each), each) for each in head]
         timed = [(time_ns, each) for time_ns, each in running if time_ns is not None]
+        self._teller = None if timed else _usual_teller(head)
+        if self._teller is not None:
+            self.remark = (
+                "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
+            )
         self._learn(timed, changed_ns)
         self._begin()
-        if timed:  # what comes before has it, too
-            self.time_ns(timed[0][1])
-            self._begin()
+        next((each for each in head if self.time_ns(each) is not None), None)  # what comes before has it, too
+        self._begin()
 
     def _begin(self) -> None:
         self._turns: dict[int, tuple[int, int]] = {}
@@ -54,6 +59,10 @@ class LogClock:
 
     def time_ns(self, entry: Entry) -> int | None:
         """The entry's time, or that of the one before: UTC, or since the log began; None where there is none."""
+        if self._teller is not None:
+            told_ns = told_utc_ns(entry) if _teller(entry) == self._teller else None
+            self._now_ns = self._now_ns if told_ns is None else told_ns
+            return self._now_ns
         running_ns = self._running_ns(entry)
         if running_ns is not None:
             self._now_ns = running_ns + (self._epoch_ns if running_ns < EARLIEST_UTC_NS else 0)
@@ -95,6 +104,17 @@ class LogClock:
             began_ns = (changed_ns - last_ns) // DAY_NS * DAY_NS
             self.remark = "it tells times of day but no date; that of the file's last change is taken"
         self._epoch_ns = began_ns
+
+
+def _teller(entry: Entry) -> tuple[int, bytes]:
+    """Who says it: the identifier of a frame, the beginning of a sentence."""
+    return entry.identifier, b"" if entry.protocol == "can" else split_tag(entry.payload).sentence[:6]
+
+
+def _usual_teller(head: Sequence[Entry]) -> tuple[int, bytes] | None:
+    """Who tells the UTC most often: two that did would make the time go to and fro."""
+    told = Counter(_teller(each) for each in head if told_utc_ns(each) is not None)
+    return told.most_common(1)[0][0] if told else None
 
 
 def _whole_days(time_ns: int) -> int:

@@ -4,7 +4,8 @@ A log's time is UTC where it gives one; dates without a zone are this machine's 
 text (as their writers mean them) and UTC elsewhere. Times of day, and times since the log or a gateway began,
 become UTC if the bus or a sentence tells it near the log's beginning; a time of day takes its date from the file's
 last change if nobody does. Other times keep their distances, counted from the moment of opening, but bear no stamp.
-What has no time has that of what came before it; a log without any is received as fast as it is read.
+What has no time has that of what came before it. A log without any goes by what the bus or a sentence tells; if
+nobody does, it is received as fast as it is read.
 """
 
 from __future__ import annotations

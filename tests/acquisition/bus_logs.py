@@ -313,7 +313,7 @@ def opencpn(header: str = "timestamp,type,id,message") -> bytes:
 
 
 class Form(NamedTuple):
-    """How a log is written; whether it holds whole messages; how exact its times are [ns], None for none."""
+    """How a log is written; whether it holds whole messages; how exact its own times are [ns], if it has any."""
 
     write: Callable[[], bytes]
     whole: bool

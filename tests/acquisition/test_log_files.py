@@ -192,8 +192,8 @@ def test_the_recording_says_whose_times_it_has(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("clock", ["receiver", "source"])
-def test_a_log_without_times_is_told_once_and_its_clock_is_not_compared(tmp_path: Path, clock: str) -> None:
-    """Hours of a log pass in a second, so that its clock would be "set" with every ZDA."""
+def test_a_log_without_times_goes_by_what_is_told_in_it_and_says_so(tmp_path: Path, clock: str) -> None:
+    """20 hours are read in a second, and stay 20 hours; where nobody tells the time, that of reading is taken."""
     bodies = ("GPZDA,{hour:02d}{minute:02d}00.00,17,05,2026,00,00", "HEHDT,{minute}.0,T")
     lines = (
         sentence(body.format(hour=hour, minute=minute))
@@ -207,12 +207,19 @@ def test_a_log_without_times_is_told_once_and_its_clock_is_not_compared(tmp_path
     timed = 'type = "file"\npath = "timed.log"\n'
     config = config_of(tmp_path, f'{TAGGED}clock = "{clock}"\n', CANDUMP, timed)
     (path,), _ = record(config, tmp_path / "out")
-    texts = [text for _, text in read_recording(path).events]
+    recording = read_recording(path)
+    texts = [text for _, text in recording.events]
     without = "the log has no times of its own; its samples are stamped with the time of reading, unless it tells "
     without += 'the time and clock = "source"'
-    assert [text for text in texts if "no times" in text] == [f"source0: {without}", f"source1: {without}"]
-    assert texts.index("recording started, from log files") < texts.index(f"source0: {without}")
-    assert not any("source0: clock" in text for text in texts)
+    told = "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
+    assert [text for text in texts if "no times" in text] == [f"source1: {without}", f"source0: {told}"]
+    assert texts.index("recording started, from log files") < texts.index(f"source1: {without}")
+    assert not any("was set by" in text for text in texts)
+    heading = recording.series["heading_deg"]
+    from_first = heading.received_ns[heading.value != 5.0]
+    assert (from_first - START_NS).tolist() == [
+        minute * 60 * SECOND - 12 * 3600 * SECOND for minute in range(20 * 60) if minute % 60 != 5
+    ]
 
 
 def write_logs_of_a_third(path: Path) -> None:
