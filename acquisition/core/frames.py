@@ -35,6 +35,8 @@ class FrameFlag(IntFlag):
     ERROR = 4
     WHOLE = 8
     """A message of NMEA 2000 that a gateway or a log has put together, if it took several frames."""
+    LATE = 16
+    """Stamped when the recorder could fetch it, after it had stood still: it came before."""
 
 
 class Frame(NamedTuple):

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from acquisition.config.sections import Clock
-from acquisition.core.frames import NANO, Frame, Group, Quality, Sample
+from acquisition.core.frames import NANO, Frame, FrameFlag, Group, Quality, Sample
 from acquisition.decoders import Notices
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
@@ -108,12 +108,15 @@ class SourceClock:
     ) -> list[Group]:
         """One message's values as a group with their three times; no group where there is no value.
 
-        ``source_ns`` is what the message itself said of when it was measured.
+        ``source_ns`` is what the message itself said of when it was measured. A value whose stamp may be late is
+        suspect.
         """
         told_ns = source_ns if source_ns is not None and is_possible(source_ns) else self.at(frame)
         measured_ns, clock = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns, "receiver"
         if self.stamps == "source" and told_ns is not None:
             measured_ns, clock = told_ns, self.name
+        elif frame.flags and frame.flags & FrameFlag.LATE:
+            quality = max(quality, Quality.SUSPECT)
         times = (frame.received_ns, frame.monotonic_ns, measured_ns, told_ns, clock)
         group = [Sample(quantity, value, source, *times, quality) for quantity, value in values]
         return [group] if group else []

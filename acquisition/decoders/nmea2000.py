@@ -100,18 +100,19 @@ class Nmea2000Decoder:
                 self._fast.forget(address)
             return None
         payload: bytes | None = frame.payload
-        if group in SHORTEST_BYTES and not frame.flags:
+        if group in SHORTEST_BYTES and not frame.flags & FrameFlag.WHOLE:
             payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, SHORTEST_BYTES[group])
         return None if payload is None else (group, address, Message(FIELDS[group], payload))
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
-        if frame.flags and frame.flags != FrameFlag.WHOLE:
-            if frame.flags != FrameFlag.STANDARD_ID or not self._shares_bus:
+        kind = frame.flags and frame.flags & ~FrameFlag.LATE
+        if kind and kind != FrameFlag.WHOLE:
+            if kind != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
             return False
         if group not in self._readers and group != ADDRESS_CLAIM:
             return False
-        if frame.flags and group in SHORTEST_BYTES:
+        if kind and group in SHORTEST_BYTES:
             if not SHORTEST_BYTES[group] <= len(frame.payload) <= LONGEST_BYTES:
                 self.refused["impossible length"] += 1
                 return False

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from operator import attrgetter
 
 from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame
+from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.health import SourceHealth
 from acquisition.sources import Source
 
@@ -17,6 +17,9 @@ _MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never
 POLL_S = 0.1
 _LONGEST_BACK_OFF_S = 10.0
 _TELL_EVERY_S = 10.0
+_LATE_S = 0.02  # what is stamped later than this is marked
+_CATCHING_UP_S, _CATCHING_UP_SHARE = 0.1, 0.1  # of the time it stood still, for what waited on all sources
+_TELL_STILL_S = 0.2
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
 Tell = Callable[[str, str], None]
 """Somebody who puts (level, text) into the recording's event log; called from any thread."""
@@ -65,6 +68,8 @@ class Receiver:
         self._dropped_before = self._lost_before = self._lost_untold = 0
         self._told_lost_s = float("-inf")
         self._opened_s = 0.0
+        self._ended_s = float("inf")  # of the last read
+        self._still_s, self._late, self._catches_up_s = 0.0, 0, 0.0
         self.tried = threading.Event()
         self.opened = False
         self.open_error: SourceError | None = None
@@ -77,6 +82,7 @@ class Receiver:
             if self._health.state == "failed":
                 self._open_later()
                 continue
+            began_s = time.monotonic()
             try:
                 frames = self.source.read(POLL_S)
             except Exception as error:  # the other sources go on
@@ -86,6 +92,7 @@ class Receiver:
             if frames is None:
                 self._health.state = "ended"
                 break
+            frames = self._marked(frames, began_s, time.monotonic())
             if frames:
                 self._pass_on(frames)
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
@@ -93,6 +100,36 @@ class Receiver:
             if self.source.lost > self._lost_before:
                 self._tell_lost(self.source.lost - self._lost_before)
         self.close()
+
+    def _marked(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
+        """The frames, marked if they waited while the recorder stood still, or while it catches up after that.
+
+        A read that took longer than it may, or began long after the one before, tells that it did.
+        """
+        still_s = max(began_s - self._ended_s, ended_s - began_s - POLL_S)
+        self._ended_s = ended_s
+        if still_s > _LATE_S:
+            self._still_s = max(still_s, self._still_s)
+            self._catches_up_s = ended_s + _CATCHING_UP_S + _CATCHING_UP_SHARE * still_s
+        if not self._still_s:
+            return frames
+        if not getattr(self.source, "exact", False):
+            self._late += len(frames)
+            frames = [frame._replace(flags=frame.flags | FrameFlag.LATE) for frame in frames]
+        if not getattr(self.source, "behind", False) and ended_s >= self._catches_up_s:
+            self._tell_still()
+        return frames
+
+    def _tell_still(self) -> None:
+        """Say, when it is over, that the recorder stood still, and what it has cost."""
+        if self._still_s > _TELL_STILL_S:
+            text = f"{self._health.name}: the recorder stood still for {self._still_s:.2f} s"
+            if self._late:
+                text += (
+                    f"; {self._late:,} frames are stamped up to so much late, and their values marked as suspect"
+                )
+            self._tell("warning", text)
+        self._still_s, self._late = 0.0, 0
 
     def _open(self) -> None:
         try:
@@ -102,6 +139,7 @@ class Receiver:
             self._failed(self.open_error)
             return
         self._health.state, self._opened_s = "open", time.monotonic()
+        self._ended_s = self._opened_s
         self.opened = True
 
     def _back(self, failed_ns: int) -> None:
@@ -137,7 +175,7 @@ class Receiver:
         self._lost_before += count
         self._lost_untold += count
         if time.monotonic() - self._told_lost_s > _TELL_EVERY_S:
-            text = f"{self._health.name}: the system had no room for {self._lost_untold:,} datagrams"
+            text = f"{self._health.name}: the system had no room for {self._lost_untold:,} frames"
             self._tell("error", text)
             self._told_lost_s, self._lost_untold = time.monotonic(), 0
 

@@ -80,7 +80,7 @@ _RAW = {
         {
             "id": _value("integer", "Arbitration identifier"),
             "flags": _value(
-                "integer", "1 standard identifier, 2 remote, 4 error, 8 message put together by a gateway"
+                "integer", "1 standard identifier, 2 remote, 4 error, 8 put together by a gateway, 16 stamped late"
             ),
             "data": _value("string", "The data bytes, hexadecimal"),
             "monotonic_ns": _RECEIVED,

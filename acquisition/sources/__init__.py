@@ -32,10 +32,14 @@ _CLASSES = {
 class Source(ABC):
     """One transport, as the pipeline asks for it; heirs say how it is opened and read.
 
-    ``lost`` is how much the system had no room for, as far as it tells: datagrams, frames.
+    ``lost`` is how much the system had no room for, as far as it tells: datagrams, frames. ``exact`` tells whether
+    all that was read last is stamped with when it came, by the system or a driver, not with when it was read.
+    ``behind`` tells whether more was waiting than was read.
     """
 
     lost = 0
+    exact = False
+    behind = False
 
     def __init__(self, config: AnySource) -> None:
         self.name = config.name

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import socket
+
 import can
 
 from acquisition.config.sections import CanSource
 from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame, FrameFlag, now_ns
+from acquisition.core.frames import Frame, FrameFlag
 from acquisition.sources import Source
+from acquisition.sources.sockets import Drops, enlarge, received_at
 
 _MOST_FRAMES_AT_ONCE = 200
+_BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, of whose frames each takes some 800 bytes of it
 
 
 def open_bus(config: CanSource) -> can.BusABC:
@@ -41,13 +46,22 @@ def flags_of(message: can.Message) -> FrameFlag:
 
 
 class CanBus(Source):
-    """One bus; frames are stamped when python-can hands them over."""
+    """One bus; frames have the system's stamp where they come by a socket, else that of when they are read.
+
+    ``lost`` counts the frames that the system had no room for.
+    """
 
     def _connect(self) -> can.BusABC:
-        return open_bus(self._config)
+        bus = open_bus(self._config)
+        self._socket = _socket_of(bus)
+        if self._socket is not None:
+            enlarge(self._socket, _BUFFER_BYTES)
+            self._drops = Drops(self._socket)
+        return bus
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         frames: list[Frame] = []
+        self.exact = self._socket is not None
         try:
             message = self._link.recv(timeout_s)
             while message is not None:
@@ -55,12 +69,33 @@ class CanBus(Source):
                 message = self._link.recv(0.0) if len(frames) < _MOST_FRAMES_AT_ONCE else None
         except (can.CanError, OSError) as error:
             raise self.failure("CAN bus failed", str(error)) from error
+        self.behind = len(frames) == _MOST_FRAMES_AT_ONCE
+        if self._socket is not None:
+            self.lost += self._drops.since()
         return frames
 
     def close(self) -> None:
         if self._link is not None:
             self._link.shutdown()
             self._link = None
+            if self._socket is not None:
+                self._socket.close()
 
     def _frame(self, message: can.Message) -> Frame:
-        return Frame(self.name, "can", bytes(message.data), *now_ns(), message.arbitration_id, flags_of(message))
+        stamp_ns = round(message.timestamp * 1e6) * 1000 if self._socket is not None else None
+        times, stamped = received_at(stamp_ns)
+        self.exact = self.exact and stamped
+        return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
+
+
+def _socket_of(bus: can.BusABC) -> socket.socket | None:
+    """The socket behind a bus, by a handle of its own; None for one behind which there is something else."""
+    try:
+        handle = os.dup(bus.fileno())
+    except (NotImplementedError, OSError, ValueError, TypeError):
+        return None
+    try:
+        return socket.socket(fileno=handle)
+    except OSError:
+        os.close(handle)
+        return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ipaddress
 import socket
 import struct
-import sys
 from abc import abstractmethod
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -24,13 +23,13 @@ from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source
 from acquisition.sources.actisense import Cutter, is_message
 from acquisition.sources.line_forms import Entry, LineReader
+from acquisition.sources.sockets import TIME_BYTES, Drops, arrival_ns, enlarge, received_at, stamp_arrivals
 
 if TYPE_CHECKING:
     import serial
 
 _DATAGRAM_BYTES = 65_535
 _MOST_DATAGRAMS = 100
-_SO_RXQ_OVFL = 40  # Linux tells with each datagram how many it has dropped so far; Python has no name for it
 _BUFFER_BYTES = 4 * 1024 * 1024
 _CONNECT_TIMEOUT_S = 3.0
 
@@ -50,16 +49,16 @@ class LineAssembler:
         self._cutter = Cutter()
         self.cut = self._cutter.cut
 
-    def push(self, received: bytes) -> list[Frame]:
-        """The frames that ``received`` completes; empty lines are passed over."""
-        return self._frames(self._cutter.push(received))
+    def push(self, received: bytes, times: tuple[int, int] | None = None) -> list[Frame]:
+        """The frames that ``received`` completes, at the ``times`` of both clocks, else now; no empty lines."""
+        return self._frames(self._cutter.push(received), times)
 
-    def end(self) -> list[Frame]:
+    def end(self, times: tuple[int, int] | None = None) -> list[Frame]:
         """The last line, where the stream ended without a line end (a datagram, a file)."""
-        return self._frames(self._cutter.end())
+        return self._frames(self._cutter.end(), times)
 
-    def _frames(self, pieces: list[bytes]) -> list[Frame]:
-        received_ns, monotonic_ns = now_ns()
+    def _frames(self, pieces: list[bytes], times: tuple[int, int] | None) -> list[Frame]:
+        received_ns, monotonic_ns = times or now_ns()
         frames = []
         for piece in pieces:
             entry = self._reader.entry(piece)
@@ -154,6 +153,7 @@ class TcpConnection(_Stream):
             raise self.failure("connection failed", str(error)) from error
         if not received:
             raise self.failure("the other end closed the connection")
+        self.behind = len(received) == _DATAGRAM_BYTES
         return received
 
 
@@ -164,11 +164,13 @@ class UdpPort(_Stream):
     """
 
     def _connect(self) -> socket.socket:
-        self._dropped = 0  # by this socket, as the system counts
-        return _bind_udp(self._config)
+        opened = _bind_udp(self._config)
+        self._drops = Drops(opened)
+        return opened
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         frames: list[Frame] = []
+        self.exact = True
         try:
             self._link.settimeout(timeout_s)
             for _ in range(_MOST_DATAGRAMS):
@@ -178,22 +180,21 @@ class UdpPort(_Stream):
             pass
         except OSError as error:
             raise self.failure("network failed", str(error.strerror)) from error
+        self.behind = len(frames) >= _MOST_DATAGRAMS
+        self.lost += self._drops.since()
         return frames
 
     def _bytes(self, timeout_s: float) -> bytes:
-        data, more, *_ = self._link.recvmsg(_DATAGRAM_BYTES, 64)
-        for level, kind, count in more:
-            if (level, kind) == (socket.SOL_SOCKET, _SO_RXQ_OVFL):
-                dropped = int.from_bytes(count[:4], sys.byteorder)
-                self.lost += (dropped - self._dropped) % 2**32
-                self._dropped = dropped
+        data, more, *_ = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
+        self._times, stamped = received_at(arrival_ns(more))
+        self.exact = self.exact and stamped
         return bytes(data)
 
     def _frames(self, datagram: bytes) -> list[Frame]:
         """The frames of a datagram, which never continues the one before it."""
         if self._lines is not None:
-            return self._lines.push(datagram) + self._lines.end()
-        return [Frame(self.name, "mavlink", datagram, *now_ns())] if datagram else []
+            return self._lines.push(datagram, self._times) + self._lines.end(self._times)
+        return [Frame(self.name, "mavlink", datagram, *self._times)] if datagram else []
 
 
 def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
@@ -203,9 +204,8 @@ def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
     """
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
-        with suppress(OSError):
-            opened.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        enlarge(opened, _BUFFER_BYTES)
+        stamp_arrivals(opened)
         shared = _is_multicast(config.address)
         if shared:
             opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 import socket
+import threading
+import time
 from contextlib import closing
+from itertools import pairwise
 
+import can
 import pytest
 
-from acquisition.config.sections import LiveSection, MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
+from acquisition.config.sections import (
+    CanSource,
+    LiveSection,
+    MavlinkSource,
+    MavlinkTcpSource,
+    TcpSource,
+    UdpSource,
+)
 from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag, Quality
+from acquisition.decoders.nmea0183 import Nmea0183Decoder
+from acquisition.decoders.nmea2000 import Nmea2000Decoder
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.sources import streams
+from acquisition.logger.health import SourceHealth
+from acquisition.logger.receiver import Inbox, Receiver
+from acquisition.sources import can_bus, streams
+from acquisition.sources.can_bus import CanBus
 from acquisition.sources.streams import UdpPort
+from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import free_port
 
 
@@ -22,7 +40,7 @@ def test_nothing_listens_beyond_this_computer_unless_asked() -> None:
 
 
 def test_what_the_system_drops_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All that was sent was either read or counted, once a datagram has come through that tells the count."""
+    """All that was sent was either read or counted."""
     monkeypatch.setattr(streams, "_BUFFER_BYTES", 4096)
     port = free_port()
     source = UdpPort(UdpSource(name="line", type="udp", port=port, channels=()))
@@ -33,11 +51,95 @@ def test_what_the_system_drops_is_counted(monkeypatch: pytest.MonkeyPatch) -> No
         read = 0
         while frames := source.read(0.1):
             read += len(frames)
-        sender.sendto(sentence("HEHDT,1,T"), ("127.0.0.1", port))
-        read += len(source.read(0.5) or [])
     source.close()
     assert 0 < read < 1000
-    assert read + source.lost == 1001
+    assert read + source.lost == 1000
+
+
+def can_by_multicast(port: int) -> CanBus:
+    options: dict[str, str | int | float | bool] = {"port": port}
+    return CanBus(
+        CanSource(
+            name="bus", type="can", interface="udp_multicast", channel="239.0.0.1", options=options, channels=()
+        )
+    )
+
+
+def test_frames_that_the_system_drops_are_counted_and_the_others_stamped_when_they_came(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a bus behind a socket, which nobody reads for a while."""
+    monkeypatch.setattr(can_bus, "_BUFFER_BYTES", 8192)
+    port = free_port()
+    source = can_by_multicast(port)
+    source.open()
+    with can.Bus(interface="udp_multicast", channel="239.0.0.1", port=port) as sender:
+        for number in range(300):
+            sender.send(can.Message(arbitration_id=number, data=bytes(8)))
+        sent_ns = time.monotonic_ns()
+        time.sleep(0.3)
+        frames: list[Frame] = []
+        while some := source.read(0.1):
+            assert source.exact
+            frames += some
+    source.close()
+    assert 0 < len(frames) < 300
+    assert len(frames) + source.lost == 300
+    assert all(frame.monotonic_ns < sent_ns + 50_000_000 for frame in frames)
+    assert all(before.monotonic_ns <= after.monotonic_ns for before, after in pairwise(frames))
+
+
+def test_a_datagram_is_stamped_when_it_came() -> None:
+    port = free_port()
+    with closing(UdpPort(UdpSource(name="line", type="udp", port=port, channels=()))) as source:
+        source.open()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(sentence("HEHDT,1,T"), ("127.0.0.1", port))
+        sent_ns = time.monotonic_ns()
+        time.sleep(0.2)
+        (frame,) = source.read(0.1) or []
+        assert source.exact
+    assert abs(frame.monotonic_ns - sent_ns) < 50_000_000
+    assert abs(frame.received_ns - (time.time_ns() - time.monotonic_ns() + sent_ns)) < 50_000_000
+
+
+def frames_of(count: int) -> list[Frame]:
+    return [Frame("line", "nmea0183", sentence(f"HEHDT,{number}.0,T").strip(), 0, 0) for number in range(count)]
+
+
+@pytest.mark.parametrize(("exact", "marked"), [(False, [0, 8, 7, 6, 5, 0]), (True, [0] * 6)])
+def test_what_waited_while_the_recorder_stood_still_is_marked(exact: bool, marked: list[int]) -> None:
+    """Until nothing waits any more and the recorder has caught up; what has a stamp of its own needs no mark."""
+    source, told = can_by_multicast(free_port()), list[str]()
+    source.exact = exact
+    health = SourceHealth("line")
+    receiver = Receiver(
+        source, health, Inbox(["line"], 9), threading.Event(), lambda level, text: told.append(text)
+    )
+    receiver._ended_s = 0.0
+    counts = []
+    reads = [(9, 0.1, False), (8, 1.2, True), (7, 1.21, False), (6, 1.31, False), (5, 1.41, False), (4, 1.5, False)]
+    for (count, ended_s, behind), (_, began_s, _) in zip(reads, [(0, 0.0, False), *reads], strict=False):
+        source.behind = behind
+        frames = receiver._marked(frames_of(count), began_s, ended_s)
+        counts.append(sum(bool(frame.flags & FrameFlag.LATE) for frame in frames))
+        assert len(frames) == count
+    assert counts == marked
+    (text,) = told
+    assert text.startswith("line: the recorder stood still for 1.00 s")
+    assert ("26 frames are stamped up to so much late" in text) is not exact
+
+
+def test_values_of_marked_frames_are_suspect_unless_the_source_tells_the_time() -> None:
+    frame = frames_of(1)[0]._replace(flags=FrameFlag.LATE)
+    ((late,),) = Nmea0183Decoder().decode(frame)
+    assert late.quality is Quality.SUSPECT
+    told = Nmea0183Decoder(stamps="source")
+    told.decode(frame._replace(payload=sentence("GPZDA,120000.00,31,12,2026,00,00").strip()))
+    ((stamped,),) = told.decode(frame)
+    assert (stamped.quality, stamped.clock) == (Quality.NOT_EVALUATED, "nmea0183 ZDA, RMC or TAG")
+    ((rate,),) = Nmea2000Decoder().decode(can_frame(0x09F11323, "00 00 00 00 00 FF FF FF", 0.0, FrameFlag.LATE))
+    assert rate.quality is Quality.SUSPECT
 
 
 GROUP = "239.192.0.1"
