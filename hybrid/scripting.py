@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hybrid.evaluation.validate import Validation
     from hybrid.identification.identify import Identification
     from hybrid.planning.plan import Plan
+    from hybrid.prediction.dataset import Dataset
     from hybrid.simulation.vessel_check import VesselCheck
     from hybrid.vessel.parameters import Vessel
     from hybrid.vessel.plant import Plant
@@ -236,7 +237,8 @@ def validate(
     dataset = _dataset(recordings, by.horizon_s, stride_s, part, any_commands, repair, rebuild_positions, by.plant)
     if by.trained is not None and not allow_seen:
         refuse_training_data(dataset.sources, by.trained)
-    return replace(validate_dataset(dataset, by.plant, by.trained), model=by.said)
+    judged = _with_truths(dataset, recordings, part, rebuild_positions)
+    return replace(validate_dataset(judged, by.plant, by.trained), model=by.said)
 
 
 def evaluate(
@@ -278,6 +280,7 @@ def evaluate(
     dataset = _dataset(
         recordings, horizon_s, stride_s, "0..100", any_commands, repair, rebuild_positions, plant, shorter=True
     )
+    dataset = _with_truths(dataset, recordings, "0..100", rebuild_positions)
     with bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
     return replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.said)
@@ -508,3 +511,17 @@ def _dataset(
             any_commands=any_commands, length_m=plant.length_overall_m,
             repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip
+
+
+def _with_truths(dataset: Dataset, recordings: Paths, part: str, rebuilt: bool) -> Dataset:
+    """The data set with its windows' tracks by each sensor as it was measured."""
+    from analysis.tables.table import percent_of
+    from analysis.windows.recordings import tables_of_recordings
+    from hybrid.evaluation.truth import with_truths
+
+    with bar("sensors") as progress:
+        tables = dataset.tables
+        if rebuilt:
+            tables = tables_of_recordings(as_paths(recordings), part_percent=percent_of(part), repair=True)
+        measured = {trial: each.table for trial, each in tables.items()}
+        return replace(dataset, windows=with_truths(dataset.windows, measured, progress, rebuilt=rebuilt))

@@ -72,17 +72,31 @@ class ChosenModel:
 
 @dataclass(frozen=True, slots=True)
 class ModelResult(Result):
-    """A result that a model was asked for; which one is the first line of what it prints."""
+    """A result that a model was asked for; what is to be known of its measurements, and which model it was, are the
+    first lines of what it prints.
+    """
 
     model: ChosenModel | None = field(default=None, kw_only=True)
 
     def __str__(self) -> str:
-        return Result.__str__(self) if self.model is None else f"{self.model}\n{Result.__str__(self)}"
+        return "\n".join([*self.first_lines, Result.__str__(self)])
+
+    @property
+    def measurements(self) -> str:
+        """What is to be known of the measurements that it was judged by, if anything."""
+        return ""
+
+    @property
+    def first_lines(self) -> list[str]:
+        """What it says before anything else."""
+        return [str(each) for each in (self.measurements, self.model) if each]
 
     @property
     def remarks(self) -> dict[str, list[str]]:
         """What a JSON object of it says first."""
-        return {} if self.model is None else self.model.remarks
+        said = [self.measurements] if self.measurements else []
+        said += [] if self.model is None else self.model.remarks.get("remarks", [])
+        return {"remarks": said} if said else {}
 
 
 def _function(place: str) -> Any:

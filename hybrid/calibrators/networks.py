@@ -38,6 +38,7 @@ from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.progress import Progress
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known, simulate_tracks
+from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
 from hybrid.prediction.scores import mean_distances
 from hybrid.vessel.actuators import angle_columns, control_labels
@@ -400,7 +401,7 @@ class NetworkCalibrator(Calibrator):
         if self.plant is None:
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
-        before = hindcast_windows(windows, min(HINDCAST_S, trained_s))
+        before = filtered_starts(hindcast_windows(windows, min(HINDCAST_S, trained_s)), self.plant)
         model = simulate_tracks(self.plant, before.start, before.acting, before.wind)
         return mean_distances(self.predict(before, model), before.track)
 

@@ -49,8 +49,9 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
 
     from acquisition.core.result import ModelResult
 
-    if isinstance(result, ModelResult) and result.model is not None:
-        typer.echo(result.model)
+    if isinstance(result, ModelResult):
+        for line in result.first_lines:
+            typer.echo(line)
     Console().print(result)
 
 

@@ -13,6 +13,7 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples, predict_with_fallback
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
+from hybrid.evaluation.truth import truth_distances
 from hybrid.prediction.baselines import Fallback, conformal_radius, constant_velocity, straight_line
 from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.dataset import within_model_range
@@ -37,7 +38,8 @@ class Errors:
     ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
     over the seconds; ``inside`` [N, H] whether the 95 % region of ``radius_m`` [N, H] holds the measured position;
     ``outside_domain`` [N] whether the start lies outside the domain of applicability, so that the fallback
-    predicted. After pooling draws, ``inside`` and ``outside_domain`` are shares.
+    predicted; ``truth_m`` [N, K] the mean distance by each sensor (:mod:`.truth`). After pooling draws, ``inside``
+    and ``outside_domain`` are shares.
     """
 
     distance_m: Floats
@@ -47,6 +49,7 @@ class Errors:
     inside: Floats
     radius_m: Floats
     outside_domain: Floats
+    truth_m: Floats
 
     def subset(self, chosen: Bools) -> Errors:
         """The errors on the windows that a mask chooses."""
@@ -155,6 +158,7 @@ def errors_of(predicted: Floats, windows: PredictionWindows, radius_m: Floats, o
         inside=(distance <= radius_m).astype(float),
         radius_m=np.broadcast_to(radius_m, distance.shape),
         outside_domain=outside_domain.astype(float),
+        truth_m=truth_distances(predicted, windows),
     )
 
 

@@ -13,6 +13,7 @@ from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
+from hybrid.evaluation.truth import Truths, judged_by_truths
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, start_of
 
@@ -69,7 +70,7 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class SplitSummary:
-    """The figures of one split, as a whole and by kind of class and class (``breakdown``).
+    """The figures of one split, as a whole, by kind of class and class (``breakdown``), and by sensor (``truths``).
 
     ``leaked`` is the share of the seconds judged that were learned from too. All methods start from what was known
     at second 0; in ``two_sided`` from what is known afterwards, and so does the baseline they are measured by.
@@ -81,6 +82,7 @@ class SplitSummary:
     whole: Summary
     two_sided: Summary
     breakdown: dict[str, dict[str, Summary]]
+    truths: Truths | None = None
 
     @property
     def by_start(self) -> dict[str, Summary]:
@@ -105,6 +107,11 @@ class Evaluation(ModelResult):
     leak: dict[str, Interval]
     view = "hybrid.report.tables:evaluation_view"
     drawing = "hybrid.report.evaluation_page:draw_evaluation"
+
+    @property
+    def measurements(self) -> str:
+        """That positions and speeds disagree, where they do in the windows of any split."""
+        return next((each.truths.remark for each in self.splits.values() if each.truths and each.truths.remark), "")
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON object."""
@@ -198,6 +205,7 @@ def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: fl
     return SplitSummary(
         result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
         summarise(two_sided, windows, seed), breakdown,
+        judged_by_truths(windows, {name: each.truth_m for name, each in causal.items()}, seed),
     )  # fmt: skip
 
 
@@ -222,6 +230,7 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
             kind: {name: {**_counts(each), "methods": _short(each)} for name, each in classes.items()}
             for kind, classes in split.breakdown.items()
         },
+        "truths": None if split.truths is None else split.truths.as_dict(),
     }
 
 

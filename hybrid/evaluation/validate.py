@@ -14,6 +14,7 @@ from acquisition.core.errors import InputError
 from acquisition.core.result import ModelResult
 from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.calibrators.train import TrainedCalibrator
+from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
 from hybrid.prediction.baselines import constant_velocity, reference, straight_line
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
@@ -30,7 +31,7 @@ class Validation(ModelResult):
     ``outside`` counts the windows left out because the reference model left its range in them. With a calibrator,
     ``outside_domain`` [N] marks the windows outside its domain of applicability, where the fallback predicts;
     ``source`` [N] names who predicted; ``radius_m`` [N, H] are the radii of its 95 % regions, ``band_m`` [H] their
-    medians.
+    medians. ``truths`` judges the methods by each sensor, where the windows have their tracks.
     """
 
     windows: PredictionWindows
@@ -43,8 +44,14 @@ class Validation(ModelResult):
     outside_domain: NDArray[np.bool_] | None = None
     radius_m: Floats | None = None
     source: NDArray[np.str_] | None = None
-    view = "hybrid.report.tables:validation_table"
+    truths: Truths | None = None
+    view = "hybrid.report.tables:validation_view"
     drawing = "hybrid.report.plots:draw_validation"
+
+    @property
+    def measurements(self) -> str:
+        """That positions and speeds disagree, where they do."""
+        return self.truths.remark if self.truths else ""
 
     @property
     def reduction(self) -> float | None:
@@ -74,6 +81,7 @@ class Validation(ModelResult):
             "coverage_95": self.coverage_95,
             "band_m": None if self.band_m is None else [float(each) for each in self.band_m],
             "fallback": self.fallback,
+            "truths": None if self.truths is None else self.truths.as_dict(),
         }
 
 
@@ -112,6 +120,7 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         outside_domain=None if hybrid is None else hybrid.outside_domain,
         radius_m=None if hybrid is None else hybrid.radius_m,
         source=None if hybrid is None else hybrid.source,
+        truths=judged_by_truths(windows, {name: truth_distances(each, windows) for name, each in tracks.items()}),
     )
 
 

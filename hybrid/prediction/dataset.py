@@ -56,12 +56,14 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """The windows of all recordings, where they came from, and what was dropped by reason."""
+    """The windows of all recordings, where they came from, and what was dropped by reason; ``tables`` are the
+    recordings at 1 Hz by trial."""
 
     windows: PredictionWindows
     sources: tuple[Source, ...]
     candidates: int
     dropped: dict[str, int] = field(default_factory=dict)
+    tables: Mapping[str, SecondBySecond] = field(default_factory=dict)
 
 
 def load_dataset(
@@ -117,7 +119,7 @@ def dataset_of(
         short = windows_of_tables(tables, horizon_s // 2, stride_s)
         windows = _with_shorter(windows, _as_arrays(short, tables, length_m))
     counted = (_counted(source, windows, trial) for source, trial in zip(sources, tables, strict=False))
-    return Dataset(windows, tuple(counted), held.candidates, held.dropped)
+    return Dataset(windows, tuple(counted), held.candidates, held.dropped, tables)
 
 
 def _as_arrays(

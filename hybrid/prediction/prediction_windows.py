@@ -49,6 +49,9 @@ class PredictionWindows:
     as it was known at second 0: the six columns of ``start``, the two of ``wind``, those of ``control``; NaN where
     nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
+    ``truths`` [N, K, H+1, 2] are tracks by each of K sensors alone or joined, and ``truth_errors`` of the same
+    shape the errors that such sensors make, both of :mod:`hybrid.evaluation.truth`; None where nobody asked.
+
     A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
 
     ``commands`` [N, H, controls] are the controls over each second of the horizon, where they may be any; None
@@ -66,6 +69,8 @@ class PredictionWindows:
     actuators: Actuators = DEFAULT
     commands: Floats | None = None
     two_sided: Floats | None = None
+    truths: Floats | None = None
+    truth_errors: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.start)

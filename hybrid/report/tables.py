@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hybrid.calibrators.predict import Prediction
     from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
+    from hybrid.evaluation.truth import Truths
     from hybrid.evaluation.validate import Validation
     from hybrid.planning.plan import Plan, Programme
 
@@ -57,6 +58,29 @@ def text_table(
     for number, row in enumerate(rows):
         table.add_row(*row, style="bold" if number == best else "")
     return table
+
+
+def validation_view(validation: Validation) -> RenderableType:
+    """A row a method, and below it a row a sensor."""
+    table = validation_table(validation)
+    return Group(table, truths_table(validation.truths)) if validation.truths else table
+
+
+def truths_table(truths: Truths) -> Table:
+    """A row a sensor that may judge: what a perfect prediction would err by, and what each method does."""
+    names = list(next(iter(truths.by.values())).methods)
+    return text_table(
+        "judged by each sensor: mean distance m", ("", *(name.replace("_", "\n") for name in ("floor", *names))),
+        truth_rows(truths), caption="floor: what a perfect prediction would err by",
+    )  # fmt: skip
+
+
+def truth_rows(truths: Truths) -> list[list[str]]:
+    """A row a sensor: its name, the floor, and the mean distance of each method [m]."""
+    return [
+        [name.replace("_", " "), *(f"{one.value:.3f}" for one in (each.floor_m, *each.methods.values()))]
+        for name, each in truths.by.items()
+    ]
 
 
 def validation_table(validation: Validation) -> Table:
@@ -144,6 +168,8 @@ def evaluation_view(evaluation: Evaluation) -> Group:
     tables = []
     for split in evaluation.splits.values():
         tables.append(methods_table(evaluation.horizon_s, split))
+        if split.truths:
+            tables.append(truths_table(split.truths))
         if split.shown:
             tables.append(breakdown_table(split))
     return Group(*tables, *([_leak_table(evaluation)] if evaluation.leak else []))

@@ -309,7 +309,7 @@ def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Ex
     return Explanation(causes, sizes, errors, float(left @ inverse @ left))
 
 
-_SMALLEST = {
+SMALLEST = {
     "speed_factor": 0.005,
     "yaw_rate_factor": 0.01,
     "yaw_rate_bias_radps": np.deg2rad(0.02),
@@ -336,7 +336,7 @@ def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
     """Whether a figure differs from its neutral value significantly, and by enough to matter."""
     away = abs(fit.value(name) - neutral)
     critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
-    return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
+    return bool(away > max(SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
 
 
 def _systematic(fit: Kinematics, name: str) -> float:
@@ -381,7 +381,7 @@ def _with_factor(
     text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
-    if fit.half_between[NAMES.index(name)] > max(_SMALLEST[name], 2.0 * fit.standard_error(name)):
+    if fit.half_between[NAMES.index(name)] > max(SMALLEST[name], 2.0 * fit.standard_error(name)):
         text += "; it is not the same throughout the recording"
     remedy = f"Multiply {what} by {factor:.4f}."
     if unit is not None and not unit.sure:

@@ -1,0 +1,212 @@
+"""Where the ship really was, by each sensor alone: what predictions are judged by, and how far that can be trusted.
+
+Three tracks stand beside the one that is predicted from: the positions as they were measured, which no repair has
+rebuilt; dead reckoning, speed over ground along the heading integrated from second 0; and all sensors joined by the
+Kalman smoother. Each starts where the smoother has the ship at second 0.
+
+The floor of each is what a perfect prediction would err by. It comes from a parametric bootstrap (Efron and
+Tibshirani 1993, section 6.5): the smoothed motion, measured anew with white noise at the levels of the recording,
+goes through the same steps, and its tracks are compared with the motion that it was made of. What the first two
+differ by beyond that may be in either (positions that wander, a speed out of scale), so it is in every floor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import POSE_AND_VELOCITY
+from acquisition.core.errors import SeatrialError
+from acquisition.core.progress import Progress
+from analysis.estimation.noise_levels import NoiseLevels
+from analysis.estimation.smoother import smooth
+from analysis.kinematics import integrate, to_earth
+from analysis.quality.motion.checks import SMALLEST
+from analysis.tables.table import NANO
+from hybrid.prediction.observer import LEAP_M
+from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.scores import Interval, LegBootstrap, distances
+from hybrid.vessel.channels import STATE_UNITS
+
+TRUTHS = ("position", "dead_reckoning", "joined")
+
+UNSEEN_SHARE = float(np.hypot(SMALLEST["speed_factor"], SMALLEST["heading_offset_rad"]))
+"""Speed and heading may be wrong by so much of the way without a word of ``seatrial check``."""
+
+
+@dataclass(frozen=True, slots=True)
+class ByTruth:
+    """Mean distances [m] to one truth over the ``windows`` in which it is known: of a perfect prediction, and of
+    each method.
+    """
+
+    windows: int
+    floor_m: Interval
+    methods: dict[str, Interval]
+
+
+@dataclass(frozen=True, slots=True)
+class Truths:
+    """What methods are worth by each of :data:`TRUTHS`, over ``horizon_s``.
+
+    ``apart_m`` is the mean distance between positions and dead reckoning, ``explained_m`` what noise and what no
+    check would find leave of it.
+    """
+
+    horizon_s: int
+    by: dict[str, ByTruth]
+    apart_m: Interval
+    explained_m: float
+
+    @property
+    def remark(self) -> str:
+        """What to say first where positions and speeds disagree; nothing where they do not."""
+        if not _clearly(self.apart_m, self.explained_m):
+            return ""
+        floor_m = min(each.floor_m.value for each in self.by.values())
+        return (
+            f"positions and speeds disagree by {self.apart_m.value:.2f} m over {self.horizon_s} s, and their noise "
+            f"leaves {self.explained_m:.2f} m: an error below {floor_m:.2f} m may be the sensors'"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        by = {
+            name: {
+                "windows": each.windows,
+                "floor_m": each.floor_m.as_dict(),
+                "methods": {method: found.as_dict() for method, found in each.methods.items()},
+            }
+            for name, each in self.by.items()
+        }
+        return {"apart_m": self.apart_m.as_dict(), "explained_m": self.explained_m, "by": by}
+
+
+def _clearly(apart_m: Interval, explained_m: float) -> bool:
+    """Whether a mean distance is more than what explains it; of one leg it is taken as it is."""
+    return bool((apart_m.low if np.isfinite(apart_m.low) else apart_m.value) > explained_m)
+
+
+def with_truths(
+    windows: PredictionWindows,
+    tables: Mapping[str, pd.DataFrame],
+    progress: Progress = lambda share: None,
+    *,
+    rebuilt: bool = False,
+    seed: int = 0,
+) -> PredictionWindows:
+    """The windows with their tracks by each of :data:`TRUTHS`, and with the errors of simulated ones.
+
+    ``tables`` are the recordings at 1 Hz by trial, as measured. Where the windows' positions were ``rebuilt`` they
+    run away from the measured ones, and every truth is moved to where the windows' tracks begin. NaN where a sensor
+    has a gap or leaps further than the ship can.
+    """
+    shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
+    truths, errors = np.full((2, *shape), np.nan)
+    start_ns, random = windows.start_time.as_unit("ns").asi8, np.random.default_rng(seed)
+    for number, (trial, table) in enumerate(tables.items()):
+        progress(number / len(tables))
+        mine = np.flatnonzero(windows.trial == trial)
+        try:
+            motion = smooth(table, 1.0)
+            really = sailed(motion.states)
+            again = measured_anew(really, motion.noise, random)
+            joined = smooth(again, 1.0, levels=motion.noise).states
+        except SeatrialError:  # too short to know its noise: nothing to judge by
+            continue
+        rows = _rows(pd.DatetimeIndex(table.index), start_ns[mine], windows.horizon_s)
+        measured, smoothed, true, anew, rejoined = (
+            _si(each.reindex(table.index), rows) for each in (table, motion.states, really, again, joined)
+        )
+        found, simulated = truth_tracks(measured, smoothed[..., :2]), truth_tracks(anew, rejoined[..., :2])
+        if rebuilt:
+            found += windows.track[mine][:, None, :1, :2] - smoothed[:, None, :1, :2]
+            simulated += true[:, None, :1, :2] - rejoined[:, None, :1, :2]
+        truths[mine], errors[mine] = found, simulated - true[:, None, :, :2]
+    return replace(windows, truths=truths, truth_errors=errors)
+
+
+def sailed(motion: pd.DataFrame) -> pd.DataFrame:
+    """A smoothed motion with the positions that its speeds and headings lead to: no receiver jumped there."""
+    surge, sway = motion["surge_mps"].to_numpy(), motion["sway_mps"].to_numpy()
+    velocity = to_earth(surge, sway, np.deg2rad(motion["heading_deg"].to_numpy()))
+    north, east = (integrate(np.nan_to_num(each), 1.0) for each in velocity)
+    return motion[list(POSE_AND_VELOCITY)].assign(north_m=north, east_m=east)
+
+
+def measured_anew(motion: pd.DataFrame, levels: NoiseLevels, random: np.random.Generator) -> pd.DataFrame:
+    """A motion as sensors with white noise at these levels would record it."""
+    position, speed, turn = levels.position_m, levels.speed_mps, np.rad2deg(levels.yaw_rate_radps)
+    sigma = np.array([position, position, np.rad2deg(levels.heading_rad), speed, speed, turn])
+    return motion + sigma * random.standard_normal(motion.shape)
+
+
+def truth_tracks(measured: Floats, joined: Floats) -> Floats:
+    """The tracks [N, K, H+1, 2] by each of :data:`TRUTHS`, of what was ``measured`` [N, H+1, 6] and the positions
+    of the sensors ``joined`` [N, H+1, 2]. NaN where positions leap further than the ship can.
+    """
+    velocity = np.stack(to_earth(measured[..., 3], measured[..., 4], measured[..., 2]), axis=-1)
+    steps = 0.5 * (velocity[:, 1:] + velocity[:, :-1])
+    way = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+    tracks = np.stack([measured[..., :2], joined[:, :1] + way, joined], axis=1)
+    leap_m = np.linalg.norm(np.diff(tracks, axis=2) - steps[:, None], axis=-1).max(axis=2)
+    return np.where((leap_m < LEAP_M)[..., None, None], tracks, np.nan)
+
+
+def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
+    """The mean distance [N, K] of tracks [N, H+1, 2 or 3] to each truth; of no truth without any."""
+    truths = np.empty((len(windows), 0, *predicted.shape[1:2], 2)) if windows.truths is None else windows.truths
+    apart = predicted[:, None, 1:, :2] - truths[:, :, 1:]
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]).mean(axis=2))
+
+
+def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0) -> Truths | None:
+    """What methods are worth by each truth, their mean distances [N, K] of :func:`truth_distances`; intervals by
+    legs. None where windows have no truth.
+    """
+    if windows.truths is None or windows.truth_errors is None:
+        return None
+    known = np.asarray(np.isfinite(windows.truths + windows.truth_errors).all(axis=(2, 3)))
+    both = np.asarray(known[:, :2].all(axis=1))
+    if not both.any():
+        return None
+    position, reckoned = np.moveaxis(windows.truths[both][:, :2], 1, 0)
+    errors_m = np.linalg.norm(windows.truth_errors[:, :, 1:], axis=-1).mean(axis=2)
+    apart_m = LegBootstrap.of(windows.leg[both], seed).mean(distances(position, reckoned).mean(axis=1))
+    noise_m = float(distances(*np.moveaxis(windows.truth_errors[both][:, :2], 1, 0)).mean())
+    way_m = float(np.linalg.norm(reckoned[:, 1:] - reckoned[:, :1], axis=-1).mean())
+    explained_m = float(np.hypot(noise_m, UNSEEN_SHARE * way_m))
+    beyond_m = np.sqrt(max(apart_m.value**2 - noise_m**2, 0.0)) if _clearly(apart_m, explained_m) else 0.0
+    by = {}
+    for column, name in enumerate(TRUTHS):
+        some = known[:, column]
+        if some.any():
+            legs = LegBootstrap.of(windows.leg[some], seed)
+            methods = {method: legs.mean(each[some, column]) for method, each in distance_m.items()}
+            floor_m = _with_more(legs.mean(errors_m[some, column]), beyond_m)
+            by[name] = ByTruth(int(some.sum()), floor_m, methods)
+    return Truths(windows.horizon_s, by, apart_m, explained_m)
+
+
+def _with_more(floor_m: Interval, beyond_m: float) -> Interval:
+    """A floor with what is in it beside noise."""
+    return Interval(*(float(np.hypot(each, beyond_m)) for each in (floor_m.value, floor_m.low, floor_m.high)))
+
+
+def _rows(times: pd.DatetimeIndex, start_ns: Ints, horizon_s: int) -> Ints:
+    """The rows [N, H+1] of a table at 1 Hz from each start on; -1 where it has none."""
+    times_ns = times.as_unit("ns").asi8
+    wanted = start_ns[:, None] + np.arange(horizon_s + 1) * NANO
+    row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
+    return np.where(times_ns[row] == wanted, row, -1)
+
+
+def _si(table: pd.DataFrame, rows: Ints) -> Floats:
+    """Pose and velocity in SI at these rows [N, H+1, 6]; NaN at -1. The heading may go round."""
+    values = table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
+    return np.asarray(np.vstack([values, np.full(6, np.nan)])[rows])
