@@ -131,8 +131,7 @@ class PredictedTracks:
     """Predictions of N windows with their 95 % regions.
 
     ``tracks`` [N, H+1, 3], ``radius_m`` [N, H]; ``outside_domain`` [N] marks the windows outside the calibrator's
-    domain of applicability, and ``source`` [N] names who has the largest weight in them: ``hybrid``, or one of
-    :data:`BASELINES`.
+    domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of :data:`BASELINES`.
     """
 
     tracks: Floats
@@ -170,6 +169,6 @@ def predict_with_fallback(
         found = fallback.predict(windows.subset(asked), reference[asked], plant, beside)
         own = found.weight[len(BASELINES) :].sum(axis=0)[:, None]
         others_m = found.expected_error_m[:, None] * fallback.radius[: windows.horizon_s]
-        tracks[asked], source[asked] = found.tracks, found.source
+        tracks[asked], source[silent] = found.tracks, found.source[silent[asked]]
         radii_m[asked] = np.where(own > 0.0, own * radii_m[asked], 0.0) + (1.0 - own) * others_m
     return PredictedTracks(tracks, radii_m, outside, source)

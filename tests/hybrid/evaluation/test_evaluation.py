@@ -111,7 +111,9 @@ def test_the_json_says_everything_and_can_be_read_by_anyone(evaluation: Evaluati
         assert (split["shared_seconds"] == 0.0) == (kind != "random")
         assert set(split) == {
             "draws", "fitted_windows", "shared_seconds", "windows", "legs", "best_baseline", "methods", "breakdown",
+            "truths",
         }  # fmt: skip
+        assert split["truths"] is None  # no sensor's tracks are known of windows by hand
         causal = {"straight_line", "constant_velocity", "reference", *FAKES}
         assert set(split["methods"]) == causal | {f"{name}_two_sided" for name in causal}
         assert {name for name, each in split["methods"].items() if each["start"] == "causal"} == causal
