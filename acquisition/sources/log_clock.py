@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
+from statistics import median_low
 
 from acquisition.core.frames import NANO, FrameFlag
 from acquisition.decoders.clock import DAY_NS, is_possible, utc_ns
@@ -87,12 +88,17 @@ class LogClock:
         return time_ns
 
     def _learn(self, running: list[tuple[int, Entry]], changed_ns: int) -> None:
-        """When the log began: by the first that tells UTC or, of times of day, by the file's last change."""
+        """When the log began, by who tells UTC in its beginning or, of times of day, by the file's last change."""
         since = [(time_ns, each) for time_ns, each in running if time_ns < EARLIEST_UTC_NS]
         if not since:
             return
-        told = (utc - time_ns for time_ns, each in since if (utc := told_utc_ns(each)) is not None)
-        began_ns = next(told, 0)
+        teller = _usual_teller([each for _, each in since])
+        told = [
+            utc - time_ns
+            for time_ns, each in since
+            if _teller(each) == teller and (utc := told_utc_ns(each)) is not None
+        ]
+        began_ns = median_low(told) if told else 0  # a receiver that has just been switched on tells anything
         has_clock = any(each.turn_ns == DAY_NS for _, each in since)
         if began_ns and has_clock and abs(began_ns - (midnight := _whole_days(began_ns))) <= _AGREED_NS:
             began_ns = midnight

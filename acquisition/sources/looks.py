@@ -30,6 +30,8 @@ def looks_like(head: bytes) -> str:
     for magic, name in _MAGIC.items():
         if head.startswith(magic):
             return name
+    if head[:1] == b"\0" and head[8:9] in (b"\xfd", b"\xfe"):
+        return 'a telemetry log of MAVLink: `type = "mavlink_file"` reads it'
     printable = sum(32 <= each < 127 or each in b"\t\r\n" or each > 127 for each in head)
     if printable < 0.9 * len(head):
         return f"binary, and begins with {head[:8].hex(' ')}"

@@ -33,6 +33,12 @@ _MOST_DATAGRAMS = 100
 _BUFFER_BYTES = 4 * 1024 * 1024
 _CONNECT_TIMEOUT_S = 3.0
 
+_GREETINGS = {
+    "actisense": b"\x10\x02\xa1\x03\x11\x02\x00\x49\x10\x03",  # operating mode: pass on all that is heard
+    "ikonvert": b"$PDGY,N2NET_INIT,ALL\r\n",
+}
+"""What makes a gateway on a serial line pass on what it hears; sent where its form is named, and to no other."""
+
 StreamSource = SerialSource | UdpSource | TcpSource | MavlinkSource | MavlinkTcpSource | MavlinkSerialSource
 
 
@@ -116,7 +122,14 @@ class SerialPort(_Stream):
     """One serial port: a line of NMEA 0183, a telemetry radio, or the autopilot's own port."""
 
     def _connect(self) -> serial.Serial:
-        return open_port(self._config)
+        port = open_port(self._config)
+        if greeting := _GREETINGS.get(getattr(self._config, "form", "")):
+            try:
+                port.write(greeting)
+            except OSError as error:
+                port.close()
+                raise self.failure("serial line failed", str(error)) from error
+        return port
 
     def _bytes(self, timeout_s: float) -> bytes:
         try:

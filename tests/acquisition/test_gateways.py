@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import gzip
+import os
+import pty
+import select
 import socket
 import threading
 import time
+import tty
+from contextlib import closing
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -18,21 +23,23 @@ from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.config.configuration import load_config
-from acquisition.config.sections import CanFileSource, FileSource, Form
+from acquisition.config.sections import CanFileSource, FileSource, Form, SerialSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.pipeline import Recorder
 from acquisition.logger.record import record
+from acquisition.logger.redecode import redecode
+from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.sources.actisense import Cutter
 from acquisition.sources.file_forms import FILE_FORMS
 from acquisition.sources.line_forms import LINE_FORMS, LineReader
 from acquisition.sources.logfile import LogFile
-from acquisition.sources.streams import LineAssembler
+from acquisition.sources.streams import LineAssembler, SerialPort
 from tests.acquisition import bus_logs
 from tests.acquisition.bus_logs import FORMS, FRAMES, MESSAGES, SECOND, START_NS
 from tests.acquisition.can_frames import fast_parts, gnss
-from tests.acquisition.conftest import free_port
+from tests.acquisition.conftest import free_port, wait_for
 
 CHANNELS = (
     "north_m", "east_m", "heading_deg", "yaw_rate_dps", "apparent_wind_angle_deg", "apparent_wind_speed_mps"
@@ -258,6 +265,7 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
         (b'{"timestamp":"2018-10-16","pgn":128267}\n', "JSON, already decoded by another program"),
         (b"\x89MCAP0\r\n" + bytes(50), "a recording"),
         (b"\x89PNG\r\n" + bytes(50), "a picture"),
+        (bytes.fromhex("00064f7c0d1a2b3cfd") + bytes(50), 'a telemetry log of MAVLink: `type = "mavlink_file"`'),
         (b"PK\x03\x04" + bytes(50), "a ZIP archive: unpack it"),
         ("$HEHDT,12.3,T*1F\n".encode("utf-16"), "text in UTF-16: save it as UTF-8"),
         (b"$HEHDT,12.3,T\n" * 9, r"sentences without a sound checksum \(\$HEHDT,12.3,T\)"),
@@ -454,12 +462,55 @@ def test_a_whole_message_takes_part_in_no_reassembly(tmp_path: Path) -> None:
     assert health.sources["gate"].reasons == {"impossible length": 1}
 
 
+def test_what_came_by_a_gateway_can_be_decoded_again(tmp_path: Path, by_candump: Recording) -> None:
+    """Whole messages too, with the recording's own configuration."""
+    written(tmp_path, FORMS["N2K ASCII"].write())
+    recorded(tmp_path, 'type = "file"\npath = "a log"\n')
+    (path,) = (tmp_path / "out").iterdir()
+    redecode([path], tmp_path / "again.mcap")
+    again = read_recording(tmp_path / "again.mcap")
+    for channel in CHANNELS:
+        assert np.array_equal(again.series[channel].value, by_candump.series[channel].value)
+
+
+GREETINGS = {
+    "actisense": bus_logs.framed(b"\xa1\x03\x11\x02\x00"),
+    "ikonvert": b"$PDGY,N2NET_INIT,ALL\r\n",
+    "": b"",
+}
+
+
+@pytest.mark.parametrize("form", ["actisense", "ikonvert", ""])
+def test_a_gateway_on_a_serial_line_is_told_to_speak_if_it_is_named(form: Form | Literal[""]) -> None:
+    far, near = pty.openpty()
+    tty.setraw(near)
+    section = SerialSource(name="gate", type="serial", device=os.ttyname(near), form=form, channels=())
+    with closing(SerialPort(section)) as port:
+        port.open()
+        os.write(far, bus_logs.framed(bus_logs.stored(MESSAGES[4])) + b"\n")
+        wait_for(lambda: [frame.payload for frame in port.read(0.1) or []] == [MESSAGES[4].payload])
+        heard, _, _ = select.select([far], [], [], 2.0 if form else 0.1)
+        assert (os.read(far, 100) if heard else b"") == GREETINGS[form]
+    os.close(far)
+    os.close(near)
+
+
+def test_a_receiver_that_has_just_been_switched_on_does_not_set_the_logs_time(tmp_path: Path) -> None:
+    """It tells another year for some seconds; the others of the log's beginning are more."""
+    lines = bus_logs.ikonvert().decode().splitlines()
+    told = [n for n, line in enumerate(lines) if line.startswith("!PDGY,126992,")][:5]
+    for number in told:
+        head, _, _ = lines[number].rpartition(",")
+        lines[number] = f"{head},AfCgP///AAA="
+    frames, _ = read(written(tmp_path, "\n".join(lines).encode()))
+    late_ns = np.array([frame.received_ns for frame in frames]) - [each.time_ns for each in MESSAGES]
+    assert np.abs(late_ns).max() <= 1_000_000
+
+
 def test_a_recorder_knows_both_protocols_of_a_line(tmp_path: Path) -> None:
     """A refusal of either counts."""
     (tmp_path / "trial.toml").write_text(config_text(f'type = "udp"\nport = {free_port()}\n'))
     config = load_config(tmp_path / "trial.toml")
-    from acquisition.recording.parts import RecordingParts
-
     parts = RecordingParts(tmp_path, config.trial, config.attachments, config.recording, {})
     recorder = Recorder(config, parts)
     assert len(recorder.health.sources["gate"].refusals) == 2
