@@ -234,17 +234,20 @@ def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Ac
     return np.asarray(values)
 
 
-def hindcast_windows(windows: PredictionWindows, seconds: int, horizon_s: int | None = None) -> PredictionWindows:
+def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int | None = None) -> PredictionWindows:
     """The windows that start so many ``seconds`` earlier, with their recorded commands, and end at second 0, or
-    after ``horizon_s`` already.
+    after ``horizon_s`` already; of several such starts, which need a horizon, the windows of one after the other.
 
     NaN where the past was not recorded.
     """
-    past = np.full_like(windows.past, np.nan)
-    past[:, : past.shape[1] - seconds] = windows.past[:, seconds:]
-    recorded = windows.past[:, seconds::-1][:, : (seconds if horizon_s is None else horizon_s) + 1]
+    count, known = len(windows), windows.past.shape[1]
+    shown = slice(None, None if horizon_s is None else horizon_s + 1)
+    recorded = np.concatenate([windows.past[:, each::-1][:, shown] for each in seconds])
+    past = np.full((len(recorded), *windows.past.shape[1:]), np.nan)
+    for number, each in enumerate(seconds):
+        past[number * count : (number + 1) * count, : known - each] = windows.past[:, each:]
     return replace(
-        windows,
+        windows if len(seconds) == 1 else windows.subset(np.tile(np.arange(count), len(seconds))),
         start=recorded[:, 0, :6],
         track=recorded[..., :3],
         wind=recorded[:, 0, WIND],

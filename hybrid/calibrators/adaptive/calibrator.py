@@ -8,6 +8,7 @@ would have done; and the regions grow with it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -254,18 +255,20 @@ class AdaptiveCalibrator(Calibrator):
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(before))
         hindcast_m = np.stack([mean_distances(each, before.track) for each in hindcasts])
-        return _Candidates(tracks, hindcast_m, spread_m, self._last_minutes(windows, vectors.mean(axis=0)))
+        return _Candidates(tracks, hindcast_m, spread_m, self._last_minutes(windows, [vectors.mean(axis=0)])[0])
 
-    def _last_minutes(self, windows: PredictionWindows, vector: Floats) -> Floats:
-        """The mean logarithm [N] of the mean errors of hindcasts that begin at each of :data:`_MINUTES`; NaN where
-        none of them was recorded.
+    def _last_minutes(self, windows: PredictionWindows, vectors: Sequence[Floats]) -> Floats:
+        """The mean logarithm [vectors, N] of the mean errors of hindcasts that begin at each of :data:`_MINUTES`;
+        NaN where none of them was recorded.
         """
-        before = concatenate_windows([hindcast_windows(windows, each, HINDCAST_S) for each in _MINUTES])
-        states, waves = run_observer(vector, self._model, self._observed(before))
-        error_m = mean_distances(states[..., :3] + waves, before.track).reshape(len(_MINUTES), -1)
+        before = hindcast_windows(windows, *_MINUTES, horizon_s=HINDCAST_S)
+        observed, error_m = self._observed(before), []
+        for vector in vectors:
+            states, waves = run_observer(vector, self._model, observed)
+            error_m.append(mean_distances(states[..., :3] + waves, before.track).reshape(len(_MINUTES), -1))
         known = np.isfinite(error_m)
-        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=0)
-        return np.where(known.any(axis=0), total / known.sum(axis=0).clip(min=1), np.nan)
+        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
+        return np.where(known.any(axis=1), total / known.sum(axis=1).clip(min=1), np.nan)
 
     def _predicted(
         self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
@@ -290,9 +293,10 @@ class AdaptiveCalibrator(Calibrator):
         ``minutes`` [N], weighted by how well each would have predicted the last minutes.
         """
         closer = [follow_closer(vector, more) for more in _CLOSER[1:]]
-        runs = [run_observer(each, self._model, self._observed(windows)) for each in closer]
+        observed = self._observed(windows)
+        runs = [run_observer(each, self._model, observed) for each in closer]
         every = np.stack([tracks, *(states[..., :3] + waves for states, waves in runs)])
-        logs = np.stack([minutes, *(self._last_minutes(windows, each) for each in closer)])
+        logs = np.concatenate([minutes[None], self._last_minutes(windows, closer)])
         usable = np.asarray(np.isfinite(every).all(axis=(2, 3)))
         usable[0] |= ~usable.any(axis=0)
         weight = np.where(usable, np.exp(-_CLOSER_POWER * (logs - logs[0])), 0.0)
