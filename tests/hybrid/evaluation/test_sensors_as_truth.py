@@ -105,15 +105,19 @@ def test_rebuilt_positions_are_not_what_they_are_judged_by(usual: Trial) -> None
 
 
 def test_a_leap_of_the_positions_is_no_motion(usual: Trial) -> None:
-    """Windows across it are judged by dead reckoning alone."""
+    """Windows across it are judged by dead reckoning alone, and not at all where it is in their own positions."""
     table, _ = usual
     after = np.arange(len(table)) >= 700
-    found = judged(table.assign(north_m=table["north_m"] + 300.0 * after))
+    leaping = table.assign(north_m=table["north_m"] + 300.0 * after)
+    found = with_truths(dataset_from(table).windows, {"trial": leaping})
     assert found.truths is not None
     first = pd.DatetimeIndex(table.index).get_indexer(found.start_time)
     across = (first < 700) & (first + HORIZON_S >= 700)
     assert np.array_equal(np.isnan(found.truths[:, 0]).any(axis=(1, 2)), across)
     assert np.isfinite(found.truths[:, 1]).all()
+    left = dataset_from(leaping)
+    assert left.dropped["position_leap"] == across.sum()
+    assert np.array_equal(left.windows.start_time, found.start_time[~across])
 
 
 def test_dead_reckoning_of_a_circle_comes_back() -> None:
