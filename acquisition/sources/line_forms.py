@@ -431,11 +431,12 @@ class LineReader:
         return entry
 
     def _bare(self, text: str) -> Entry | None:
-        for place, (pattern, read) in enumerate(self._forms):
-            if match := pattern.fullmatch(text):
-                if place:  # the next line is most likely of the same form
-                    self._forms.insert(0, self._forms.pop(place))
-                return read(match)
+        for form in self._forms:
+            if match := form[0].fullmatch(text):
+                if form is not self._forms[0]:  # the next line is most likely of the same form
+                    self._forms.remove(form)
+                    self._forms.insert(0, form)
+                return form[1](match)
         return None
 
     def _enveloped(self, text: str) -> Entry | None:

@@ -26,6 +26,7 @@ EARLIEST_UTC_NS = 1_000_000_000 * NANO
 """Times before are since the log began."""
 _LATEST_NS = 4_102_444_800 * NANO  # 2100; what is later is broken
 _SLACK_NS = NANO  # by so much a clock that comes round may go back without having come round
+_MANY = 100  # entries at one and the same time: the gateway's clock stands still
 _AGREED_NS = 2 * NANO  # the bus tells whole seconds, late
 _TELL_TIME = {kind: read for kind, read in readers("ground").items() if kind in ("ZDA", "RMC")}
 
@@ -42,6 +43,7 @@ class LogClock:
         self._differences = _are_differences([each.time_ns for each in head if not each.turn_ns])
         self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as nobody tells it
         self._begin()
+        self._stands_still = len(head) > _MANY and len({each.time_ns for each in head}) == 1
         running = [(self._running_ns(each), each) for each in head]
         timed = [(time_ns, each) for time_ns, each in running if time_ns is not None]
         self._teller = None if timed else _usual_teller(head)
@@ -72,7 +74,7 @@ class LogClock:
     def _running_ns(self, entry: Entry) -> int | None:
         """As the entry tells it, but that a clock which comes round runs on, and differences are added up."""
         time_ns, turn_ns = entry.time_ns, entry.turn_ns
-        if time_ns is None or not 0 <= time_ns < _LATEST_NS:
+        if time_ns is None or self._stands_still or not 0 <= time_ns < _LATEST_NS:
             return None
         if turn_ns:
             before_ns, running_ns = self._turns.get(turn_ns, (time_ns, self._since_start_ns or time_ns))

@@ -103,10 +103,12 @@ class LogFile(LogReader):
         if time_ns is not None and self._newest_ns is not None and entry.protocol == "nmea0183":
             time_ns = max(time_ns, self._newest_ns)  # sentences come late, not early
         self._count, self._newest_ns, self.timed = self._count + 1, time_ns, time_ns is not None
-        stamped_ns, (received_ns, monotonic_ns) = None, now_ns()
-        if time_ns is not None and time_ns >= EARLIEST_UTC_NS:
+        stamped_ns = None
+        if time_ns is None:
+            received_ns, monotonic_ns = now_ns()
+        elif time_ns >= EARLIEST_UTC_NS:
             stamped_ns = received_ns = monotonic_ns = time_ns
-        elif time_ns is not None:
+        else:
             received_ns = monotonic_ns = self._opened_ns + time_ns
         self._last_ns = max(self._last_ns, monotonic_ns)
         times = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import os
 import pty
+import re
 import select
 import socket
 import threading
@@ -239,6 +240,15 @@ def test_times_of_day_take_the_date_from_a_sentence_and_run_through_midnight(tmp
     midnight = 1_767_225_600 * SECOND
     assert [frame.received_ns - midnight for frame in frames] == [-1.5 * SECOND, -0.5 * SECOND, 0.5 * SECOND]
     assert source.remark == ""
+
+
+def test_a_clock_that_stands_still_is_none(tmp_path: Path) -> None:
+    """As of encoders that fill in nothing; the bus tells the time."""
+    lines = [re.sub("^A[0-9.]+", "A000000.000", line) for line in bus_logs.n2k_ascii().decode().splitlines()]
+    frames, source = read(written(tmp_path, "\n".join(lines).encode()))
+    assert "it has no times of its own" in source.remark
+    late_ns = np.array([frame.received_ns for frame in frames]) - [each.time_ns for each in MESSAGES]
+    assert np.abs(late_ns).max() <= SECOND
 
 
 def test_times_of_day_without_a_date_take_the_files_and_say_so(tmp_path: Path) -> None:
