@@ -121,6 +121,8 @@ def _caption(validation: Validation) -> str:
         )
     if validation.outside:
         parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
+    if validation.leaps:
+        parts.append(f"{validation.leaps} windows left out: the positions leap in them")
     return "; ".join(parts)
 
 
