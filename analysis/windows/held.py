@@ -38,15 +38,20 @@ from acquisition.core.channels import MOTION, is_circular, trial_names
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.result import Result
 from analysis.estimation.noise_levels import noise_of
-from analysis.tables.resample import SETTING_FILTER
+from analysis.kinematics import to_earth
+from analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
 from analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns
 
 _MOVED: dict[Sort, str] = {
     "azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved",
     "rudder": "rudder_moved", "nozzle": "nozzle_moved", "pitch": "pitch_moved",
 }  # fmt: skip
-REASONS = ("gap", "missing_data", *_MOVED.values())
+REASONS = ("gap", "missing_data", "position_jump", *_MOVED.values())
 """Why a candidate is dropped, in the order in which the reasons are asked."""
+
+_JUMP_M, _JUMP_DEVIATIONS = 2.0, 10.0
+"""A step of a second that departs from the measured speeds by more than this and so many standard deviations of the
+recording's other steps together is none of the ship's: a receiver jumped, or two parts were joined."""
 
 _LABELS = ("window", "second"), ("trial", "leg", "start")
 
@@ -172,10 +177,29 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
     passed = (
         always(np.asarray(there & valid.any(axis=1))),
         always(np.asarray(valid.all(axis=1))),
+        always(~near_jumps(values)),
         *steady.values(),
     )
     failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)
     return np.asarray(failed.argmax(axis=1), dtype=np.int64)
+
+
+def near_jumps(values: Floats) -> Bools:
+    """The seconds [rows] at which the positions of a trial [rows, channels] jump, or a filter may have seen it.
+
+    Steps are compared with the mean speeds over ground; their scatter is the median's.
+    """
+    north_m, east_m, heading_deg, surge_mps, sway_mps = values[:, :5].T
+    speed = np.column_stack(to_earth(surge_mps, sway_mps, np.deg2rad(heading_deg)))
+    moved = np.diff(np.column_stack([north_m, east_m]), axis=0)
+    off_m = np.hypot(*(moved - 0.5 * (speed[1:] + speed[:-1])).T)
+    known = off_m[np.isfinite(off_m)]
+    most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * float(np.median(known)) if known.size else np.inf
+    jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
+    near = np.zeros(len(values), dtype=bool)
+    for row in jumped:
+        near[max(0, row - MOTION_FILTER.reach + 1) : row + 1 + MOTION_FILTER.reach] = True
+    return near
 
 
 def _settings(values: Floats) -> Floats:

@@ -83,7 +83,7 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
     held, every = (held_windows(table, horizon_s, stride_s, keep_moving=keep) for keep in (False, True))
     assert every.candidates == held.candidates == every.kept + sum(every.dropped.values())
     assert set(every.dropped) <= {"gap", "missing_data"}
-    assert every.moving == sum(held.dropped.get(reason, 0) for reason in REASONS[2:])
+    assert every.moving == sum(held.dropped.get(reason, 0) for reason in REASONS[3:])
     assert tuple(every.rows.columns) == (*columns_for(DEFAULT), "held")
     assert every.rows[list(columns_for(DEFAULT))].notna().to_numpy().all()
     first = every.rows[every.rows["second"] == 0]

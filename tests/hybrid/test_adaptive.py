@@ -460,7 +460,7 @@ def test_the_last_minutes_are_hindcasts_one_by_one(
 ) -> None:
     """Each 15 s of them predicted from what was known at their start, with the commands that were given."""
     windows, vector = another_day.subset(np.arange(3)), learned.vectors_.mean(axis=0)
-    found, again = learned._last_minutes(windows, [vector, vector])
+    found, again = learned._last_minutes(windows, [vector, vector])[:, 0]
     assert np.array_equal(found, again)
     logs = []
     for began_s in _MINUTES:
@@ -483,7 +483,7 @@ def test_a_day_is_never_better_than_the_training() -> None:
 
 
 def test_outside_its_range_it_goes_on_by_itself(plant: Plant, learned: AdaptiveCalibrator) -> None:
-    """A model extrapolates; where it gives no number, the fallback speaks."""
+    """Beside the baselines, by how well each does now; the fallback has no say."""
     windows = noisy(voyages(plant, 8, SECONDS, seed=9))
     windows = replace(windows, wind=windows.wind + np.array([0.0, 30.0]))
     windows.past[..., 7] += 30.0

@@ -1,15 +1,16 @@
 """The adaptive calibrator: an ensemble of adapted models, cross-validated by legs and weighted by hindcasts.
 
-What it learned holds for the day, the loading and the sea of its training. How far it holds now shows in hindcasts
-over the last minutes: how wrong the model would have been, beside how wrong it was in the training. Where it is
-worse than nearly all of the training, models that follow what is measured more closely speak too, by how well each
-would have done; and the regions grow with it.
+What it learned holds for the day, the loading and the sea of its training. How far it holds now shows in
+hindcasts over the last minutes: how wrong the model would have been, beside how wrong it was in the training.
+Where it is worse than nearly all of the training, and outside the range of the training, models that follow
+what is measured more closely speak too, and the baselines, by how well each would have done; and the regions
+grow with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -87,9 +88,9 @@ _RECENT_S = 5
 _CANDIDATES = 3  # the adapted model, constant velocity, the reference
 _MINUTES = range(HINDCAST_S, PAST_S - HINDCAST_S, HINDCAST_S)
 """So long before the start begin the hindcasts that say how good the model is on this day [s]."""
-_CLOSER = (0.0, 1.0, 2.0)
+_CLOSER = (1.0, 2.0)
 """By how many prior standard deviations the force that a model lacks may wander more than in the training."""
-_CLOSER_POWER = 4.0
+_MINUTES_POWER = 4.0
 """The weight of each falls with that power of its error over the last minutes."""
 _UNUSUAL = 0.95
 """Worse than this share of the training's windows, a model is not believed alone."""
@@ -102,7 +103,7 @@ _LEAST_LOG_M = 1e-6
 class _Candidates:
     """The candidate predictions of N windows, the adapted model's first: ``tracks`` [3, N, H+1, 3] and the mean
     errors ``hindcast_m`` [3, N] of their hindcasts in metres; ``spread_m`` [N, H] is how far the members' tracks
-    lie apart; ``minutes`` [N] the mean logarithm of the adapted model's errors over the last minutes [log m].
+    lie apart; ``minutes`` [3, N] the mean logarithms of the candidates' errors over the last minutes [log m].
     """
 
     tracks: Floats
@@ -113,7 +114,7 @@ class _Candidates:
     def subset(self, chosen: Bools) -> _Candidates:
         """Those of the windows that a mask chooses."""
         return _Candidates(
-            self.tracks[:, chosen], self.hindcast_m[:, chosen], self.spread_m[chosen], self.minutes[chosen]
+            self.tracks[:, chosen], self.hindcast_m[:, chosen], self.spread_m[chosen], self.minutes[:, chosen]
         )
 
 
@@ -133,8 +134,8 @@ class _Usual:
     @classmethod
     def of(cls, candidates: _Candidates) -> _Usual:
         """That of the candidates of all windows; of what was recorded in none a metre."""
-        own_m, minutes = candidates.hindcast_m[0], candidates.minutes[np.isfinite(candidates.minutes)]
-        minutes = minutes if len(minutes) else np.zeros(1)
+        own_m, minutes = candidates.hindcast_m[0], candidates.minutes[0]
+        minutes = minutes[np.isfinite(minutes)] if np.isfinite(minutes).any() else np.zeros(1)
         return cls(
             hindcast_m=float(np.nanmedian(own_m)) if np.isfinite(own_m).any() else 1.0,
             spread_m=np.nanmedian(candidates.spread_m, axis=0),
@@ -230,13 +231,13 @@ class AdaptiveCalibrator(Calibrator):
             np.empty((_CANDIDATES, *windows.track.shape)),
             np.empty((_CANDIDATES, len(windows))),
             self._member_states(self.vectors_, self._observed(windows))[2],
-            np.empty(len(windows)),
+            np.empty((_CANDIDATES, len(windows))),
         )
         for member, vector in enumerate(self.vectors_):
             mine = fold == member
             part = self._candidates(windows.subset(mine), vector[None])
             candidates.tracks[:, mine], candidates.hindcast_m[:, mine] = part.tracks, part.hindcast_m
-            candidates.minutes[mine] = part.minutes
+            candidates.minutes[:, mine] = part.minutes
         self.usual_ = _Usual.of(candidates)
         errors = [
             np.nanmean(distances(self._average(candidates, power)[0], windows.track)) for power in WEIGHT_POWERS
@@ -258,17 +259,17 @@ class AdaptiveCalibrator(Calibrator):
         return _Candidates(tracks, hindcast_m, spread_m, self._last_minutes(windows, [vectors.mean(axis=0)])[0])
 
     def _last_minutes(self, windows: PredictionWindows, vectors: Sequence[Floats]) -> Floats:
-        """The mean logarithm [vectors, N] of the mean errors of hindcasts that begin at each of :data:`_MINUTES`;
-        NaN where none of them was recorded.
+        """The mean logarithms [vectors, 3, N] of the candidates' mean errors in hindcasts that begin at each of
+        :data:`_MINUTES`; NaN where none of them was recorded.
         """
         before = hindcast_windows(windows, *_MINUTES, horizon_s=HINDCAST_S)
-        observed, error_m = self._observed(before), []
-        for vector in vectors:
-            states, waves = run_observer(vector, self._model, observed)
-            error_m.append(mean_distances(states[..., :3] + waves, before.track).reshape(len(_MINUTES), -1))
+        observed = self._observed(before)
+        tracks = [self._candidate_tracks(vector[None], observed)[0] for vector in vectors]
+        error_m = np.stack([[mean_distances(each, before.track) for each in three] for three in tracks])
+        error_m = error_m.reshape(len(vectors), _CANDIDATES, len(_MINUTES), len(windows))
         known = np.isfinite(error_m)
-        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
-        return np.where(known.any(axis=1), total / known.sum(axis=1).clip(min=1), np.nan)
+        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=2)
+        return np.where(known.any(axis=2), total / known.sum(axis=2).clip(min=1), np.nan)
 
     def _predicted(
         self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
@@ -277,29 +278,32 @@ class AdaptiveCalibrator(Calibrator):
         ``vector``.
         """
         tracks, hindcast_m = self._average(candidates, self.weight_power_)
-        minutes = candidates.minutes.copy()
-        unusual = minutes > self.usual_.most
+        minutes = candidates.minutes[0].copy()
+        begins = self.domain(windows, tracks)
+        outside = replace(begins, values=begins.values[:, :1]).outside.any(axis=1)
+        unusual = (minutes > self.usual_.most) | outside
         if unusual.any():
-            tracks[unusual], minutes[unusual] = self._followed(
-                windows.subset(unusual), tracks[unusual], minutes[unusual], vector
+            tracks[unusual], minutes[unusual] = self._averaged_by_minutes(
+                windows.subset(unusual), tracks[unusual], candidates.subset(unusual), vector
             )
-            hindcast_m = hindcast_m * np.exp(np.nan_to_num(minutes - candidates.minutes))
+            hindcast_m = hindcast_m * np.exp(np.nan_to_num(minutes - candidates.minutes[0]))
         return tracks, self._uncertainty(hindcast_m, candidates.spread_m, minutes)
 
-    def _followed(
-        self, windows: PredictionWindows, tracks: Floats, minutes: Floats, vector: Floats
+    def _averaged_by_minutes(
+        self, windows: PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
-        """The mean of ``tracks`` [N, H+1, 3] with those of models that follow what is measured more closely, and of
-        ``minutes`` [N], weighted by how well each would have predicted the last minutes.
+        """The mean of ``tracks`` [N, H+1, 3] with those of models that follow what is measured more closely, of
+        constant velocity and of the reference, weighted by how well each would have predicted the last minutes; and
+        their mean errors over these [N], as a logarithm.
         """
-        closer = [follow_closer(vector, more) for more in _CLOSER[1:]]
+        closer = [follow_closer(vector, more) for more in _CLOSER]
         observed = self._observed(windows)
         runs = [run_observer(each, self._model, observed) for each in closer]
-        every = np.stack([tracks, *(states[..., :3] + waves for states, waves in runs)])
-        logs = np.concatenate([minutes[None], self._last_minutes(windows, closer)])
+        every = np.stack([tracks, *candidates.tracks[1:], *(states[..., :3] + waves for states, waves in runs)])
+        logs = np.concatenate([candidates.minutes, self._last_minutes(windows, closer)[:, 0]])
         usable = np.asarray(np.isfinite(every).all(axis=(2, 3)))
         usable[0] |= ~usable.any(axis=0)
-        weight = np.where(usable, np.exp(-_CLOSER_POWER * (logs - logs[0])), 0.0)
+        weight = np.where(usable, np.exp(-_MINUTES_POWER * (logs - logs.min(axis=0))), 0.0)
         weight /= weight.sum(axis=0)
         return average_tracks(weight, every), (weight * logs).sum(axis=0)
 
