@@ -187,14 +187,17 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
 def near_jumps(values: Floats) -> Bools:
     """The seconds [rows] at which the positions of a trial [rows, channels] jump, or a filter may have seen it.
 
-    Steps are compared with the mean speeds over ground; their scatter is the median's.
+    Steps are compared with the mean speeds; scatter is by medians.
     """
     north_m, east_m, heading_deg, surge_mps, sway_mps = values[:, :5].T
     speed = np.column_stack(to_earth(surge_mps, sway_mps, np.deg2rad(heading_deg)))
     moved = np.diff(np.column_stack([north_m, east_m]), axis=0)
-    off_m = np.hypot(*(moved - 0.5 * (speed[1:] + speed[:-1])).T)
-    known = off_m[np.isfinite(off_m)]
-    most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * float(np.median(known)) if known.size else np.inf
+    apart = moved - 0.5 * (speed[1:] + speed[:-1])
+    if not np.isfinite(apart).all(axis=1).any():
+        return np.zeros(len(values), dtype=bool)
+    # a speed through the water is off by the current all the time
+    off_m = np.hypot(*(apart - np.nanmedian(apart, axis=0)).T)
+    most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(off_m)
     jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
     near = np.zeros(len(values), dtype=bool)
     for row in jumped:

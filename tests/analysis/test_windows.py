@@ -194,3 +194,25 @@ def test_recordings_of_one_name_get_names_of_their_own(stems: list[str]) -> None
     assert len(set(names)) == len(stems)
     assert all(name.startswith(stem) for name, stem in zip(names, stems, strict=True))
     assert all(name == stem for name, stem in zip(names, stems, strict=True) if stems.count(stem) == 1)
+
+
+@given(row=st.integers(30, 80), north_m=st.floats(4.0, 500.0), back=st.booleans(), noise_m=st.floats(0.0, 0.1))
+@settings(max_examples=20, deadline=None)
+def test_windows_across_a_jump_are_left_out_and_no_others(
+    row: int, north_m: float, back: bool, noise_m: float
+) -> None:
+    """A receiver that jumps, for good or for a while: no window sees the jump, or the filter's reach of it."""
+    table = steady_table(120)
+    table["north_m"] += np.random.default_rng(row).normal(0.0, noise_m, len(table))
+    sound = held_windows(table, 10, 1)
+    table.loc[table.index[row:], "north_m"] += north_m
+    jumps = [row - 1]
+    if back:
+        table.loc[table.index[row + 12 :], "north_m"] -= north_m
+        jumps.append(row + 11)
+    found = held_windows(table, 10, 1)
+    starts = {int(each) for each in (found.rows["start"] - table.index[0]).dt.total_seconds()}
+    near = {each for each in range(110) for jump in jumps if each <= jump + 3 and each + 10 >= jump - 2}
+    assert sound.kept == 110
+    assert starts == set(range(110)) - near
+    assert found.dropped == {"position_jump": len(near)}
