@@ -20,7 +20,6 @@ from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import SecondBySecond, tables_of_recordings, windows_of_tables
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.kalman_filter import filtered_starts
-from hybrid.prediction.observer import LEAP_M
 from hybrid.prediction.prediction_windows import (
     PredictionWindows,
     concatenate_windows,
@@ -119,21 +118,8 @@ def dataset_of(
     elif shorter and horizon_s // 2 >= SHORTEST_S:
         short = windows_of_tables(tables, horizon_s // 2, stride_s)
         windows = _with_shorter(windows, _as_arrays(short, tables, length_m))
-    windows, leaps = _without_leaps(windows)
-    dropped = {**held.dropped, **({"position_leap": leaps} if leaps else {})}
     counted = (_counted(source, windows, trial) for source, trial in zip(sources, tables, strict=False))
-    return Dataset(windows, tuple(counted), held.candidates, dropped, tables)
-
-
-def _without_leaps(windows: PredictionWindows) -> tuple[PredictionWindows, int]:
-    """The windows in which positions change their speed by no more than :data:`.LEAP_M` in a second, and the number
-    of the others: a receiver that jumps for good leaves a jump in rebuilt positions, too.
-    """
-    change_m = np.linalg.norm(np.diff(windows.track[..., :2], n=2, axis=1), axis=-1)
-    leaps = np.asarray((change_m > LEAP_M).any(axis=1))
-    if leaps.all():
-        raise DataShortageError("the positions leap in every window", fix="look at them with `seatrial check`")
-    return windows.subset(~leaps), int(leaps.sum())
+    return Dataset(windows, tuple(counted), held.candidates, held.dropped, tables)
 
 
 def _as_arrays(
