@@ -94,11 +94,11 @@ def day_ns(clock: str, fraction: str | None) -> int | None:
 
 
 _CANDUMP_LOG = _pattern(
-    r"\((?P<time>[\d.]+)\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
+    r"\((?P<time>[\d.TZ: +-]{1,40})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
     r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-9A-Fa-f]?)(?:_[0-9A-Fa-f])?(?:\s+[RT])?\s*"
 )
 _CANDUMP_CONSOLE = _pattern(
-    r"(?:\((?P<time>[\d.]+|\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d+)\)\s+)?\S+\s+(?:[RT]X [B-] [E-]\s+)?"
+    r"(?:\((?P<time>[\d.TZ: +-]{1,40})\)\s+)?\S+\s+(?:[RT]X [B-] [E-]\s+)?"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d{1,2})\]"
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:[\s`]+(?:[01]{8}|[0-9A-Fa-f]{2}))*))"
     r"(?:\s+ERRORFRAME|\s+'.*')?\s*"
@@ -145,10 +145,16 @@ def _frame(time: str | None, identifier: str, data: bytes, remote: bool) -> Entr
     return Entry(time_ns, data, number & 0x1FFFFFFF, flags)
 
 
+_DATE_TIME = _pattern(
+    r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?"
+)  # fmt: skip
+
+
 def _candump_time_ns(text: str) -> int | None:
-    """Seconds, or a date and time of this machine's zone, which is what candump prints; None for anything else."""
+    """Seconds, or a date and time, in this machine's zone (as of candump) if it has none; None for others."""
     if "-" in text:
-        return utc_ns(text[:10], text[11:19], text[20:], None, None)
+        found = _DATE_TIME.fullmatch(text)
+        return None if found is None else utc_ns(found[1], found[2], found[3], found[4], None)
     seconds, _, fraction = text.partition(".")
     if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
         return None
