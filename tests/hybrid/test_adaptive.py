@@ -460,8 +460,7 @@ def test_the_last_minutes_are_hindcasts_one_by_one(
 ) -> None:
     """Each 15 s of them predicted from what was known at their start, with the commands that were given."""
     windows, vector = another_day.subset(np.arange(3)), learned.vectors_.mean(axis=0)
-    found, again = learned._last_minutes(windows, [vector, vector])[:, 0]
-    assert np.array_equal(found, again)
+    found = learned._candidates(windows, vector[None]).minutes[0]
     logs = []
     for began_s in _MINUTES:
         before = hindcast_windows(windows, began_s, horizon_s=HINDCAST_S)
@@ -469,7 +468,7 @@ def test_the_last_minutes_are_hindcasts_one_by_one(
         logs.append(np.log(distances(tracks(vector, plant, before), before.track).mean(axis=1)))
     assert found == pytest.approx(np.mean(logs, axis=0), abs=1e-4)
     blind = replace(windows, past=np.full_like(windows.past, np.nan))
-    assert np.isnan(learned._last_minutes(blind, [vector])).all()
+    assert np.isnan(learned._candidates(blind, vector[None]).minutes).all()
 
 
 def test_a_day_is_never_better_than_the_training() -> None:

@@ -9,7 +9,7 @@ grow with it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -256,20 +256,22 @@ class AdaptiveCalibrator(Calibrator):
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(before))
         hindcast_m = np.stack([mean_distances(each, before.track) for each in hindcasts])
-        return _Candidates(tracks, hindcast_m, spread_m, self._last_minutes(windows, [vectors.mean(axis=0)])[0])
+        mean = vectors.mean(axis=0)[None]
+        minutes = self._last_minutes(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
+        return _Candidates(tracks, hindcast_m, spread_m, minutes)
 
-    def _last_minutes(self, windows: PredictionWindows, vectors: Sequence[Floats]) -> Floats:
-        """The mean logarithms [vectors, 3, N] of the candidates' mean errors in hindcasts that begin at each of
-        :data:`_MINUTES`; NaN where none of them was recorded.
+    def _last_minutes(
+        self, windows: PredictionWindows, predict: Callable[[Observations], Iterable[Floats]]
+    ) -> Floats:
+        """The mean logarithms [K, N] of the mean errors of K predictors in hindcasts that begin at each of
+        :data:`_MINUTES`; NaN where none of them was recorded. ``predict`` gives their tracks [.., H+1, 3].
         """
         before = hindcast_windows(windows, *_MINUTES, horizon_s=HINDCAST_S)
-        observed = self._observed(before)
-        tracks = [self._candidate_tracks(vector[None], observed)[0] for vector in vectors]
-        error_m = np.stack([[mean_distances(each, before.track) for each in three] for three in tracks])
-        error_m = error_m.reshape(len(vectors), _CANDIDATES, len(_MINUTES), len(windows))
+        error_m = np.stack([mean_distances(each, before.track) for each in predict(self._observed(before))])
+        error_m = error_m.reshape(-1, len(_MINUTES), len(windows))
         known = np.isfinite(error_m)
-        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=2)
-        return np.where(known.any(axis=2), total / known.sum(axis=2).clip(min=1), np.nan)
+        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
+        return np.where(known.any(axis=1), total / known.sum(axis=1).clip(min=1), np.nan)
 
     def _predicted(
         self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
@@ -297,10 +299,13 @@ class AdaptiveCalibrator(Calibrator):
         their mean errors over these [N], as a logarithm.
         """
         closer = [follow_closer(vector, more) for more in _CLOSER]
-        observed = self._observed(windows)
-        runs = [run_observer(each, self._model, observed) for each in closer]
-        every = np.stack([tracks, *candidates.tracks[1:], *(states[..., :3] + waves for states, waves in runs)])
-        logs = np.concatenate([candidates.minutes, self._last_minutes(windows, closer)[:, 0]])
+
+        def follow(observed: Observations) -> list[Floats]:
+            runs = (run_observer(each, self._model, observed) for each in closer)
+            return [states[..., :3] + waves for states, waves in runs]
+
+        every = np.stack([tracks, *candidates.tracks[1:], *follow(self._observed(windows))])
+        logs = np.concatenate([candidates.minutes, self._last_minutes(windows, follow)])
         usable = np.asarray(np.isfinite(every).all(axis=(2, 3)))
         usable[0] |= ~usable.any(axis=0)
         weight = np.where(usable, np.exp(-_MINUTES_POWER * (logs - logs.min(axis=0))), 0.0)
