@@ -28,8 +28,8 @@ class Validation(ModelResult):
 
     ``two_sided`` has the scores from the starts as they are known afterwards, by the seconds to either side.
 
-    ``outside`` counts the windows left out because the reference model left its range in them, ``leaps`` those in
-    which the positions leap. With a calibrator,
+    ``outside`` counts the windows left out because the reference model left its range in them, ``jumps`` those in
+    which the positions jump. With a calibrator,
     ``outside_domain`` [N] marks the windows outside its domain of applicability, where the fallback predicts;
     ``source`` [N] names who predicted; ``radius_m`` [N, H] are the radii of its 95 % regions, ``band_m`` [H] their
     medians. ``truths`` judges the methods by each sensor, where the windows have their tracks.
@@ -46,7 +46,7 @@ class Validation(ModelResult):
     radius_m: Floats | None = None
     source: NDArray[np.str_] | None = None
     truths: Truths | None = None
-    leaps: int = 0
+    jumps: int = 0
     view = "hybrid.report.tables:validation_view"
     drawing = "hybrid.report.plots:draw_validation"
 
@@ -77,7 +77,7 @@ class Validation(ModelResult):
             "horizon_s": self.windows.horizon_s,
             "windows": len(self.windows),
             "outside_model_range": self.outside,
-            "position_leap": self.leaps,
+            "position_jump": self.jumps,
             "outside_training_range": None if self.outside_domain is None else int(self.outside_domain.sum()),
             "methods": scores_json(self.scores | self.two_sided),
             "reduction": self.reduction,
@@ -123,7 +123,7 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         outside_domain=None if hybrid is None else hybrid.outside_domain,
         radius_m=None if hybrid is None else hybrid.radius_m,
         source=None if hybrid is None else hybrid.source,
-        leaps=dataset.dropped.get("position_leap", 0),
+        jumps=dataset.dropped.get("position_jump", 0),
         truths=judged_by_truths(windows, {name: truth_distances(each, windows) for name, each in tracks.items()}),
     )
 

@@ -121,8 +121,8 @@ def _caption(validation: Validation) -> str:
         )
     if validation.outside:
         parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
-    if validation.leaps:
-        parts.append(f"{validation.leaps} windows left out: the positions leap in them")
+    if validation.jumps:
+        parts.append(f"{validation.jumps} windows left out: the positions jump in them")
     return "; ".join(parts)
 
 
