@@ -5,12 +5,13 @@ coefficients, lacks many things at once. Some of them are effects of the catalog
 nothing against these. So a larger set is searched, and an effect of it is named where it holds its sign over
 disjoint parts of the trial and brings predicted tracks closer to the measured ones on legs that had no part in
 its size. That last test is in metres: where predictions err by far more than the noise, the evidence alone would
-take in effects without end. It also decides between two searches, from nothing and from all effects at once.
+take in effects without end. The search begins from all effects at once (:mod:`.joint_fit`) and leaves out what such
+legs do not miss.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,8 @@ from hybrid.diagnosis.acceptance import (
 )
 from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without
+from hybrid.diagnosis.joint_fit import about_likeliest, compatible_effects
+from hybrid.diagnosis.linear_tracks import LinearTracks, linear_tracks
 from hybrid.diagnosis.linearise import linearise
 from hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import Replication
@@ -37,7 +40,6 @@ from hybrid.diagnosis.select_effects import (
     Selection,
     fitted_coordinates,
     linear_about,
-    search_effects,
     search_on,
     select_effects,
 )
@@ -54,8 +56,7 @@ MOST = 14
 WORTH = 0.01
 """Of the distance on legs left out: what brings less is not worth a name."""
 
-_LOOKS, _ROUNDS = 4, 3  # at the equations made linear anew, in the search and in choosing
-_TRIED = 12  # effects beside those that are named, the likeliest
+_ROUNDS = 3  # of making linear anew and choosing
 _AS_LIKELY_AS_NOT = 0.5
 _FOR_CERTAIN = 3.0  # times what makes a model coarse: sets of six effects end less of a misfit at their third look
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
@@ -99,45 +100,43 @@ def name_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
-    bare = _linear_about_nothing(first.evidence)
-    accepted, choice = _accepted(search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress), windows)
-    if not choice.better(accepted.names):
-        return None
-    other, its_choice = _accepted(_from_all_at_once(bare), windows)
-    if its_choice.off_m(other.names).mean() < choice.off_m(accepted.names).mean():
-        accepted, choice = other, its_choice
-    tied = dict.fromkeys(choice.tied(accepted.names), 0.0)
-    return replace(accepted, rival_deficits=tied, lack_of_fit=lack_of_fit_that_matters(accepted))
-
-
-def _from_all_at_once(evidence: Evidence) -> Selection:
-    """The best set where the equations are linear about all effects together, each held by its prior.
-
-    Of a model that is far off what a search finds about nothing, and about that, and so on, does not settle: each
-    look brings another set. About all of them the residuals are small from the beginning.
-    """
-    for _ in range(_LOOKS):
-        every = tuple[str, ...]()
-        for name in sorted(evidence.names, key=lambda name: -evidence.log_odds([name])):
-            every = (*every, name) if evidence.possible((*every, name)) else every
-        evidence = linear_about(evidence, fitted_coordinates(evidence, every))
-    return Selection(search_effects(evidence, most=MOST), evidence, most=MOST)
-
-
-def _accepted(start: Selection, windows: UnseenWindows) -> tuple[Acceptance, _Choice]:
-    """The effects of a set that bring something on legs left out, with more that do, and without chance."""
-    names, evidence = start.names, start.evidence
-    for _ in range(_ROUNDS):
-        evidence = linear_about(evidence, fitted_coordinates(evidence, names))
-        parts = tuple(evidence_within(windows, evidence).values())
-        choice = _Choice(windows, evidence, evidence_without(windows, evidence), parts)
-        kept = choice.with_more(choice.without_idle(names))
-        if kept == names:
-            break
-        names = kept
+    looks = []
+    for number, look in enumerate(_looks(_expecting_few(_linear_about_nothing(first.evidence)), windows), 1):
+        looks.append((_Unseen(windows, evidence_without(windows, look[0])), *look))
+        progress(number / (2.0 * _ROUNDS + 1.0))
+    unseen, evidence, names = min(looks, key=lambda each: each[0].off_m(each[2]).mean())
     evidence = evidence_of(evidence.equations, by_leg=True)
     names, tests = _without_chance(evidence, names)
-    return Acceptance(names, tests, evidence, beside_remainder=True), choice
+    if not unseen.better(names):
+        return None
+    tied = dict.fromkeys(unseen.tied(evidence, names), 0.0)
+    accepted = Acceptance(names, tests, evidence, rival_deficits=tied, beside_remainder=True)
+    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
+
+
+def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidence, tuple[str, ...]]]:
+    """The best set about the likeliest sizes of all effects, about its own, the best set there, and so on.
+
+    They do not settle, and a later one is not always better.
+    """
+    names = compatible_effects(evidence)
+    for _ in range(_ROUNDS):
+        evidence = about_likeliest(evidence, names)
+        names = _Choice.of(evidence, windows).best_set(names)
+        yield evidence, names
+        evidence = linear_about(evidence, fitted_coordinates(evidence, names))
+        yield evidence, names
+
+
+def _expecting_few(evidence: Evidence) -> Evidence:
+    """The evidence with priors for all effects at once, of which at most so many are there.
+
+    One that is there with a chance p, of a size of standard deviation s, has the standard deviation s times root p.
+    """
+    equations = evidence.equations
+    share = min(1.0, MOST / len(evidence.names))
+    layout = replace(equations.layout, prior=np.sqrt(share) * equations.layout.prior)
+    return replace(evidence, equations=replace(equations, layout=layout))
 
 
 def _without_chance(
@@ -168,15 +167,44 @@ def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[i
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """Sets of effects judged by tracks on legs left out.
+    """Sets of effects judged by tracks on legs left out, and by the evidence of each fold's legs alone."""
 
-    ``rests`` is the evidence of all but each fold's legs, ``parts`` that of each fold's alone.
-    """
+    evidence: Evidence
+    tracks: LinearTracks
+    parts: tuple[Evidence, ...]
+
+    @classmethod
+    def of(cls, evidence: Evidence, windows: UnseenWindows) -> _Choice:
+        """The choice about the sizes that ``evidence`` is linear about."""
+        parts = tuple(evidence_within(windows, evidence).values())
+        return cls(evidence, linear_tracks(windows, evidence), parts)
+
+    def best_set(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """The set that predicts legs left out best, from ``names`` on, of effects that replicate.
+
+        What does not is left out one at a time, the least missed first: others may replicate without it.
+        """
+        barred = frozenset[str]()
+        while True:
+            names = self.tracks.best_set(names, WORTH, MOST, barred)
+            sets = {name: tuple(each for each in names if each != name) for name in self._idle(names)}
+            if not sets:
+                return names
+            least = min(sets, key=lambda name: self.tracks.by_leg_m(sets[name]).mean())
+            barred, names = barred | {least}, sets[least]
+
+    def _idle(self, names: Sequence[str]) -> list[str]:
+        """Those that are not found by themselves in most parts."""
+        found = replications(self.evidence, names, self.parts)
+        return [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
+
+
+@dataclass(frozen=True, slots=True)
+class _Unseen:
+    """Sets of effects judged by simulated tracks of each fold's legs; ``rests`` is the evidence of all others."""
 
     windows: UnseenWindows
-    evidence: Evidence
     rests: Mapping[int, Evidence]
-    parts: tuple[Evidence, ...]
 
     def off_m(self, names: Sequence[str]) -> Floats:
         """The mean distance by leg of what is predicted with ``names`` [legs with windows]."""
@@ -187,55 +215,20 @@ class _Choice:
         """Whether predictions are better with ``names`` than with none."""
         return bool(names) and worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
 
-    def replicating(self, names: Sequence[str]) -> set[str]:
-        """Those that are found by themselves in most parts."""
-        found = replications(self.evidence, names, self.parts)
-        return {name for name, each in found.items() if each.found >= MOST_PARTS * each.parts}
-
-    def without_idle(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Without effects that bring nothing on legs left out or do not replicate, the least missed first."""
-        while names:
-            stay, whole_m = self.replicating(names), self.off_m(names)
-            lacking_m = {name: self.off_m([each for each in names if each != name]) for name in names}
-            idle = [name for name in names if name not in stay or not worth_it(lacking_m[name], whole_m)]
-            if not idle:
-                break
-            least = min(idle, key=lambda name: lacking_m[name].mean())
-            names = tuple(each for each in names if each != least)
-        return names
-
-    def tied(self, names: tuple[str, ...]) -> list[tuple[str, str]]:
+    def tied(self, evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, str]]:
         """Named effects with what is known to look like each and predicts as well in its place."""
-        whole_m, catalogue, found = self.off_m(names), self.evidence.equations.model.catalogue, []
+        whole_m, catalogue, found = self.off_m(names), evidence.equations.model.catalogue, []
         for name in names:
             others = tuple(each for each in names if each != name)
             lacking_m = self.off_m(others)
             for rival in (each for each in catalogue[name].confused_with if each not in names):
                 swapped = (*others, rival)
-                if rival not in self.evidence.names or not self.evidence.possible(swapped):
+                if rival not in evidence.names or not evidence.possible(swapped):
                     continue
                 off_m = self.off_m(swapped)
                 if worth_it(lacking_m, off_m) and not worth_it(off_m, whole_m):
                     found.append((name, rival))
         return found
-
-    def with_more(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """With effects beside that are likely, replicate and bring most, one after the other."""
-        before_m = self.off_m(names)
-        while len(names) < MOST:
-            sets = [(*names, name) for name in self.evidence.names if name not in names]
-            likely = sorted(filter(self.evidence.possible, sets), key=lambda some: -self.evidence.log_odds(some))
-            off_m = {some: self.off_m(some) for some in likely[:_TRIED]}
-            worth = [
-                some
-                for some in sorted(off_m, key=lambda some: off_m[some].mean())
-                if worth_it(before_m, off_m[some])
-            ]
-            best = next((some for some in worth if some[-1] in self.replicating(some)), None)
-            if best is None:
-                break
-            names, before_m = best, off_m[best]
-        return names
 
 
 def worth_it(without_m: Floats, with_m: Floats) -> bool:

@@ -10,8 +10,8 @@ Gram matrix of all columns, added up leg by leg. What leaves some legs out subtr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from math import expm1, log, log1p
 from typing import TypeVar
@@ -356,15 +356,26 @@ class Evidence:
         return [fit.columns.index(column) for column in self.columns([name])]
 
     def possible(self, names: Sequence[str]) -> bool:
-        """Whether these effects can be at work together: few enough clocks are wrong, all values within bounds.
+        """Whether these effects can be at work together, all values within bounds."""
+        return self.compatible(names) and all(value is not None for value in self.values(names).values())
+
+    def compatible(self, names: Sequence[str]) -> bool:
+        """Whether these effects can be at work together: few enough clocks are wrong.
 
         No effect can be both the same in all of a trial and another in some part of it.
         """
         effects = [self.equations.model.catalogue[name] for name in names]
         late = sum(each.family == "clock" for each in effects)
-        if late > _CLOCKS or len({each.base for each in effects}) < len(effects):
-            return False
-        return all(value is not None for value in self.values(names).values())
+        return late <= _CLOCKS and len({each.base for each in effects}) == len(effects)
+
+    def beside(self, at: Mapping[str, tuple[float, ...]]) -> Evidence:
+        """The evidence of all else where effects are known to be ``at`` these free coordinates."""
+        if not at:
+            return self
+        back = np.eye(len(self.inner))
+        for name, free in at.items():
+            back[list(self.columns([name])), 0] = -np.array(free)
+        return replace(self, inner=back.T @ self.inner @ back)
 
     def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
         """The fitted parameters of each, None where they are out of bounds."""

@@ -53,17 +53,17 @@ class HeldOutGap:
     without: Mapping[int, Coordinates]
 
 
-def fold_of(log: Log) -> Ints:
-    """The fold that the leg of each second is in [T]: legs that follow each other, a quarter of each recording.
+def fold_of(log: Log, number: int = FOLDS) -> Ints:
+    """The fold that the leg of each second is in [T]: legs that follow each other, so a part of each recording.
 
     Gusts, current and clocks last longer than a leg: the leg after one that was learned from is less unseen than
     another part of the trial.
     """
-    folds, first = min(FOLDS, max(log.legs, 1)), np.unique(log.leg, return_index=True)[1]
+    folds, first = min(number, max(log.legs, 1)), np.unique(log.leg, return_index=True)[1]
     recording = log.recording[first]  # of each leg
-    number = np.arange(log.legs) - np.searchsorted(recording, recording)
-    quarter = number * folds // np.bincount(recording)[recording]
-    return np.asarray((quarter + recording) % folds)[log.leg]
+    place = np.arange(log.legs) - np.searchsorted(recording, recording)
+    part = place * folds // np.bincount(recording)[recording]
+    return np.asarray((part + recording) % folds)[log.leg]
 
 
 def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:

@@ -15,12 +15,13 @@ import numpy as np
 
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, restored_gram
-from hybrid.diagnosis.linearise import linearise
+from hybrid.diagnosis.linearise import Signature, linearise
 
 CLOSE = 4.5
 """A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
 
 _PAIRS_OF = 8
+_EXACT = 1e-9  # as numbers of 64 bits go
 _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
 MOST = 6
 """Effects at once that a search looks for."""
@@ -91,10 +92,20 @@ def log_density(evidence: Evidence, names: Sequence[str]) -> float:
 
 
 def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
-    """The free coordinates at which the equations are to be made linear next, within their bounds."""
-    fit = evidence.fit(names, prior=True)
-    values = {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in names}
-    return evidence.equations.model.bounded(values)
+    """The free coordinates at which the equations are to be made linear next.
+
+    Beside those that are at their bounds the others are fitted anew.
+    """
+    model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
+    while True:
+        rest, free = evidence.beside(held), [name for name in names if name not in held]
+        fit = rest.fit(free, prior=True)
+        values = {name: tuple(fit.values[rest.places(fit, name)].tolist()) for name in free}
+        within = model.bounded(values)
+        beyond = [name for name in free if not np.allclose(within[name], values[name], rtol=_EXACT, atol=0.0)]
+        if not beyond:
+            return {name: held.get(name) or within[name] for name in names}
+        held |= {name: within[name] for name in beyond}
 
 
 def has_converged(
@@ -149,11 +160,15 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
     return replace(selection, names=names, evidence=evidence, at=at, looks=number)
 
 
-def linear_about(evidence: Evidence, at: Coordinates) -> Evidence:
-    """The evidence of the same data with the equations linear about effects ``at`` these free coordinates."""
-    equations = evidence.equations
-    linearisation = linearise(equations.log, replace(equations.model, at=at), equations.tolerance)
-    return evidence_of(normal_equations(linearisation, equations.noise, number=equations.layout.features))
+def linear_about(evidence: Evidence, at: Coordinates, known: Sequence[Signature] | None = None) -> Evidence:
+    """The evidence of the same data with the equations linear about effects ``at`` these free coordinates.
+
+    ``known`` are signatures that are at hand.
+    """
+    before = evidence.equations
+    linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known)
+    equations = normal_equations(linearisation, before.noise, number=before.layout.features)
+    return evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 
 def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
