@@ -21,7 +21,6 @@ from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import (
     UNSEEN,
     Acceptance,
-    AcceptanceTests,
     acceptance_tests,
     chance_of_gains,
     lack_of_fit,
@@ -105,10 +104,10 @@ def name_of_coarse_model(
         looks.append((_Unseen(windows, evidence_without(windows, look[0])), *look))
         progress(number / (2.0 * _ROUNDS + 1.0))
     unseen, evidence, names = min(looks, key=lambda each: each[0].off_m(each[2]).mean())
-    evidence = evidence_of(evidence.equations, by_leg=True)
-    names, tests = _without_chance(evidence, names)
     if not unseen.better(names):
         return None
+    evidence = evidence_of(evidence.equations, by_leg=True)
+    tests = {name: acceptance_tests(evidence, names, name) for name in names}
     tied = dict.fromkeys(unseen.tied(evidence, names), 0.0)
     accepted = Acceptance(names, tests, evidence, rival_deficits=tied, beside_remainder=True)
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
@@ -139,21 +138,6 @@ def _expecting_few(evidence: Evidence) -> Evidence:
     return replace(evidence, equations=replace(equations, layout=layout))
 
 
-def _without_chance(
-    evidence: Evidence, names: tuple[str, ...]
-) -> tuple[tuple[str, ...], dict[str, AcceptanceTests]]:
-    """Without what is there by chance as likely as not, by the scatter from leg to leg, the likeliest first.
-
-    That scatter is what the model is off by, not noise: nothing is certain by it that predictions have borne out.
-    """
-    while True:
-        tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        worst = max(names, key=lambda name: tests[name].p_value, default=None)
-        if worst is None or tests[worst].p_value < _AS_LIKELY_AS_NOT:
-            return names, tests
-        names = tuple(name for name in names if name != worst)
-
-
 def _linear_about_nothing(evidence: Evidence) -> Evidence:
     equations = evidence.equations
     bare = linearise(equations.log, replace(equations.model, at={}), equations.tolerance)
@@ -177,12 +161,13 @@ class _Choice:
     def of(cls, evidence: Evidence, windows: UnseenWindows) -> _Choice:
         """The choice about the sizes that ``evidence`` is linear about."""
         parts = tuple(evidence_within(windows, evidence).values())
-        return cls(evidence, linear_tracks(windows, evidence), parts)
+        return cls(evidence_of(evidence.equations, by_leg=True), linear_tracks(windows, evidence), parts)
 
     def best_set(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """The set that predicts legs left out best, from ``names`` on, of effects that replicate.
+        """The set that predicts legs left out best, from ``names`` on, of effects that replicate
+        and are there by more than chance.
 
-        What does not is left out one at a time, the least missed first: others may replicate without it.
+        What is not is left out one at a time, the least missed first: others may stand without it.
         """
         barred = frozenset[str]()
         while True:
@@ -193,10 +178,16 @@ class _Choice:
             least = min(sets, key=lambda name: self.tracks.by_leg_m(sets[name]).mean())
             barred, names = barred | {least}, sets[least]
 
-    def _idle(self, names: Sequence[str]) -> list[str]:
-        """Those that are not found by themselves in most parts."""
+    def _idle(self, names: tuple[str, ...]) -> list[str]:
+        """Those that are not found by themselves in most parts, or are there by chance as likely as not.
+
+        The chance is by the scatter from leg to leg, which is what the model is off by, not noise: nothing is
+        certain by it that predictions have borne out.
+        """
         found = replications(self.evidence, names, self.parts)
-        return [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
+        idle = [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
+        chance = {name: acceptance_tests(self.evidence, names, name).p_value for name in names if name not in idle}
+        return [*idle, *(name for name, each in chance.items() if each >= _AS_LIKELY_AS_NOT)]
 
 
 @dataclass(frozen=True, slots=True)

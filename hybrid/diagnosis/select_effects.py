@@ -36,24 +36,24 @@ Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
-def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset(), most: int = MOST) -> tuple[str, ...]:
-    """The set of at most ``most`` effects with the highest evidence that steps from nothing, or any good pair, lead
-    to."""
+def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """The set of at most :data:`MOST` effects with the highest evidence that steps from nothing, or any good pair,
+    lead to."""
     allowed = [name for name in evidence.names if name not in barred]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
     pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
     if pairs:
         starts.append(max(pairs, key=evidence.log_odds))
-    ends = [_stepwise(evidence, start, allowed, most) for start in starts]
+    ends = [_stepwise(evidence, start, allowed) for start in starts]
     return max(ends, key=evidence.log_odds)
 
 
-def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str], most: int) -> tuple[str, ...]:
+def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
     """Adding, dropping and swapping one effect at a time, the best step first, until no step gains."""
     best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
     while True:
-        steps = _steps(names, allowed, most)
+        steps = _steps(names, allowed)
         judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
         better = next((each for each in judged if each[0] > best + 1e-9 and evidence.possible(each[1])), None)
         if better is None or better[0] <= best:
@@ -61,9 +61,9 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
         best, names = better
 
 
-def _steps(names: tuple[str, ...], allowed: Sequence[str], most: int) -> list[tuple[str, ...]]:
+def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ...]]:
     outside = [name for name in allowed if name not in names]
-    added = [(*names, name) for name in outside] if len(names) < most else []
+    added = [(*names, name) for name in outside] if len(names) < MOST else []
     dropped = [tuple(other for other in names if other != name) for name in names]
     swapped = [(*rest, name) for rest in dropped for name in outside]
     return added + dropped + swapped
@@ -129,7 +129,7 @@ class Selection:
 
     ``names`` are the effects and ``evidence`` is linear about ``at``, their free coordinates; ``barred`` may not be
     selected any more. ``tried`` has the log density of the data with each set that the search began from, linear
-    about itself; ``looks`` counts how often the equations were made linear. At most ``most`` effects are selected.
+    about itself; ``looks`` counts how often the equations were made linear.
     """
 
     names: tuple[str, ...]
@@ -138,7 +138,6 @@ class Selection:
     barred: frozenset[str] = frozenset()
     tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     looks: int = 0
-    most: int = MOST
 
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
@@ -152,7 +151,7 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
     evidence, at = selection.evidence, selection.at
     for number in range(selection.looks + 1, LOOKS + 1):
         evidence = linear_about(evidence, at) if at else evidence
-        names = search_effects(evidence, selection.barred, selection.most)
+        names = search_effects(evidence, selection.barred)
         progress(min(0.9, number / 4.0))
         if number == LOOKS or has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE):
             break

@@ -11,7 +11,7 @@ import pytest
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from hybrid.diagnosis.coarse_model import _Choice, is_coarse, replications
+from hybrid.diagnosis.coarse_model import _Unseen, is_coarse, replications
 from hybrid.diagnosis.diagnose import diagnose
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.nuisance_basis import OPERATION
@@ -77,7 +77,7 @@ def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
     """Neither what predicts worse there, nor what would bring nothing beside the others."""
     off_m = {("yaw_inertia", "trim"): 0.060, ("yaw_inertia", "yaw_damping"): 0.0601, ("yaw_inertia", "skeg"): 0.080}
 
-    class Judged(_Choice):
+    class Judged(_Unseen):
         def off_m(self, names: Sequence[str]) -> Floats:
             return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(tuple(names), 0.1))
 
@@ -85,8 +85,8 @@ def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
     evidence = SimpleNamespace(
         names=tuple(CATALOGUE), possible=lambda names: True, equations=SimpleNamespace(model=model)
     )
-    choice = Judged(None, evidence, {}, ())  # type: ignore[arg-type]
-    assert choice.tied(("yaw_inertia", "trim")) == [("trim", "yaw_damping")]
+    unseen = Judged(None, {})  # type: ignore[arg-type]
+    assert unseen.tied(evidence, ("yaw_inertia", "trim")) == [("trim", "yaw_damping")]
 
 
 @pytest.mark.slow

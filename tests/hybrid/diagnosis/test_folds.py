@@ -9,21 +9,21 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.gap import FOLDS, fold_of
+from hybrid.diagnosis.gap import fold_of
 from hybrid.diagnosis.log import Log
 
 
-@given(st.lists(st.integers(1, 13), min_size=1, max_size=6))
-def test_folds_are_parts_of_each_recording_that_lie_together(legs: list[int]) -> None:
+@given(st.lists(st.integers(1, 13), min_size=1, max_size=6), st.integers(2, 5))
+def test_folds_are_parts_of_each_recording_that_lie_together(legs: list[int], folds: int) -> None:
     """As many as there can be, in each recording one after the other, none much larger than another."""
     recording = np.repeat(np.arange(len(legs)), legs)
     number = np.arange(len(recording))
-    fold = fold_of(cast("Log", SimpleNamespace(leg=number, recording=recording, legs=len(number))))
-    assert np.unique(fold).size == min(FOLDS, len(number)) or max(legs) < FOLDS
+    fold = fold_of(cast("Log", SimpleNamespace(leg=number, recording=recording, legs=len(number))), folds)
+    assert np.unique(fold).size == min(folds, len(number)) or max(legs) < folds
     for each, count in enumerate(legs):
         own = fold[recording == each]
         runs = 1 + np.count_nonzero(np.diff(own))
-        assert runs == np.unique(own).size == min(FOLDS, count, len(number))
+        assert runs == np.unique(own).size == min(folds, count, len(number))
         sizes = np.unique(own, return_counts=True)[1]
         assert sizes.max() - sizes.min() <= 1
 
