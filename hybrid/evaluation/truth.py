@@ -27,9 +27,8 @@ from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
 from analysis.kinematics import integrate, to_earth
 from analysis.quality.motion.checks import SMALLEST
-from analysis.tables.table import NANO
 from hybrid.prediction.observer import LEAP_M
-from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.prediction_windows import PredictionWindows, row_numbers
 from hybrid.prediction.scores import Interval, LegBootstrap, distances
 from hybrid.vessel.channels import STATE_UNITS
 
@@ -119,7 +118,7 @@ def with_truths(
             joined = smooth(again, 1.0, levels=motion.noise).states
         except SeatrialError:  # too short to know its noise: nothing to judge by
             continue
-        rows = _rows(pd.DatetimeIndex(table.index), start_ns[mine], windows.horizon_s)
+        rows = row_numbers(table, start_ns[mine], np.arange(windows.horizon_s + 1))
         measured, smoothed, true, anew, rejoined = (
             _si(each.reindex(table.index), rows) for each in (table, motion.states, really, again, joined)
         )
@@ -196,14 +195,6 @@ def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats
 def _with_more(floor_m: Interval, beyond_m: float) -> Interval:
     """A floor with what is in it beside noise."""
     return Interval(*(float(np.hypot(each, beyond_m)) for each in (floor_m.value, floor_m.low, floor_m.high)))
-
-
-def _rows(times: pd.DatetimeIndex, start_ns: Ints, horizon_s: int) -> Ints:
-    """The rows [N, H+1] of a table at 1 Hz from each start on; -1 where it has none."""
-    times_ns = times.as_unit("ns").asi8
-    wanted = start_ns[:, None] + np.arange(horizon_s + 1) * NANO
-    row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
-    return np.where(times_ns[row] == wanted, row, -1)
 
 
 def _si(table: pd.DataFrame, rows: Ints) -> Floats:

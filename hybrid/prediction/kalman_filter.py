@@ -145,13 +145,13 @@ class Observations:
 
 
 def measured_past(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDArray[np.int64]]:
-    """The ``past`` of windows [N, P+1, channels] with what they start from at second 0, and for how many of so many
-    ``seconds`` it is without gaps [N].
+    """The last ``seconds`` of windows [N, seconds + 1, channels], newest first, with what they start from at second
+    0, and for how many of them there is no gap [N].
     """
     now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
-    past = windows.past.copy()
+    past = windows.past[:, : seconds + 1].copy()
     past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], now)
-    whole = np.isfinite(past[:, : seconds + 1]).all(axis=2)
+    whole = np.isfinite(past).all(axis=2)
     return past, (np.cumprod(whole, axis=1).sum(axis=1) - 1).clip(min=0).astype(np.int64)
 
 
@@ -171,16 +171,7 @@ def run_filter(
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
     with threads_for(len(observations) * (past.shape[1] + control.shape[1])):
         observe_and_predict(
-            plants,
-            past,
-            known,
-            *gains,
-            control,
-            observations.wind,
-            extra,
-            parameters,
-            states,
-            waves,
+            plants, past, known, *gains, control, observations.wind, extra, parameters, states, waves
         )
     return states, waves
 
@@ -193,7 +184,6 @@ def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindo
     """
     check_ship(windows.actuators, plant)
     past, known_s = measured_past(windows, OBSERVED_S)
-    past = np.ascontiguousarray(past[:, : OBSERVED_S + 1])
     alone = Observations(past, known_s, past[:, :0, CONTROLS], past[:, :0, WIND])
     states, _ = run_filter(pack(plant), plant, filter_gains(*NEUTRAL), alone)
     return replace(windows, start=states[:, 0])

@@ -226,13 +226,19 @@ def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Ac
     """The rows of a table so many seconds after each start [N, seconds, channels] in the channels' own units; NaN
     where there is none.
     """
+    row = row_numbers(table, start_ns, seconds)
+    columns = np.array([table.columns.get_loc(name) for name in trial_names(actuators)])
+    values = table.to_numpy(dtype=float)[row[..., None], columns]  # a tenth of the time of choosing columns first
+    values[row < 0] = np.nan
+    return np.asarray(values)
+
+
+def row_numbers(table: pd.DataFrame, start_ns: Ints, seconds: Ints) -> Ints:
+    """Which row of a table is so many seconds after each start [N, seconds]; -1 where there is none."""
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     wanted = start_ns[:, None] + seconds * NANO
     row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
-    columns = np.array([table.columns.get_loc(name) for name in trial_names(actuators)])
-    values = table.to_numpy(dtype=float)[row[..., None], columns]  # a tenth of the time of choosing columns first
-    values[times_ns[row] != wanted] = np.nan
-    return np.asarray(values)
+    return np.where(times_ns[row] == wanted, row, -1)
 
 
 def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int | None = None) -> PredictionWindows:

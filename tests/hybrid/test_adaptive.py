@@ -493,3 +493,16 @@ def test_outside_its_range_it_goes_on_by_itself(plant: Plant, learned: AdaptiveC
     assert (found.source == "hybrid").all()
     assert np.array_equal(found.tracks, learned.predict(windows, alone))
     assert found.outside_domain.all()
+    blind = replace(windows, past=np.full_like(windows.past, np.nan))
+    assert np.isfinite(learned.predict(blind, alone)).all()
+
+
+def test_many_windows_are_hindcast_as_few_are(
+    plant: Plant, learned: AdaptiveCalibrator, another_day: PredictionWindows, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A day of them is looked back on in parts, as all at once would fill the memory."""
+    alone = reference(another_day, plant)
+    whole = answers(learned, another_day, alone)
+    monkeypatch.setattr("hybrid.calibrators.adaptive.calibrator._AT_ONCE", 5)
+    for parted, together in zip(answers(learned, another_day, alone), whole, strict=True):
+        assert np.array_equal(parted, together)

@@ -80,16 +80,16 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     the mean wind of the last seconds is; with it what is left of gusts dies away in that time
     (:func:`expected_wind`).
     """
-    measured, known_s = measured_past(windows, OBSERVED_S)
+    measured, known_s = measured_past(windows, _MEAN_WIND_S)
     past = measured[:, : OBSERVED_S + 1]
     control = windows.commands
     if control is None:
         control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
     wind = np.repeat(_mean_wind(past)[:, None], windows.horizon_s, axis=1)
     if gust_s is not None:
-        wind = expected_wind(measured[:, : _MEAN_WIND_S + 1], gust_s, windows.horizon_s)
+        wind = expected_wind(measured, gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
-    return Observations(past, known_s, control, wind)
+    return Observations(past, known_s.clip(max=OBSERVED_S), control, wind)
 
 
 def _mean_control(past: Floats, actuators: Actuators) -> Floats:

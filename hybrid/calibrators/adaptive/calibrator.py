@@ -296,7 +296,8 @@ class AdaptiveCalibrator(Calibrator):
     ) -> tuple[Floats, Floats]:
         """The mean of ``tracks`` [N, H+1, 3] with those of models that follow what is measured more closely, of
         constant velocity and of the reference, weighted by how well each would have predicted the last minutes; and
-        their mean errors over these [N], as a logarithm.
+        their mean errors over these [N], as a logarithm. Of which they are not known has no say beside one of which
+        they are.
         """
         closer = [follow_closer(vector, more) for more in _CLOSER]
 
@@ -306,7 +307,9 @@ class AdaptiveCalibrator(Calibrator):
 
         every = np.stack([tracks, *candidates.tracks[1:], *follow(self._observed(windows))])
         logs = np.concatenate([candidates.minutes, self._last_minutes(windows, follow)])
-        usable = np.asarray(np.isfinite(every).all(axis=(2, 3)))
+        known = np.isfinite(logs)
+        logs = np.where(known, logs, self.usual_.mean)
+        usable = np.asarray(np.isfinite(every).all(axis=(2, 3)) & (known | ~known.any(axis=0)))
         usable[0] |= ~usable.any(axis=0)
         weight = np.where(usable, np.exp(-_MINUTES_POWER * (logs - logs.min(axis=0))), 0.0)
         weight /= weight.sum(axis=0)
