@@ -253,8 +253,9 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
     past = np.full((len(recorded), *windows.past.shape[1:]), np.nan)
     for number, each in enumerate(seconds):
         past[number * count : (number + 1) * count, : known - each] = windows.past[:, each:]
+    bare = replace(windows, past=windows.past[:, :0], truths=None, truth_errors=None)
     return replace(
-        windows if len(seconds) == 1 else windows.subset(np.tile(np.arange(count), len(seconds))),
+        bare if len(seconds) == 1 else bare.subset(np.tile(np.arange(count), len(seconds))),
         start=recorded[:, 0, :6],
         track=recorded[..., :3],
         wind=recorded[:, 0, WIND],

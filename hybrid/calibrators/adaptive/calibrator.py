@@ -97,6 +97,7 @@ _UNUSUAL = 0.95
 _DAYS_APART = np.log(2.0)
 """The prior standard deviation of a day's errors beside those of another day, as a logarithm: a factor of two."""
 _LEAST_LOG_M = 1e-6
+_AT_ONCE = 500  # windows whose last minutes are looked at together: a day of them would take gigabytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,6 +267,9 @@ class AdaptiveCalibrator(Calibrator):
         """The mean logarithms [K, N] of the mean errors of K predictors in hindcasts that begin at each of
         :data:`_MINUTES`; NaN where none of them was recorded. ``predict`` gives their tracks [.., H+1, 3].
         """
+        if len(windows) > _AT_ONCE:
+            halves = np.array_split(np.arange(len(windows)), 2)
+            return np.concatenate([self._last_minutes(windows.subset(each), predict) for each in halves], axis=1)
         before = hindcast_windows(windows, *_MINUTES, horizon_s=HINDCAST_S)
         error_m = np.stack([mean_distances(each, before.track) for each in predict(self._observed(before))])
         error_m = error_m.reshape(-1, len(_MINUTES), len(windows))
