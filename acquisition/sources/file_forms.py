@@ -15,13 +15,12 @@ from acquisition.core.frames import NANO, FrameFlag
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.sources.actisense import MARK, Cutter
-from acquisition.sources.line_forms import MILLI_NS, Entry, LineReader
+from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, MILLI_NS, Entry, LineReader
 
 _BLOCK_BYTES = 8192
 _LONGEST_PACKET = 65_536
 _LONGEST_RECORD = 4096
 _CUT_OFF = "its last record is cut off"
-_HIGHEST_IDENTIFIER = 0x1FFFFFFF
 _SERVICE = 0xFFFFFFFF  # in the place of an identifier, in Yacht Devices' files
 
 
@@ -109,7 +108,7 @@ def _ydvr_record(data: bytes, at: int) -> tuple[Entry | None, int] | None:
     if len(data) < at + 6:
         return None
     milliseconds, identifier = struct.unpack_from("<HI", data, at)
-    if milliseconds >= 60_000 or not (identifier == _SERVICE or identifier <= _HIGHEST_IDENTIFIER):
+    if milliseconds >= 60_000 or not (identifier == _SERVICE or identifier <= HIGHEST_IDENTIFIER):
         return None
     group, body = parameter_group(identifier)[0], at + 6
     length = _REQUEST_BYTES if group == _REQUEST and identifier != _SERVICE else 8
@@ -152,7 +151,7 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
         if identifier == _SERVICE:
             continue
         standard = bool(head & 0x8000)
-        if milliseconds >= 60_000 or identifier > (0x7FF if standard else _HIGHEST_IDENTIFIER):
+        if milliseconds >= 60_000 or identifier > (0x7FF if standard else HIGHEST_IDENTIFIER):
             reader.unreadable += 1
             continue
         time_ns = ((head & 0x3FF) * 60_000 + milliseconds) * MILLI_NS
@@ -238,7 +237,7 @@ def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader) -> Itera
     flags |= FrameFlag.REMOTE if identifier & 0x40000000 else FrameFlag.NONE
     flags |= FrameFlag.ERROR if identifier & 0x20000000 else FrameFlag.NONE
     data = b"" if flags & FrameFlag.REMOTE else packet[8 : 8 + packet[4]]
-    yield Entry(time_ns, data, identifier & _HIGHEST_IDENTIFIER, flags)
+    yield Entry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags)
 
 
 class FileForm(NamedTuple):

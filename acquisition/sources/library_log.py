@@ -11,9 +11,8 @@ from typing import BinaryIO
 import can
 
 from acquisition.sources.can_bus import flags_of
-from acquisition.sources.line_forms import Entry
+from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, Entry
 
-_HIGHEST_IDENTIFIER = 0x1FFFFFFF
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
 
 
@@ -54,7 +53,7 @@ class LibraryLog(logging.Filter):
         try:
             for message in self._reader:
                 cut = not self._size_bytes and _is_cut(message)
-                if message.arbitration_id <= _HIGHEST_IDENTIFIER and not cut:
+                if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
                     yield _logged(message)
                 else:
                     self.unreadable += 1

@@ -20,6 +20,8 @@ from acquisition.decoders.nmea0183 import checksum, split_tag
 from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
+HIGHEST_IDENTIFIER = 0x1FFFFFFF
+"""Of a CAN frame: 29 bits."""
 _MOST_BYTES = 64  # of a frame of CAN FD
 _LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
@@ -142,7 +144,7 @@ def _frame(time: str | None, identifier: str, data: bytes, remote: bool) -> Entr
         flags |= FrameFlag.STANDARD_ID
     if number & _ERROR_BIT:
         flags |= FrameFlag.ERROR
-    return Entry(time_ns, data, number & 0x1FFFFFFF, flags)
+    return Entry(time_ns, data, number & HIGHEST_IDENTIFIER, flags)
 
 
 _DATE_TIME = _pattern(
@@ -189,7 +191,7 @@ def _yacht_devices(match: re.Match[str]) -> Entry | None:
     """``17:33:21.107 R 19F51323 01 2F 30 70 00 2F 30 70``, and of some devices without time and direction."""
     time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     number = int(match["id"], 16)
-    if number > 0x1FFFFFFF or (match["clock"] and time_ns is None):
+    if number > HIGHEST_IDENTIFIER or (match["clock"] and time_ns is None):
         return None
     return Entry(time_ns, bytes.fromhex(match["data"]), number, turn_ns=DAY_NS)
 

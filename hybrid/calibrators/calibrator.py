@@ -148,7 +148,8 @@ def predict_with_fallback(
     windows: PredictionWindows,
     reference: Floats,
 ) -> PredictedTracks:
-    """The calibrator's tracks and regions, and the fallback's outside its domain or where it gives no number.
+    """The calibrator's tracks and regions, and the fallback's where it gives no number, or outside its domain if it
+    does not extrapolate.
 
     A calibrator that hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
     domain too. The region is the mean of both then: who is averaged lies no further off than on average.

@@ -24,8 +24,9 @@ from __future__ import annotations
 
 import os
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -133,24 +134,42 @@ def fit_network(
     The damping of Marquardt (1963) falls after a step that lowered the error and grows after one that did not.
     Rows are drawn on the processor, so that the same seed means the same rows on every device.
     """
-    torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
     perceptron, generator = Perceptron(network), torch.Generator().manual_seed(seed)
-    weights, damping = nn.utils.parameters_to_vector(network.parameters()).detach(), FIRST_DAMPING
-    share = DECAY_IN_WINDOWS / windows
-    best, best_error, since = weights, float("inf"), 0
-    rows: float = min(until.rows, FIRST_ROWS)
-    for step in range(until.steps):
-        weights, damping = _stepped(perceptron, weights, damping, share, _drawn(training, int(rows), generator))
-        rows = min(until.rows, MORE_ROWS * rows)
-        error = _mean_square(perceptron, weights, stopping)
-        since += 1
+
+    def steps() -> Iterator[Tensor]:
+        weights, damping = _weights_of(network), FIRST_DAMPING
+        share, rows = DECAY_IN_WINDOWS / windows, float(min(until.rows, FIRST_ROWS))
+        while True:
+            drawn = _drawn(training, int(rows), generator)
+            weights, damping = _stepped(perceptron, weights, damping, share, drawn)
+            rows = min(until.rows, MORE_ROWS * rows)
+            yield weights
+
+    _keep_best(network, steps(), stopping, until, progress)
+
+
+def _keep_best(
+    network: nn.Sequential, steps: Iterator[Tensor], stopping: Rows, until: StoppingRule, progress: Progress
+) -> None:
+    """Give the network those weights of all ``steps`` that err least on the ``stopping`` rows; they end where too
+    many have brought no gain.
+    """
+    torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
+    perceptron, best, best_error, since = Perceptron(network), _weights_of(network), float("inf"), 0
+    for step, weights in enumerate(islice(steps, until.steps), 1):
+        error, since = _mean_square(perceptron, weights, stopping), since + 1
         if error < best_error:
             best, best_error, since = weights, error, 0
         perceptron.give(weights, network)
-        progress((step + 1) / until.steps)
+        progress(step / until.steps)
         if since > until.patience:
             break
     perceptron.give(best, network)
+
+
+def _weights_of(network: nn.Sequential) -> Tensor:
+    """All weights of a network, one after the other; not those that it learns on."""
+    return nn.utils.parameters_to_vector(network.parameters()).detach()
 
 
 ADAM_RATE = 1e-3
@@ -166,25 +185,20 @@ def fit_network_by_adam(
     progress: Progress = lambda share: None,
 ) -> None:
     """As :func:`fit_network`, each step one pass over all rows by Adam, ``until.rows`` at a time."""
-    torch.set_num_threads(1)
-    perceptron, generator = Perceptron(network), torch.Generator().manual_seed(seed)
+    generator = torch.Generator().manual_seed(seed)
     adam = torch.optim.Adam(network.parameters(), lr=ADAM_RATE)
-    best, best_error, since = nn.utils.parameters_to_vector(network.parameters()).detach(), float("inf"), 0
-    for epoch in range(until.steps):
-        order = torch.randperm(len(training[0]), generator=generator).to(training[0].device)
-        for rows in torch.split(order, until.rows):
-            adam.zero_grad()
-            missed = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
-            missed.backward()  # type: ignore[no-untyped-call]
-            adam.step()
-        weights = nn.utils.parameters_to_vector(network.parameters()).detach()
-        error, since = _mean_square(perceptron, weights, stopping), since + 1
-        if error < best_error:
-            best, best_error, since = weights, error, 0
-        progress((epoch + 1) / until.steps)
-        if since > until.patience:
-            break
-    perceptron.give(best, network)
+
+    def passes() -> Iterator[Tensor]:
+        while True:
+            order = torch.randperm(len(training[0]), generator=generator).to(training[0].device)
+            for rows in torch.split(order, until.rows):
+                adam.zero_grad()
+                missed = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
+                missed.backward()  # type: ignore[no-untyped-call]
+                adam.step()
+            yield _weights_of(network)
+
+    _keep_best(network, passes(), stopping, until, progress)
 
 
 def _drawn(data: Rows, rows: int, generator: torch.Generator) -> Rows:

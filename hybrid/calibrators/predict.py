@@ -35,7 +35,8 @@ class Prediction(ModelResult):
 
     ``track`` [H+1, 3]: north, east [m], heading [rad]; ``band_m`` [H+1]: the radius of its 95 % region, if the
     method has one; ``measured`` [H+1, 3] where the recording goes on long enough. ``outside_domain`` says that the
-    start lies outside the calibrator's domain of applicability: then ``method`` names the fallback's main baseline.
+    start lies outside the calibrator's domain of applicability: unless the calibrator extrapolates, ``method`` then
+    names the fallback's main baseline.
     ``planned`` are the channels [H] of actuators that a plan had orders for, second by second.
     """
 

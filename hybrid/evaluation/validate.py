@@ -29,10 +29,10 @@ class Validation(ModelResult):
     ``two_sided`` has the scores from the starts as they are known afterwards, by the seconds to either side.
 
     ``outside`` counts the windows left out because the reference model left its range in them, ``jumps`` those in
-    which the positions jump. With a calibrator,
-    ``outside_domain`` [N] marks the windows outside its domain of applicability, where the fallback predicts;
-    ``source`` [N] names who predicted; ``radius_m`` [N, H] are the radii of its 95 % regions, ``band_m`` [H] their
-    medians. ``truths`` judges the methods by each sensor, where the windows have their tracks.
+    which the positions jump. With a calibrator, ``outside_domain`` [N] marks the windows outside its domain of
+    applicability, where the fallback predicts unless it extrapolates; ``source`` [N] names who predicted;
+    ``radius_m`` [N, H] are the radii of its 95 % regions, ``band_m`` [H] their medians.
+    ``truths`` judges the methods by each sensor, where the windows have their tracks.
     """
 
     windows: PredictionWindows
