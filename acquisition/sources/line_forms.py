@@ -15,8 +15,9 @@ from functools import partial
 from typing import NamedTuple
 
 from acquisition.core.frames import NANO, FrameFlag, Protocol
-from acquisition.decoders.clock import DAY_NS, is_possible
+from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.nmea0183 import checksum, split_tag
+from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, day_ns, possible_ns, told_time, zoned_ns
 from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
@@ -61,38 +62,6 @@ def message(
     identifier = (priority & 7) << 26 | group << 8 | source | (destination << 8 if addressed else 0)
     flags = FrameFlag.WHOLE if whole else FrameFlag.NONE
     return Entry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
-
-
-def utc_ns(date: str, clock: str, fraction: str | None, zone: str | None, usual: dt.tzinfo | None) -> int | None:
-    """A date, a time and a zone as ns since 1970; ``usual`` where no zone is given, None is this machine's.
-
-    >>> utc_ns("1970-01-01", "02:00:01", "25", "+02:00", None)
-    1250000000
-    """
-    try:
-        whole = dt.datetime.fromisoformat(f"{date}T{clock}")
-        if zone and zone not in ("Z", "UTC"):
-            sign, hours, minutes = -1 if zone[0] == "-" else 1, int(zone[1:3]), int(zone[3:].strip(":") or 0)
-            usual = dt.timezone(sign * dt.timedelta(hours=hours, minutes=minutes))
-        elif zone:
-            usual = dt.UTC
-        seconds = round((whole.replace(tzinfo=usual) if usual else whole.astimezone()).timestamp())
-    except (ValueError, OverflowError, OSError):
-        return None
-    return seconds * NANO + int((fraction or "")[:9].ljust(9, "0"))
-
-
-def day_ns(clock: str, fraction: str | None) -> int | None:
-    """A time of day, ``hh:mm:ss`` or ``hhmmss``, as ns since midnight; None where there is no such time.
-
-    >>> day_ns("17:33:21", "107")
-    63201107000000
-    """
-    digits = clock.replace(":", "")
-    hours, minutes, seconds = int(digits[:2]), int(digits[2:4]), int(digits[4:])
-    if hours > 23 or minutes > 59 or seconds > 59:
-        return None
-    return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
 _CANDUMP_LOG = _pattern(
@@ -156,17 +125,16 @@ def _candump_time_ns(text: str) -> int | None:
     """Seconds, or a date and time, in this machine's zone (as of candump) if it has none; None for others."""
     if "-" in text:
         found = _DATE_TIME.fullmatch(text)
-        return None if found is None else utc_ns(found[1], found[2], found[3], found[4], None)
+        return None if found is None else zoned_ns(found[1], found[2], found[3], found[4], None)
     seconds, _, fraction = text.partition(".")
     if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
         return None
     return int(seconds) * NANO + int(fraction[:9].ljust(9, "0"))
 
 
-_ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
 _CANBOAT = _pattern(
     r"(?P<date>\d{4}-\d\d-\d\d)[-T ](?P<clock>\d\d:\d\d:\d\d)(?:[.,](?P<fraction>\d{1,9}))?"
-    rf"{_ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
+    rf"{ZONE},(?P<priority>[0-7]),(?P<group>\d{{1,6}}),"
     r"(?P<source>\d{1,3}),(?P<destination>\d{1,3}),(?P<length>\d{1,4})(?P<data>(?:,[0-9A-Fa-f]{2})*),?\s*"
 )
 
@@ -174,7 +142,7 @@ _CANBOAT = _pattern(
 def _canboat(match: re.Match[str]) -> Entry | None:
     """Where it has more than 8 bytes canboat has put it together; one of 8 may be part of a longer message."""
     data = bytes.fromhex(match["data"].replace(",", ""))
-    time_ns = utc_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
+    time_ns = zoned_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
     header = int(match["priority"]), int(match["group"]), int(match["source"]), int(match["destination"])
@@ -298,7 +266,7 @@ def _garmin(match: re.Match[str]) -> Entry | None:
     if len(numbers) > 1:
         month, day, year, hour, minute, second, milli = map(int, numbers)
         clock = f"{hour:02d}:{minute:02d}:{second:02d}"
-        time_ns = utc_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
+        time_ns = zoned_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
     header = int(match["priority"]), int(match["group"]), int(match["source"]), int(match["destination"])
     return None if time_ns is None else message(header, data, time_ns)
 
@@ -335,69 +303,11 @@ _COMMENTS = frozenset("#;")
 _COLOUR = _pattern(r"\x1b\[[0-9;]*m")
 _BEGINNINGS = ("$", "!", "\\", "UdPbC")  # of a sentence, a TAG block, a datagram's prefix
 _ENDING = _pattern(r"(?P<inner>.*\*[0-9A-Fa-f]{2})[\s,;]+(?P<after>[^*]*)")
-_SENTENCE = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
 _ENVELOPES = (
     _pattern(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
     # OpenCPN's voyage data recorder: the time, the protocol, one or two columns of its own, what came.
     _pattern(r"(?P<before>[^,]*),NMEA2000,(?:[^,]*,){1,2}\"?(?P<inner>A?[0-9A-Fa-f][0-9A-Fa-f:.RT ]{11,})\"?"),
 )
-_TIMES = (
-    _pattern(
-        r"(?<!\d)(?P<year>\d{4})[-/](?P<month>\d\d)[-/](?P<day>\d\d)[-T ,_;\t]+(?P<clock>\d\d:\d\d:\d\d)"
-        rf"(?:[.,](?P<fraction>\d{{1,9}}))?\s?{_ZONE}"
-    ),
-    _pattern(  # the logs of American research vessels (SCS): the month comes first
-        r"(?<!\d)(?P<month>\d\d)/(?P<day>\d\d)/(?P<year>\d{4})[ ,;\t]+(?P<clock>\d\d:\d\d:\d\d)"
-        r"(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z)?"
-    ),
-    _pattern(
-        r"(?<!\d)(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)T(?P<clock>\d{6})"
-        rf"(?:\.(?P<fraction>\d{{1,9}}))?{_ZONE}"
-    ),
-    _pattern(
-        r"(?<!\d)(?P<year>\d{4})[:-](?P<yearday>\d{3})[:T](?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?"
-        r"(?P<zone>Z)?"
-    ),
-)
-_UNIX = _pattern(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
-_CLOCK = _pattern(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
-_SECONDS = _pattern(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
-
-
-def told_time(text: str) -> tuple[int | None, int] | None:
-    """The time in what stands before a sentence, and the turn of its clock [ns]; None where there is none.
-
-    A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
-    the log began. A time that cannot be is None itself.
-
-    >>> told_time("NAV 2013/11/20 05:00:04.5 GPS ") == told_time("1384923604.5 ") == (1384923604500000000, 0)
-    True
-    """
-    for pattern in _TIMES:
-        if found := pattern.search(text):
-            return _possible(_date_time_ns(found.groupdict())), 0
-    if found := _UNIX.search(text):
-        digits, _, fraction = found[1].partition(".")
-        return _possible(int((digits + fraction).ljust(19, "0"))), 0
-    if found := _CLOCK.search(text):
-        return day_ns(found[1], found[2]), DAY_NS
-    if found := _SECONDS.match(text):
-        return int(found[1]) * NANO + int(found[2].ljust(9, "0")), 0
-    return None
-
-
-def _possible(time_ns: int | None) -> int | None:
-    return time_ns if time_ns is not None and is_possible(time_ns) else None
-
-
-def _date_time_ns(parts: dict[str, str]) -> int | None:
-    year, month, day, clock = parts["year"], parts.get("month", "01"), parts.get("day", "01"), parts["clock"]
-    if int(month) > 12:  # then it was the day
-        month, day = day, month
-    if ":" not in clock:
-        clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
-    time_ns = utc_ns(f"{year}-{month}-{day}", clock, parts["fraction"], parts["zone"], dt.UTC)
-    return None if time_ns is None else time_ns + (int(parts.get("yearday", "1")) - 1) * DAY_NS
 
 
 class LineReader:
@@ -427,8 +337,8 @@ class LineReader:
             entry = self._bare(tagged.sentence.decode("latin-1"))
             if entry is None:
                 self.unreadable += 1
-            return _at(entry, None if tagged.time_ns is None else (_possible(tagged.time_ns), 0))
-        return None if _NO_ENTRY.fullmatch(text) else Entry(_possible(tagged.time_ns), line, protocol="nmea0183")
+            return _at(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
+        return None if _NO_ENTRY.fullmatch(text) else Entry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
 
     def _line(self, text: str) -> Entry | None:
         if "\x1b" in text:
@@ -451,7 +361,7 @@ class LineReader:
         """What stands behind a time or a name that a logger wrote before it."""
         if text[:1] in _COMMENTS:
             return None
-        if found := _SENTENCE.fullmatch(text):
+        if found := SENTENCE_BEHIND.fullmatch(text):
             inner = found["inner"].removesuffix('"') if found["before"].endswith('"') else found["inner"]
             return _at(self._sentence(inner), told_time(found["before"]))
         found = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
