@@ -13,7 +13,6 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.coarse_model import (
     CREDIBLE,
-    WORTH,
     is_coarse,
     name_of_coarse_model,
     replications,
@@ -98,7 +97,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
-        accepted = named or _if_no_worse(sensors, windows) or replace(first, names=(), tests={})
+        accepted = named or that_predict(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     accepted, gap, withdrawn = _judged(accepted, windows, found)
@@ -128,17 +127,28 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     )
 
 
-def _if_no_worse(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
-    """Errors of sensors, unless the model predicts worse with them."""
-    if sensors is None or not no_worse(windows, fitted_coordinates(sensors.evidence, sensors.names)):
+def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
+    """Errors of sensors without any of which legs left out are predicted worse; None where there is none.
+
+    That sensors contradict each other does not say which of them errs, nor that an error would be the same on
+    another day.
+    """
+    if sensors is None:
         return None
-    return sensors
+    rests, names = evidence_without(windows, sensors.evidence), sensors.names
 
+    def off_m(some: Sequence[str]) -> Floats:
+        return windows.by_leg_m(windows.by_other_folds(sizes_without(rests, some)))
 
-def no_worse(windows: UnseenWindows, at: Coordinates) -> bool:
-    """Whether what is predicted with effects ``at`` these sizes is about as close as without, or closer."""
-    off_m, before_m = (float(windows.by_leg_m(track).mean()) for track in (windows.predicted(at), windows.before))
-    return off_m <= (1.0 + WORTH) * before_m
+    while names:
+        whole_m = off_m(names)
+        lacking = {name: off_m([each for each in names if each != name]) for name in names}
+        idle = [name for name in names if not worth_it(lacking[name], whole_m)]
+        if not idle:
+            return replace(sensors, names=names, tests={name: sensors.tests[name] for name in names})
+        least = min(idle, key=lambda name: float(lacking[name].mean()))
+        names = tuple(name for name in names if name != least)
+    return None
 
 
 def _judged(

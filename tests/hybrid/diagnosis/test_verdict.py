@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.acceptance import LackOfFit
+from hybrid.diagnosis.acceptance import LackOfFit, acceptance_tests
 from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.verdict import intervals, makes_worse, no_worse, verdict_of
+from hybrid.diagnosis.sensor_consistency import find_contradictions
+from hybrid.diagnosis.verdict import intervals, makes_worse, that_predict, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
 from hybrid.report.diagnosis_sentences import unknown_cause
 from hybrid.vessel.plant import Plant
-from tests.hybrid.diagnosis.noisy_log import noisy_log
+from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 
 SHEAR = LackOfFit("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
 FADING = LackOfFit("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
@@ -72,12 +75,18 @@ def test_intervals_hold_the_value_and_stay_within_bounds(name: str) -> None:
         assert estimate.value == pytest.approx(effect.typical[each.name], rel=1e-6)
 
 
-def test_an_error_of_a_sensor_is_added_where_predictions_are_no_worse(plant: Plant) -> None:
-    """A compass that reads too much is put right, and not one that reads too little."""
+def test_an_error_of_a_sensor_is_named_where_it_predicts_legs_left_out(plant: Plant) -> None:
+    """A compass that is off shows in every leg; a bias beside it that is not there is left out."""
     log = noisy_log(CATALOGUE["heading_bias"].apply(plant, {"angle_deg": 3.0}), 3)
-    windows = unseen_windows(log, Model(plant, CATALOGUE))
-    assert no_worse(windows, {"heading_bias": (3.0,)})
-    assert not no_worse(windows, {"heading_bias": (-3.0,)})
+    model = Model(plant, CATALOGUE)
+    sensors = find_contradictions(log, model, QUIET)
+    assert sensors is not None
+    assert sensors.names == ("heading_bias",)
+    both = (*sensors.names, "sway_bias")
+    tests = {name: acceptance_tests(sensors.evidence, both, name) for name in both}
+    named = that_predict(replace(sensors, names=both, tests=tests), unseen_windows(log, model))
+    assert named is not None
+    assert (named.names, list(named.tests)) == (("heading_bias",), ["heading_bias"])
 
 
 def test_a_name_with_which_legs_left_out_are_predicted_worse_is_withdrawn(plant: Plant) -> None:
