@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from datetime import UTC, datetime, timedelta
 from enum import IntEnum, IntFlag
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 Protocol = Literal["can", "nmea0183", "mavlink"]
@@ -73,6 +74,32 @@ class Sample(NamedTuple):
     source_ns: int | None = None
     clock: str = "receiver"
     quality: Quality = Quality.NOT_EVALUATED
+
+
+_SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})
+
+
+def label_parts(source: str) -> tuple[str, str, list[str]]:
+    """A sample's source as its line, the device on it, and the message with what is said of it.
+
+    >>> label_parts("bus/35:130306 apparent derived")
+    ('bus', '35', ['130306', 'apparent', 'derived'])
+    """
+    line, _, rest = source.partition("/")
+    device, _, words = rest.partition(":")
+    return line, device, words.split(" ")
+
+
+@lru_cache(maxsize=4096)
+def sensor_of(source: str) -> str:
+    """Line and device of a sample's source: a satellite receiver is one, whichever satellites it names itself by.
+
+    >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+    True
+    """
+    line, device, _ = label_parts(source)
+    talker, at, tag = device.partition("@")
+    return f"{line}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
 
 
 Group = list[Sample]

@@ -38,6 +38,8 @@ class Decoder(typing.Protocol):
     """How many frames or values were refused, by reason."""
     notices: Notices
     """What there is to tell since it was last emptied; the caller empties it."""
+    fixes: dict[str, int]
+    """What each sensor's satellite receiver said last of its fix: 0 none, else by the numbers of GGA."""
 
     def decode(self, frame: Frame) -> list[Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""

@@ -106,6 +106,7 @@ class DbcDecoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
+        self.fixes: dict[str, int] = {}
         self._clock = clock
         self._devices = devices or BusDevices((), self.notices)
         self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}

@@ -32,6 +32,7 @@ UNKNOWN_VELOCITY = 32_767
 """What our own encoder sends in GLOBAL_POSITION_INT where it knows no velocity; no vessel makes 328 m/s."""
 _UNKNOWN = 65_535  # of speeds, courses and headings in 16 bits
 _FIX_IN_SPACE = 3
+_FIX_OF_TYPE = {0: 0, 1: 0, 2: 0, 3: 1, 4: 2, 5: 5, 6: 4}  # by the numbers of GGA
 _MICRO_NS = 1000
 _MILLI_NS = 1_000_000
 _OUT_OF_ORDER_MS = 1_000  # messages of several tasks, and datagrams, may overtake each other
@@ -115,6 +116,7 @@ class MavlinkDecoder:
         """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
+        self.fixes: dict[str, int] = {}
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         self._wanted = frozenset(_chosen(config) + _CONTEXT)
@@ -183,9 +185,11 @@ class MavlinkDecoder:
                 return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
                 return [(kind, _local_velocity(message)), ("GPS_GLOBAL_ORIGIN", self._local_position(message))]
-            case "GPS_RAW_INT" if message.fix_type < _FIX_IN_SPACE:
-                self.refused["no fix"] += 1
-                return []
+            case "GPS_RAW_INT":
+                self.fixes[f"{frame.origin}/{self._system_id}"] = _FIX_OF_TYPE.get(message.fix_type, 1)
+                if message.fix_type < _FIX_IN_SPACE:
+                    self.refused["no fix"] += 1
+                    return []
         return [(kind, _READERS[kind](message))]
 
     def _possible(self, values: Values) -> Values:

@@ -16,7 +16,7 @@ from typing import Literal
 
 from acquisition.config.sections import Clock, Thrusters
 from acquisition.core.actuators import DEFAULT, Actuators
-from acquisition.core.frames import Frame, Group
+from acquisition.core.frames import Frame, Group, sensor_of
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.decoders.machinery_sentences import machinery_readers
@@ -27,7 +27,7 @@ _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
 _SECONDS = re.compile(r"(\d{1,10})(?:\.(\d{1,9}))?")
 _MILLISECONDS = re.compile(r"\d{13}")
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
-_SENTENCE = re.compile(rb"[$!]([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")
+_SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,8 @@ class Nmea0183Decoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
+        self.fixes: dict[str, int] = {}
+        self._tell_gga: set[str] = set()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {})
@@ -126,9 +128,17 @@ class Nmea0183Decoder:
         reading = self._readers[kind](Fields(fields))
         told_ns = self._told_ns(reading, frame)
         label = _label(frame.origin, talker, kind, tagged, reading)
+        self._note_fix(kind, sensor_of(label), reading.fix)
         if reading.refused or not (reading.values or reading.date):
             self.refused[reading.refused or "no value"] += 1
         return self.clock.group(frame, label, reading.values, told_ns, reading.quality)
+
+    def _note_fix(self, kind: str, sensor: str, fix: int | None) -> None:
+        """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
+        if kind == "GGA":
+            self._tell_gga.add(sensor)
+        if fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
+            self.fixes[sensor] = fix
 
     def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
         """When the sentence says its values were true; what tells the date too also sets the line's clock."""

@@ -21,8 +21,10 @@ from acquisition.decoders.machinery_groups import machinery_readers
 from acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
     FIELDS,
+    FRAME_BYTES,
     GNSS_POSITION,
     READERS,
+    SHORT_FRAMES,
     SHORTEST_BYTES,
     SYSTEM_TIME,
     TIME_AND_DATE,
@@ -33,7 +35,6 @@ from acquisition.decoders.parameter_groups import (
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
 """What tells the time, best first: a position's time is that of the fix, which is late by the time it comes."""
-_FRAME_BYTES = 8
 
 
 def parameter_group(identifier: int) -> tuple[int, int]:
@@ -62,6 +63,7 @@ class Nmea2000Decoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
+        self.fixes: dict[str, int] = {}
         self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.devices = BusDevices(devices, self.notices)
@@ -83,6 +85,8 @@ class Nmea2000Decoder:
         if group in _CLOCKS:
             told_ns = group_time(message)
             self._announce(told_ns, frame, group, device, reading.quality)
+        if reading.fix is not None:
+            self.fixes[f"{frame.origin}/{device}"] = reading.fix
         meaning = f" {reading.meaning}" if reading.meaning else ""
         source = f"{frame.origin}/{device}:{group}{meaning}"
         return self.clock.group(frame, source, self._admitted(device, reading), told_ns, reading.quality)
@@ -117,7 +121,7 @@ class Nmea2000Decoder:
                 self.refused["impossible length"] += 1
                 return False
             return True
-        if len(frame.payload) != _FRAME_BYTES:
+        if len(frame.payload) not in (FRAME_BYTES, SHORT_FRAMES.get(group)):
             self.refused["frame of other than 8 bytes"] += 1
             return False
         return True

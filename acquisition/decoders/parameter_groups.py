@@ -27,6 +27,7 @@ Value = float | str
 _DAY_S = 86_400
 _WHOLE_TURN_RAD = 2 * pi + 1e-4  # a whole turn rounded up to the wire's step
 _NO_FIX, _NO_FIX_ERROR = 0, 14
+_METHODS = range(1, 9)  # numbered as the fixes of GGA are
 _SATELLITE_METHODS = range(1, 6)  # above them dead reckoning, manual input, simulator and what is not defined yet
 _MEASURED_MODES = range(2)  # of 130577: autonomous and differential; above them estimated, simulated, manual
 Values = list[tuple[str, Value]]
@@ -177,17 +178,23 @@ FIELDS: dict[int, dict[str, Field]] = {
 SHORTEST_BYTES = {GNSS_POSITION: 43, 130577: 14, 130578: 8}
 """The groups that come in several frames, and the least length that each can have."""
 
+FRAME_BYTES = 8
+SHORT_FRAMES = {127258: 6}
+"""Groups that some devices send without what is reserved at their end, and the length that they then have."""
+
 
 class Reading(NamedTuple):
     """What a message says to us.
 
-    ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about.
+    ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about, ``fix``
+    is what a receiver says of its fix, by the numbers of GGA.
     """
 
     values: Iterable[tuple[str, Value]]
     meaning: str = ""
     quality: Quality = Quality.NOT_EVALUATED
     instance: int | None = None
+    fix: int | None = None
 
 
 def given(values: Values) -> Values:
@@ -238,9 +245,10 @@ def _gnss_position(message: Message) -> Reading:
     """A position without a fix repeats an old one or invents one."""
     method = message["method"]
     if method in (_NO_FIX, _NO_FIX_ERROR):
-        return Reading([("latitude_deg", "no fix")], quality=Quality.MISSING)
+        return Reading([("latitude_deg", "no fix")], quality=Quality.MISSING, fix=0)
     quality = Quality.NOT_EVALUATED if method in _SATELLITE_METHODS else Quality.SUSPECT
-    return Reading(_position(message).values, quality=quality)
+    fix = int(method) if method in _METHODS else None
+    return Reading(_position(message).values, quality=quality, fix=fix)
 
 
 def _course_and_speed(message: Message) -> Reading:

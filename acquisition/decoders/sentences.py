@@ -29,6 +29,7 @@ NOT_VALID = "not marked valid"
 # Dead reckoning, typed in by hand, a simulator: true enough to be recorded, and to be looked at.
 _SUSPECT_MODES = frozenset("EMS")
 _SUSPECT_FIXES = frozenset("678")
+_FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
 
 
 class Fields:
@@ -77,7 +78,8 @@ class Fields:
 @dataclass(frozen=True, slots=True)
 class Reading:
     """What one sentence says. ``meaning`` tells apart the different things that one kind of sentence can say;
-    ``refused`` is why something in it was left out, empty if nothing was.
+    ``refused`` is why something in it was left out, empty if nothing was. ``fix`` is what the receiver says of its
+    fix, by the numbers of GGA.
     """
 
     values: Values = field(default_factory=list)
@@ -86,6 +88,7 @@ class Reading:
     refused: str = ""
     date: dt.date | None = None
     seconds_of_day: float | None = None
+    fix: int | None = None
 
 
 Reader = Callable[[Fields], Reading]
@@ -115,22 +118,24 @@ def _quality(mode: str) -> Quality:
 def _gga(fields: Fields) -> Reading:
     fix = fields.text(5)
     if fix in ("0", ""):
-        return Reading(refused=NOT_VALID)
+        return Reading(refused=NOT_VALID, fix=0)
     quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
-    return Reading(_position(fields, 1), quality=quality, seconds_of_day=fields.seconds_of_day(0))
+    number = int(fix) if fix in tuple("123456789") else None
+    return Reading(_position(fields, 1), quality=quality, seconds_of_day=fields.seconds_of_day(0), fix=number)
 
 
 def _gll(fields: Fields) -> Reading:
     mode = fields.text(6)
     if fields.text(5, absent="A") != "A" or mode == "N":
-        return Reading(refused=NOT_VALID)
-    return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=fields.seconds_of_day(4))
+        return Reading(refused=NOT_VALID, fix=0)
+    told = fields.seconds_of_day(4)
+    return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=told, fix=_FIX_OF_MODE.get(mode))
 
 
 def _rmc(fields: Fields) -> Reading:
     mode = fields.text(11)
     if fields.text(1) != "A" or mode == "N":
-        return Reading(refused=NOT_VALID)
+        return Reading(refused=NOT_VALID, fix=0)
     movement = present(
         ("course_over_ground_deg", fields.number(7)),
         ("speed_over_ground_mps", _knots(fields, 6)),
@@ -141,6 +146,7 @@ def _rmc(fields: Fields) -> Reading:
         quality=_quality(mode),
         date=_six_digit_date(fields.text(8)),
         seconds_of_day=fields.seconds_of_day(0),
+        fix=_FIX_OF_MODE.get(mode),
     )
 
 

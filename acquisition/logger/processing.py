@@ -3,108 +3,25 @@
 from __future__ import annotations
 
 import logging
+from collections import ChainMap
 from dataclasses import dataclass, replace
 from itertools import chain
 
 from acquisition.config.configuration import TrialConfig
-from acquisition.config.sections import AnySource, CanFrames
+from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Frame, Group, Sample
 from acquisition.decoders import Decoder, decoders_by_protocol
 from acquisition.logger.derive import Derivation
-from acquisition.logger.health import SILENT_NS, Health
+from acquisition.logger.health import Health
+from acquisition.logger.selection import POSITION, VARIATION, VARIATION_KEEPS_NS, Selector
 from acquisition.logger.supervision import LOG
 from acquisition.recording.messages import MessageSink
 
-_MOST_RANKS = 10_000
-
-# What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
-# often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA tells whether there is a fix at all.
-_CHOICE = {
-    **dict.fromkeys(("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "VWR", "VWT", "HTD"), 1),
-    **dict.fromkeys(("GPS_RAW_INT", "GPS_GLOBAL_ORIGIN"), 2),
-}
-_MEANING = {"": 0, "engine": 1, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
-"""How far from the channel itself a message's reference is: what needs less derivation is preferred."""
-
-Rank = tuple[int, int, int]
+_VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination errs by, as its makers say (0.4 deg)
 _EVENTS_A_MINUTE = 30
 DECODED = "decoding"
 """The name of events that decoding brings forth, and would bring forth again."""
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
-_POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
-
-
-@dataclass(slots=True)
-class _Holder:
-    source: str
-    rank: Rank
-    last_ns: int
-
-
-class Selector:
-    """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
-
-    The order of the configuration's sources is the order of preference, and within a bus the order of its
-    devices. Of two messages the finer one has it, and what needs less derivation. What is equal in all this, two
-    devices that are not listed, say, is decided by who came first, until that has been silent for 2.5 s.
-    """
-
-    def __init__(self, sources: tuple[AnySource, ...]) -> None:
-        self._lines = {
-            (source.name, channel): rank for rank, source in enumerate(sources) for channel in source.channels
-        }
-        self._devices = {
-            (source.name, device.name): rank
-            for source in sources
-            if isinstance(source, CanFrames)
-            for rank, device in enumerate(source.devices)
-        }
-        self._ranks: dict[tuple[str, str], Rank | None] = {}
-        self._holders: dict[str, _Holder] = {}
-
-    def admit(self, sample: Sample) -> tuple[bool, str]:
-        """Whether the sample is the channel's, and a text for the event log if the channel changed hands.
-
-        Call once a sample, in order of reception.
-        """
-        rank = self._rank(sample.source, sample.quantity)
-        if rank is None:
-            return False, ""
-        holder = self._holders.get(sample.quantity)
-        if holder is None:
-            self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)
-            return True, ""
-        if holder.source == sample.source:
-            holder.last_ns = sample.monotonic_ns
-            return True, ""
-        if rank < holder.rank or sample.monotonic_ns - holder.last_ns > SILENT_NS:
-            text = f"{sample.quantity}: from {holder.source} to {sample.source}"
-            self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)
-            return True, text
-        return False, ""
-
-    def _rank(self, source: str, quantity: str) -> Rank | None:
-        key = source, quantity
-        if key not in self._ranks:
-            if (
-                len(self._ranks) >= _MOST_RANKS
-            ):  # sources are named by what comes off the wire: there is no end to them
-                self._ranks.clear()
-            self._ranks[key] = self._work_out_rank(source, quantity)
-        return self._ranks[key]
-
-    def _work_out_rank(self, source: str, quantity: str) -> Rank | None:
-        """Preference of the line, of the device on it, of the message; None where the line is not to provide it."""
-        line, _, rest = source.partition("/")
-        line_rank = self._lines.get((line, quantity))
-        if line_rank is None:
-            return None
-        device, _, words = rest.partition(":")
-        message, *meaning = words.split(" ")
-        derived = meaning[-1:] == ["derived"] and quantity not in ("north_m", "east_m")
-        kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
-        device_rank = self._devices.get((line, device), len(self._devices))
-        return line_rank, device_rank, 10 * _CHOICE.get(message, 0) + kind + derived
 
 
 @dataclass(slots=True)
@@ -136,11 +53,17 @@ class FrameProcessor:
             health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
         self._derivation = Derivation(
             config.trial,
-            frozenset(each.name for each in config.sources if _POSITION & set(each.channels)),
+            frozenset(each.name for each in config.sources if POSITION & set(each.channels)),
             {each.name: each.mounting for each in config.sources},
             config.magnetic_variation_deg,
         )
-        self._selector = Selector(config.sources)
+        fixes = ChainMap(
+            *(each.fixes for decoders in self._decoders.values() for each in chain(*decoders.values()))
+        )
+        self._selector = Selector(config.sources, fixes)
+        self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
+        self._variation: Sample
+        self._contradict: set[str] = set()
         self._seeks_origin = config.trial.origin is None
         self._in_storm: set[str] = set()
         self._allowances = {each.name: _Allowance() for each in config.sources}
@@ -159,7 +82,7 @@ class FrameProcessor:
         health = self._health.sources[frame.origin]
         for decoder in self._decoders[frame.origin].get(frame.protocol, ()):
             for group in self._decoded(decoder, frame):
-                samples, impossible = self._derivation.channels(group)
+                samples, impossible = self._derivation.channels(self._with_chosen_variation(group, frame))
                 health.impossible += impossible
                 self._record(samples, frame)
             while decoder.notices:
@@ -177,6 +100,31 @@ class FrameProcessor:
             decoder.refused["decoder failed"] += 1
             return []
 
+    def _with_chosen_variation(self, group: Group, frame: Frame) -> Group:
+        """The group, without a magnetic variation of another source than the one that all headings go by."""
+        sample = next((each for each in group if each.quantity == VARIATION), None)
+        if sample is None or not BY_NAME[VARIATION].holds(sample.value):
+            return group
+        chosen, change = self._variations.admit(sample)
+        if change:
+            self._tell(frame, change, "warning")
+        if chosen:
+            self._variation = sample
+            return group
+        self._tell_contradiction(sample, frame)
+        return [each for each in group if each is not sample]
+
+    def _tell_contradiction(self, sample: Sample, frame: Frame) -> None:
+        """Say once of each other source of a magnetic variation that it tells another."""
+        off_deg = sample.value - self._variation.value
+        if abs(off_deg) > _VARIATION_ERROR_DEG and sample.source not in self._contradict:
+            self._contradict.add(sample.source)
+            text = (
+                f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg, {off_deg:+.2f} deg from"
+                f" that of {self._variation.source}, which is taken; who is listed first is believed"
+            )
+            self._tell(frame, text, "warning")
+
     def _record(self, samples: list[Sample], frame: Frame) -> None:
         has_position = False
         for sample in samples:
@@ -187,7 +135,7 @@ class FrameProcessor:
                 self._writer.write_sample(sample)
                 self._health.count_in(sample)
                 self._derivation.remember(sample)
-                has_position = has_position or sample.quantity in _POSITION
+                has_position = has_position or sample.quantity in POSITION
         if has_position:
             self._record_position({each.quantity: each for each in samples})
         if self._seeks_origin and self._derivation.origin is not None:

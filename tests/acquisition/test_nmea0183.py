@@ -149,6 +149,7 @@ def test_what_each_sentence_says(body: str, expected: dict[str, float]) -> None:
         (b"$RCTRC,2,402.6,R,,V,88.3,B,C*50", {"port_order_rpm": 402.6, "port_order_angle_deg": 88.3}),
         (sound("HEHDT,12.3,T").lower(), {}),
         (b"$HEHDT,12.3,T*1f", {"heading_deg": 12.3}),
+        (b"$$HEHDT,12.3,T*1F", {"heading_deg": 12.3}),
         (sound("HEHDT,12.3,T")[:-2] + b"00", {}),
         (b"$HEHDT,12.3,T", {}),
         (b"$HEHDT,12.3,T*+F", {}),

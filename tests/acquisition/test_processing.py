@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import math
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from rich.console import Console
@@ -21,6 +24,7 @@ from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.processing import FrameProcessor
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
+from tests.acquisition.can_frames import can_frame, identifier_of
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS
 
 SECOND = 1_000_000_000
@@ -229,3 +233,72 @@ def test_a_storm_of_claims_does_not_fill_the_event_log(tmp_path: Path) -> None:
     texts = [text for _, text in read_recording(tmp_path / "x.mcap").events]
     assert 30 < len(texts) <= 61
     assert sum("events were left out" in text for text in texts) == 1
+
+
+BUS = """
+[[source]]
+name = "bus"
+type = "can"
+interface = "virtual"
+channel = "x"
+channels = ["heading_deg", "magnetic_variation_deg", "north_m", "east_m"]
+"""
+
+
+def record_frames(folder: Path, text: str, frames: list[Frame]) -> tuple[Recording, Health]:
+    config = configured(folder, text)
+    health = Health({each.name: SourceHealth(each.name) for each in config.sources})
+    with RecordingWriter(folder / "x.mcap", config.trial) as writer:
+        processing = FrameProcessor(config, writer, health)
+        for frame in frames:
+            processing.process(frame)
+    return read_recording(folder / "x.mcap"), health
+
+
+def variation(address: int, value_deg: float, at_s: float) -> Frame:
+    """127258 as some devices send it: 6 bytes, without what is reserved behind."""
+    data = struct.pack("<BBHh", 1, 0xF7, 20_000, round(math.radians(value_deg) * 1e4))
+    return can_frame(identifier_of(127258, address), data, at_s)
+
+
+def magnetic(heading_deg: float, at_s: float, variation_deg: float | None = None) -> Frame:
+    own = 0x7FFF if variation_deg is None else round(math.radians(variation_deg) * 1e4)
+    data = struct.pack("<BHhhB", 1, round(math.radians(heading_deg) * 1e4), 0x7FFF, own, 0xFD)
+    return can_frame(identifier_of(127250, 36), data, at_s)
+
+
+def test_two_variations_do_not_make_the_heading_jump(tmp_path: Path) -> None:
+    """A plotter's and the compass's own differ by 4.55 deg: one of them is taken, and it is said which."""
+    frames = []
+    for number in range(400):
+        at_s = 0.1 * number
+        own = -11.0 if number % 3 == 0 else None
+        frames.append(magnetic(100.0, at_s, own))
+        if number % 10 == 5:
+            frames.append(variation(3, -15.55, at_s + 0.01))
+    recording, health = record_frames(tmp_path, BUS, frames)
+    heading = recording.series["heading_deg"].value
+    assert len(heading) == 400
+    assert np.ptp(heading) < 0.01
+    assert heading[0] == pytest.approx(89.0, abs=0.01)
+    assert np.ptp(recording.series["magnetic_variation_deg"].value) < 0.01
+    (told,) = [text for _, text in recording.events if "variation" in text]
+    assert told.startswith("bus/3:127258")
+    assert "-4.55 deg from that of bus/36:127250" in told
+    assert not health.sources["bus"].rejected
+
+
+def test_the_variation_that_is_listed_first_is_taken_and_outlasts_silence(tmp_path: Path) -> None:
+    listed = BUS + 'devices = [{ name = "plotter", address = 3 }]\n'
+    frames = [variation(3, -15.55, 0.0)]
+    for number in range(1, 300):
+        frames += [variation(9, -11.0, 0.1 * number), magnetic(100.0, 0.1 * number)]
+    recording, _ = record_frames(tmp_path, listed, frames)
+    assert recording.series["heading_deg"].value == pytest.approx(84.45, abs=0.01)
+
+
+def test_a_variation_serves_that_no_source_lists(tmp_path: Path) -> None:
+    text = BUS.replace('"magnetic_variation_deg", ', "")
+    recording, _ = record_frames(tmp_path, text, [variation(3, 2.0, 0.0), magnetic(100.0, 0.1)])
+    assert recording.series["heading_deg"].value == pytest.approx(102.0, abs=0.01)
+    assert "magnetic_variation_deg" not in recording.series

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from acquisition.config.sections import CanSource, Device, UdpSource
 from acquisition.core.frames import Sample
 from acquisition.logger.health import SILENT_NS
-from acquisition.logger.processing import Selector
+from acquisition.logger.selection import Selector
 
 SECOND = 1_000_000_000
 HEADING = ("heading_deg",)
@@ -132,6 +132,76 @@ def test_the_preferred_line_has_the_channel_even_by_its_coarser_message() -> Non
     said = [("line/GP:GGA derived", 0.0), ("bus/9:129025 derived", 0.1), ("bus/gps:129029 derived", 0.2)]
     said += [("bus/9:129025 derived", 0.3), ("line/GP:GGA derived", 0.4)]
     assert admitted(selector, *said, quantity="north_m") == [source for source, _ in said[:3]]
+
+
+def fixed(source: str, at_s: float, told_s: float | None = None, quantity: str = "north_m") -> Sample:
+    told_ns = None if told_s is None else round(told_s * SECOND)
+    return Sample(quantity, 1.0, source, 0, round(at_s * SECOND), 0, told_ns)
+
+
+def test_a_receiver_that_changes_its_talker_goes_on_without_a_gap_and_without_a_word() -> None:
+    """By the seconds of its fixes, in whatever bursts they come; without them by its usual interval."""
+    for told in (True, False):
+        selector = Selector((line("gps", ("north_m",)),))
+        talkers = ["GN", "GN", "GN", "GP", "GP", "GN", "GL", "GN"]
+        for second, talker in enumerate(talkers):
+            came_s = second if not told else 4 * (second // 4)
+            said = fixed(f"gps/{talker}:GGA derived", came_s, second if told else None)
+            assert selector.admit(said) == (True, ""), (told, second)
+
+
+def test_two_receivers_on_a_line_that_tell_their_fixes_side_by_side_do_not_mix() -> None:
+    selector = Selector((line("gps", ("north_m",)),))
+    said = [
+        (f"gps/{talker}:GGA derived", second + late)
+        for second in range(9)
+        for talker, late in (("GP", 0.0), ("GN", 0.1))
+    ]
+    del said[6]  # one fix of the first is lost: no reason to put in one of the other
+    assert set(admitted(selector, *said, quantity="north_m")) == {"gps/GP:GGA derived"}
+    text = "north_m: from gps/GP:GGA derived to gps/GN:GGA derived"
+    assert selector.admit(fixed("gps/GN:GGA derived", 20.0)) == (True, text)
+
+
+def test_the_sentences_of_one_receiver_do_not_compete() -> None:
+    """One a fix becomes the position, and that GGA has taken over from RMC is no news."""
+    selector = Selector((line("gps", ("north_m",)),))
+    said = [(f"gps/{name} derived", second) for second in range(5) for name in ("GN:RMC", "GP:GGA", "GN:GLL")]
+    results = [selector.admit(fixed(source, at_s)) for source, at_s in said]
+    assert [source for (source, _), (accepted, _) in zip(said, results, strict=True) if accepted] == [
+        "gps/GN:RMC derived", *5 * ["gps/GP:GGA derived"],
+    ]  # fmt: skip
+    assert {text for _, text in results} == {""}
+    assert selector.admit(fixed("gps/GN:GLL derived", 9.0)) == (True, "")
+
+
+def test_a_position_without_satellites_gives_way_and_comes_back() -> None:
+    fixes = {"first/GN": 4, "second/GN": 1}
+    selector = Selector((line("first", ("north_m",)), line("second", ("north_m",))), fixes)
+    said = [("first/GP:GGA", 0.0), ("second/GP:GGA", 0.1)]
+    assert admitted(selector, *said, quantity="north_m") == ["first/GP:GGA"]
+    fixes["first/GN"] = 6  # dead reckoning
+    said = [("first/GP:GGA", 1.0), ("second/GP:GGA", 1.1), ("first/GP:GGA", 2.0), ("second/GP:GGA", 2.1)]
+    assert admitted(selector, *said, quantity="north_m") == ["first/GP:GGA", *2 * ["second/GP:GGA"]]
+    fixes["first/GN"] = 1
+    assert admitted(selector, ("first/GP:GGA", 3.0), quantity="north_m") == ["first/GP:GGA"]
+
+
+def test_of_those_that_stand_in_the_better_fix_has_the_position() -> None:
+    """The first in the file has it, whatever its fix; when it fails, fixes count before the order."""
+    fixes = {"first/GN": 1, "second/GN": 1, "third/GN": 4}
+    selector = Selector(tuple(line(name, ("north_m",)) for name in ("first", "second", "third")), fixes)
+    every = [f"{name}/GP:GGA" for name in ("third", "first", "second")]
+    assert admitted(selector, *((name, 0.0) for name in every), quantity="north_m")[-1] == "first/GP:GGA"
+    assert admitted(selector, *((name, 3.0) for name in (every[2], every[0], every[2])), quantity="north_m") == [
+        "second/GP:GGA", "third/GP:GGA",
+    ]  # fmt: skip
+
+
+def test_of_two_receivers_on_a_bus_the_better_fix_has_the_position() -> None:
+    selector = Selector((bus(channels=("north_m",)),), {"bus/9": 1, "bus/12": 5})
+    said = [("bus/9:129025 derived", 0.0), ("bus/12:129025 derived", 0.1), ("bus/9:129025 derived", 0.2)]
+    assert admitted(selector, *said, quantity="north_m") == [source for source, _ in said[:2]]
 
 
 RANKED = ("first/HE:HDT", "first/HE:HDG derived", "bus/gyro:127250", "bus/7:127250", "last/HE:HDT")
