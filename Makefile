@@ -38,9 +38,10 @@ test: $(STAMP)   ## the test suite (-n 2: two processes)
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow
 
-oracle: $(STAMP) ## rudder ships against another program, which it installs
+oracle: $(STAMP) ## rudder ships and NetCDF against other programs, which it installs
 	$(PIP) install --no-deps shipmmg==0.0.11
-	$(BIN)/python -m pytest tests/hybrid/test_rudder_ships.py
+	$(PIP) install --constraint constraints.txt compliance-checker==6.1.0
+	$(BIN)/python -m pytest tests/hybrid/test_rudder_ships.py tests/analysis/test_netcdf.py
 
 pages: $(STAMP)  ## the tutorial word by word, the notebooks, the site
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m pages

@@ -90,9 +90,15 @@ def export(
     remove_delays: Annotated[
         bool, typer.Option("--remove-delays", help="Estimate how late channels are stamped, and take that off.")
     ] = False,
-    flags: Annotated[bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel.")] = False,
+    flags: Annotated[
+        bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel; NetCDF has them always.")
+    ] = False,
+    attribute: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0. Give it often."),
+    ] = None,
 ) -> None:
-    """Write a recording as a table: Parquet, CSV or .mat."""
+    """Write a recording as a table: Parquet, CSV, .mat or NetCDF (.nc: CF-1.11, ACDD-1.3)."""
     from dataclasses import asdict
 
     from acquisition.recording.reader import read_recording
@@ -100,17 +106,34 @@ def export(
     from analysis.tables.export import export_table
     from analysis.tables.table import history_of
 
-    expect_suffix(output, ".parquet", ".csv", ".mat")
-    how = Preparation(rate, repair, remove_delays, smooth, flags)
+    netcdf = expect_suffix(output, ".parquet", ".csv", ".mat", ".nc") == ".nc"
+    attributes = _named_values(attribute or [])
+    if attributes and not netcdf:
+        raise typer.BadParameter("--attribute is for NetCDF: name the output .nc")
+    how = Preparation(rate, repair, remove_delays, smooth, flags or netcdf)
     table = prepare(read_recording(file), how)
-    written, *beside = export_table(table, output, options=asdict(how))
+    written, *beside = export_table(table, output, asdict(how), attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
             typer.echo(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s", err=True)
     typer.echo(f"{len(table):,} rows of {len(table.columns)} columns", err=True)
     for path in beside:
         typer.echo(f"units, trial and provenance: {path}", err=True)
+    if netcdf:
+        from analysis.tables.netcdf import remarks
+
+        for remark in remarks(table, attributes):
+            typer.echo(remark, err=True)
     typer.echo(written)
+
+
+def _named_values(given: list[str]) -> dict[str, str]:
+    """Options like NAME=VALUE by name."""
+    pairs = [each.partition("=") for each in given]
+    wrong = [name for name, _, value in pairs if not (name.isidentifier() and value)]
+    if wrong:
+        raise typer.BadParameter(f"{wrong[0]!r} is no NAME=VALUE, like license=CC-BY-4.0")
+    return {name: value for name, _, value in pairs}
 
 
 def windows(

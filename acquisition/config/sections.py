@@ -452,7 +452,10 @@ class Origin:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class RunSheet:
-    """What a person says of a trial, in a configuration or in a column map."""
+    """What a person says of a trial, in a configuration or in a column map.
+
+    From ``summary`` on it is what a data centre asks for, by its names in ACDD-1.3.
+    """
 
     name: str = ""
     vessel: str = ""
@@ -464,6 +467,13 @@ class RunSheet:
     loading: str = ""
     sea_state: str = ""
     crew_notes: str = ""
+    summary: str = ""
+    keywords: str = ""
+    creator_name: str = ""
+    creator_email: str = ""
+    institution: str = ""
+    project: str = ""
+    license: str = ""
 
     def as_trial(self) -> Trial:
         """The run sheet as a recording carries it."""

@@ -23,7 +23,8 @@ class Trial:
 
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is that
     of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to. ``actuators`` lists the ship's as
-    :func:`acquisition.core.actuators.as_text` writes them; empty for the default list.
+    :func:`acquisition.core.actuators.as_text` writes them; empty for the default list. From ``summary`` on it is
+    what a data centre asks for, by its names in ACDD-1.3.
     """
 
     name: str = ""
@@ -38,6 +39,13 @@ class Trial:
     loading: str = ""
     sea_state: str = ""
     actuators: str = ""
+    summary: str = ""
+    keywords: str = ""
+    creator_name: str = ""
+    creator_email: str = ""
+    institution: str = ""
+    project: str = ""
+    license: str = ""
 
     @property
     def origin(self) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""Table files as they are: CSV, Parquet and .mat to a frame of raw columns, cells to numbers and times.
+"""Table files as they are: CSV, Parquet, .mat and NetCDF to a frame of raw columns, cells to numbers and times.
 
 Rows keep their order and their number. What cannot be read is one :class:`InputError` that says where.
 """
@@ -10,6 +10,7 @@ import csv
 import gzip
 import json
 import lzma
+import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -80,13 +81,13 @@ def read_raw(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
     suffix, packed = _kind_of(path)
-    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}
+    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat, ".nc": _read_netcdf}
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
     if suffix.lower() not in readers or packed.lower() not in _OPENERS or (packed and suffix.lower() != ".csv"):
         raise InputError(
             "is of no kind that can be imported", where=str(path),
-            fix=f"give .csv, also with {', '.join(filter(None, _OPENERS))}, or .parquet or .mat",
+            fix=f"give .csv, also with {', '.join(filter(None, _OPENERS))}, or .parquet, .mat or .nc",
         )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), fix="give a table that holds data")
@@ -197,6 +198,42 @@ def _read_mat(path: Path) -> RawTable:
             f"holds vectors that are not {usual} long: {', '.join(odd)}", where=str(path), fix="leave them out"
         )
     return RawTable(path, pd.DataFrame(vectors), _trial(trial) if isinstance(trial, dict) else Trial())
+
+
+_HDF5 = b"\x89HDF"
+_SINCE = re.compile(r"(seconds|minutes|hours|days) since (.+)")
+_SECONDS = {"seconds": 1.0, "minutes": 60.0, "hours": 3600.0, "days": 86_400.0}
+
+
+def _read_netcdf(path: Path) -> RawTable:
+    """The variables along the dimension of ``time``, in the classic format; fill values become NaN."""
+    from scipy.io import netcdf_file
+
+    with path.open("rb") as stream:
+        if stream.read(4) == _HDF5:
+            raise InputError("is NetCDF-4", where=str(path), fix="bring it to the classic format: nccopy -k nc6")
+    with netcdf_file(path, mmap=False) as file:
+        if "time" not in file.variables:
+            raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
+        rows = file.variables["time"].dimensions
+        columns = {name: _unfilled(each) for name, each in file.variables.items() if each.dimensions == rows}
+        since = _SINCE.match(getattr(file.variables["time"], "units", b"").decode())
+        trial, ours = json.loads(getattr(file, "trial", b"{}")), hasattr(file, "provenance")
+    if ours:  # lat and lon follow from the other columns
+        columns = {name: values for name, values in columns.items() if name not in ("lat", "lon")}
+    frame = pd.DataFrame(columns)
+    if since:
+        start = pd.Timestamp(since[2])
+        seconds = frame["time"] * _SECONDS[since[1]]
+        frame["time"] = (start.tz_localize("UTC") if start.tz is None else start) + pd.to_timedelta(seconds, "s")
+    return RawTable(path, frame, _trial(trial))
+
+
+def _unfilled(variable: Any) -> NDArray[Any]:
+    """A NetCDF variable's values in this machine's order of bytes, NaN where there is none."""
+    values = variable.data.astype(variable.data.dtype.newbyteorder("="))
+    fill = getattr(variable, "_FillValue", None)
+    return values if fill is None else np.where(values == fill, np.nan, values)
 
 
 def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:

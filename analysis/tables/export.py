@@ -1,7 +1,7 @@
-"""A table as Parquet, CSV or .mat, with the units and where it all comes from in or beside the file.
+"""A table as Parquet, CSV, .mat or NetCDF, with the units and where it all comes from in or beside the file.
 
-Parquet carries both in its metadata and .mat in structs. CSV has no place for them and has to open anywhere
-without options, so that they stand in a second file beside it, the name with ``.json`` after it.
+Parquet carries both in its metadata, .mat in structs and NetCDF in attributes. CSV has no place for them and has to
+open anywhere without options, so that they stand in a second file beside it, the name with ``.json`` after it.
 """
 
 from __future__ import annotations
@@ -31,16 +31,23 @@ _MAT_TITLE, _MAT_TITLE_BYTES = b"MATLAB 5.0 MAT-file, written by Seatrial", 116
 _RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
 
 
-def export_table(table: pd.DataFrame, path: Path, options: Mapping[str, Any] | None = None) -> list[Path]:
-    """Write a table as Parquet, CSV or .mat by the suffix of ``path`` and return the files that were written.
+def export_table(
+    table: pd.DataFrame,
+    path: Path,
+    options: Mapping[str, Any] | None = None,
+    attributes: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Write a table as Parquet, CSV, .mat or .nc by the suffix of ``path`` and return the files that were written.
 
-    Units, trial and :func:`analysis.tables.table.provenance_of` go with it. A file appears under its
-    name only when it is complete. Raises :class:`InputError` for another suffix and :class:`StorageError` when
-    it cannot be written.
+    Units, trial and :func:`analysis.tables.table.provenance_of` go with it, and global ``attributes`` with NetCDF.
+    A file appears under its name only when it is complete. Raises :class:`InputError` for another suffix and
+    :class:`StorageError` when it cannot be written.
     """
     path = Path(path)
     kind = expect_suffix(path, *_WRITERS)
     about = _about(table, options or {})
+    if attributes:
+        about["attributes"] = dict(attributes)
     return _WRITERS[kind](table, path, about)
 
 
@@ -142,6 +149,12 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     return [path]
 
 
+def _write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    from analysis.tables.netcdf import write_netcdf
+
+    return write_netcdf(table, path, about)
+
+
 def matlab_name(name: str) -> str:
     """A name that MATLAB takes: letters, digits and underscores, a letter first, at most 63 characters."""
     plain = re.sub(r"\W", "_", name, flags=re.ASCII)
@@ -149,5 +162,5 @@ def matlab_name(name: str) -> str:
 
 
 _WRITERS: dict[str, Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]] = {
-    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat,
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".nc": _write_netcdf,
 }  # fmt: skip

@@ -183,14 +183,10 @@ def _resampled(
     """One channel's valid samples on the grid; NaN where it has nothing to say."""
     circular = is_circular(name)
     times, samples = _sorted_without_repeats(time_ns, values, circular)
-    result = np.full(grid_ns.size, np.nan)
-    if times.size == 0 or grid_ns.size == 0:
-        return result
     interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
-    covered, before, share = _bracket(times, grid_ns, limit_ns)
-    result[covered] = _interpolated(samples, before[covered], share[covered], circular)
-    if 0 < interval_ns < _FASTER * NANO / rate:
+    result = _between(times, samples, grid_ns, longest_gap_s, circular)
+    covered = np.isfinite(result)
+    if covered.any() and 0 < interval_ns < _FASTER * NANO / rate:
         rule = SETTING_FILTER if is_setting(name) else MOTION_FILTER
         if known_steps is not None:
             rule = replace(rule, ahead=known_steps)
@@ -198,6 +194,27 @@ def _resampled(
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
     return in_turn(name, result)
+
+
+def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
+    """Samples of what is no angle, linearly between two of them, at other times; all times [ns], in any order.
+
+    NaN before the first, after the last and in gaps longer than :func:`resample` bridges; NaN is no sample.
+    """
+    there = np.isfinite(values)
+    return _between(*_sorted_without_repeats(time_ns[there], values[there], False), at_ns, None, False)
+
+
+def _between(times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | None, circular: bool) -> Floats:
+    """Samples in the order of time, interpolated; NaN across gaps."""
+    result = np.full(at_ns.size, np.nan)
+    if times.size == 0 or at_ns.size == 0:
+        return result
+    interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
+    covered, before, share = _bracket(times, at_ns, limit_ns)
+    result[covered] = _interpolated(samples, before[covered], share[covered], circular)
+    return result
 
 
 def own_gap_s(interval_ns: float) -> float:

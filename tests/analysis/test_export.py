@@ -1,4 +1,4 @@
-"""Exports: the same values come back from all three kinds, and every product says where it comes from."""
+"""Exports: the same values come back from every kind, and every product says where it comes from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.io import loadmat
+from scipy.io import loadmat, netcdf_file
 from typer.testing import CliRunner
 
 from acquisition.core.channels import BY_NAME, NAMES
@@ -30,7 +30,7 @@ from analysis.tables.table import add_step, history_of, provenance_of, read_tabl
 from seatrial import app
 from tests.analysis.conftest import steady_table, table_at
 
-KINDS = [".csv", ".parquet", ".mat"]
+KINDS = [".csv", ".parquet", ".mat", ".nc"]
 TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)
 
 
@@ -53,6 +53,12 @@ def about(path: Path) -> dict[str, Any]:
         return {key: json.loads(texts[f"seatrial.{key}".encode()]) for key in ("units", "trial", "provenance")}
     if path.suffix == ".csv":
         return dict(json.loads(path.with_name(f"{path.name}.json").read_text(encoding="utf-8")))
+    if path.suffix == ".nc":
+        with netcdf_file(path, mmap=False) as file:
+            units = {name: getattr(each, "units", b"").decode() for name, each in file.variables.items()}
+            said = {key: json.loads(getattr(file, key)) for key in ("trial", "provenance")}
+        ours = {"degree": "deg", "degree s-1": "deg/s", "m s-1": "m/s", "m s-2": "m/s2"}
+        return {"units": {name: ours.get(unit, unit) for name, unit in units.items()}, **said}
     loaded = loadmat(path, simplify_cells=True)
     provenance = {**loaded["provenance"]}
     provenance["options"], provenance["history"] = (json.loads(provenance[key]) for key in ("options", "history"))
