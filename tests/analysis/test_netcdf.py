@@ -22,6 +22,7 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
 from analysis.prepare import Preparation, prepare
+from analysis.quality.check import check_recording
 from analysis.tables.export import export_table
 from analysis.tables.table import read_table
 from tests.analysis.conftest import steady_table, table_at
@@ -49,10 +50,10 @@ def read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 def moving_table(seconds: int = 120) -> pd.DataFrame:
-    """A ship on her way north-east, with one sample of the surge that leaves its neighbours."""
+    """A ship on her way north-east, one sample missing."""
     table = steady_table(seconds)
     table["north_m"], table["east_m"] = np.arange(seconds) * 3.0, np.arange(seconds) * 4.0
-    table.iloc[7, table.columns.get_loc("surge_mps")] = 20.0
+    table.iloc[7, table.columns.get_loc("tunnel_rpm")] = np.nan
     return table
 
 
@@ -103,8 +104,10 @@ def test_flags_stand_beside_what_they_judge(exported: Path) -> None:
     assert flags["values"].dtype == flags["flag_values"].dtype == np.dtype("int8")
     meanings = dict(zip(flags["flag_values"].tolist(), flags["flag_meanings"].split(), strict=True))
     assert meanings == {1: "pass", 2: "not_evaluated", 3: "suspect", 4: "fail", 9: "missing"}
-    assert meanings[flags["values"][7]] == "fail"
-    assert set(flags["values"]) <= set(meanings)
+    judged = check_recording(read_recording(exported.with_suffix(".mcap"))).flags
+    for name in judged.columns:
+        assert variables[f"{name}_flag"]["values"].tolist() == judged[name].tolist()
+    assert variables["tunnel_rpm_flag"]["values"][7] == 9
 
 
 def test_what_a_trial_says_of_itself_is_there_and_a_user_adds_to_it(exported: Path) -> None:
