@@ -155,8 +155,8 @@ _HEALTH = _topic(
 )
 
 ARRAYS = {
-    "seconds": True, "north_m": True, "east_m": True, "heading_deg": True, "band_m": False, "latitude_deg": False,
-    "longitude_deg": False,
+    "seconds": True, "north_m": True, "east_m": True, "heading_deg": True, "band_m": False, "band_along_m": False,
+    "band_across_m": False, "latitude_deg": False, "longitude_deg": False,
 }  # fmt: skip
 """The arrays of a predicted track; those that need not be known may be empty."""
 
@@ -167,7 +167,9 @@ _TRACK = _object(
         "north_m": _numbers("Position north of the trial's origin [m]"),
         "east_m": _numbers("Position east of the trial's origin [m]"),
         "heading_deg": _numbers("Heading from true north, clockwise [deg]"),
-        "band_m": _numbers("Radius that holds the position in 95 of 100 cases [m]; empty without a calibrator"),
+        "band_m": _numbers("Radius of the circle about the region [m]; empty without a calibrator"),
+        "band_along_m": _numbers("How far the region that holds the position in 95 of 100 cases reaches ahead [m]"),
+        "band_across_m": _numbers("How far it reaches to either side of the course [m]"),
         "latitude_deg": _numbers("Latitude, WGS 84 [deg]; empty where the trial's origin is not known"),
         "longitude_deg": _numbers("Longitude, WGS 84 [deg]; empty where the trial's origin is not known"),
     },

@@ -22,6 +22,7 @@ from safetensors import SafetensorError
 from torch import Tensor, isfinite, isnan
 
 from acquisition.core.actuators import as_text, from_text
+from acquisition.core.arrays import Floats
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, SeatrialError, storage_error
 from analysis.tables.files import make_folder
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
 
 SIDECAR = "calibrator.json"
-FORMAT = 7
+FORMAT = 8
 UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
@@ -47,7 +48,8 @@ UNITS = {
 """Units by the last word of a name; names without one are pure numbers."""
 
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-Radius = Annotated[FiniteFloat, Field(ge=0.0)]
+SemiAxis = Annotated[FiniteFloat, Field(ge=0.0)]
+SemiAxes = tuple[SemiAxis, SemiAxis]
 Error = Annotated[FiniteFloat, Field(gt=0.0)]
 
 
@@ -85,12 +87,12 @@ class Reference:
 @dataclass(frozen=True, slots=True)
 class StoredFallback:
     """The fallback: mean errors in the training of its baselines over the horizon and over the hindcast [m], and
-    the radius of its 95 % region by second, per metre of expected error.
+    the semi-axes of its 95 % region by second, per metre of expected error.
     """
 
     reference_m: tuple[Error, Error]
     constant_velocity_m: tuple[Error, Error]
-    band: tuple[Radius, ...]
+    region: tuple[SemiAxes, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +113,7 @@ class Sidecar:
     calibrator: Model
     data_driven: Model
     files: dict[str, Digest]
-    band_m: tuple[Radius, ...]
+    region_m: tuple[SemiAxes, ...]
     reserve: StoredFallback
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
@@ -208,9 +210,9 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if sidecar.past_s != PAST_S:
         raise InputError(f"was trained on windows that know {sidecar.past_s} s before their start, not {PAST_S} s",
                          where=str(path), fix="train anew")  # fmt: skip
-    for name, band in (("band_m", sidecar.band_m), ("reserve.band", sidecar.reserve.band)):
-        if len(band) != sidecar.horizon_s:
-            raise damage_error(path, f"{name} has {len(band)} values for {sidecar.horizon_s} s")
+    for name, region in (("region_m", sidecar.region_m), ("reserve.region", sidecar.reserve.region)):
+        if len(region) != sidecar.horizon_s:
+            raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
     for model in (sidecar.calibrator, sidecar.data_driven):
@@ -298,7 +300,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),
         files=digests,
-        band_m=tuple(map(float, trained.band_m)),
+        region_m=_semi_axes(trained.region_m),
         reserve=_stored_fallback(trained.fallback),
         data=trained.sources,
         metrics=trained.metrics,
@@ -317,7 +319,7 @@ def load(folder: Path) -> TrainedCalibrator:
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
-        band_m=np.array(sidecar.band_m),
+        region_m=np.array(sidecar.region_m),
         fallback=_fallback_from(sidecar.reserve),
         sources=sidecar.data,
         metrics=sidecar.metrics,
@@ -330,12 +332,16 @@ def _stored_fallback(fallback: Fallback) -> StoredFallback:
     (reference, constant_velocity) = zip(
         fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
     )
-    return StoredFallback(reference, constant_velocity, tuple(map(float, fallback.radius)))
+    return StoredFallback(reference, constant_velocity, _semi_axes(fallback.region))
+
+
+def _semi_axes(region_m: Floats) -> tuple[SemiAxes, ...]:
+    return tuple((float(along), float(across)) for along, across in region_m)
 
 
 def _fallback_from(stored: StoredFallback) -> Fallback:
     training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
-    return Fallback(training_m, hindcast_m, np.array(stored.band))
+    return Fallback(training_m, hindcast_m, np.array(stored.region))
 
 
 def _restored(sidecar: Sidecar, part: str, plant: Plant, every: dict[str, Tensors], folder: Path) -> Calibrator:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.prediction.baselines import BASELINES, Candidate, Fallback, conformal_radius
+from hybrid.prediction.baselines import BASELINES, Candidate, Fallback
 from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.regions import conformal_region
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -113,9 +114,9 @@ class Calibrator(ABC):
         """The tracks [N, H+1, 3] of the ``stopping`` windows of :meth:`fit` by a model not fitted to them."""
         return self.predict(*stopping)
 
-    def conformal_radius(self, stopping: Examples) -> Floats:
-        """The radius [H] of the 95 % region by second, in metres, for an uncertainty of one."""
-        return conformal_radius(self.out_of_sample_tracks(stopping), stopping[0].track)
+    def conformal_region(self, stopping: Examples) -> Floats:
+        """The semi-axes [H, 2] of the 95 % region by second, in metres, for an uncertainty of one."""
+        return conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
 
     @abstractmethod
     def state_dict(self) -> dict[str, Tensor]:
@@ -130,12 +131,13 @@ class Calibrator(ABC):
 class PredictedTracks:
     """Predictions of N windows with their 95 % regions.
 
-    ``tracks`` [N, H+1, 3], ``radius_m`` [N, H]; ``outside_domain`` [N] marks the windows outside the calibrator's
-    domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of :data:`BASELINES`.
+    ``tracks`` [N, H+1, 3], semi-axes ``region_m`` [N, H, 2]; ``outside_domain`` [N] marks the windows outside the
+    calibrator's domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of
+    :data:`BASELINES`.
     """
 
     tracks: Floats
-    radius_m: Floats
+    region_m: Floats
     outside_domain: Bools
     source: NDArray[np.str_]
 
@@ -143,7 +145,7 @@ class PredictedTracks:
 def predict_with_fallback(
     calibrator: Calibrator,
     plant: Plant,
-    radius_m: Floats,
+    region_m: Floats,
     fallback: Fallback,
     windows: PredictionWindows,
     reference: Floats,
@@ -154,11 +156,11 @@ def predict_with_fallback(
     A calibrator that hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
     domain too. The region is the mean of both then: who is averaged lies no further off than on average.
 
-    ``radius_m`` is the calibrator's :meth:`~Calibrator.conformal_radius`, for as many seconds as the windows have
+    ``region_m`` is the calibrator's :meth:`~Calibrator.conformal_region`, for as many seconds as the windows have
     or more; ``reference`` [N, H+1, 3] are the model's tracks.
     """
     tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
-    radii_m = uncertainty * radius_m[: windows.horizon_s]
+    regions_m = uncertainty[..., None] * region_m[: windows.horizon_s]
     no_number = np.asarray(~np.isfinite(tracks).all(axis=(1, 2)))
     outside = calibrator.outside_domain(windows, reference) | no_number
     silent = no_number if calibrator.extrapolates else outside
@@ -168,8 +170,8 @@ def predict_with_fallback(
     asked = silent if beside is None else np.ones_like(silent)
     if asked.any():
         found = fallback.predict(windows.subset(asked), reference[asked], plant, beside)
-        own = found.weight[len(BASELINES) :].sum(axis=0)[:, None]
-        others_m = found.expected_error_m[:, None] * fallback.radius[: windows.horizon_s]
+        own = found.weight[len(BASELINES) :].sum(axis=0)[:, None, None]
+        others_m = found.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
         tracks[asked], source[silent] = found.tracks, found.source[silent[asked]]
-        radii_m[asked] = np.where(own > 0.0, own * radii_m[asked], 0.0) + (1.0 - own) * others_m
-    return PredictedTracks(tracks, radii_m, outside, source)
+        regions_m[asked] = np.where(own > 0.0, own * regions_m[asked], 0.0) + (1.0 - own) * others_m
+    return PredictedTracks(tracks, regions_m, outside, source)

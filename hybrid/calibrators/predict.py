@@ -21,6 +21,7 @@ from hybrid.prediction.baselines import reference
 from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.planned_commands import commands_from, planned_commands
 from hybrid.prediction.prediction_windows import PredictionWindows, rows_after, windows_of_channels
+from hybrid.prediction.regions import bands, circle_about
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import HEADING
@@ -33,17 +34,17 @@ if TYPE_CHECKING:
 class Prediction(ModelResult):
     """One predicted track.
 
-    ``track`` [H+1, 3]: north, east [m], heading [rad]; ``band_m`` [H+1]: the radius of its 95 % region, if the
-    method has one; ``measured`` [H+1, 3] where the recording goes on long enough. ``outside_domain`` says that the
-    start lies outside the calibrator's domain of applicability: unless the calibrator extrapolates, ``method`` then
-    names the fallback's main baseline.
+    ``track`` [H+1, 3]: north, east [m], heading [rad]; ``region_m`` [H+1, 2]: the semi-axes of its 95 % region,
+    along and across its course, if the method has one; ``measured`` [H+1, 3] where the recording goes on long
+    enough. ``outside_domain`` says that the start lies outside the calibrator's domain of applicability: unless the
+    calibrator extrapolates, ``method`` then names the fallback's main baseline.
     ``planned`` are the channels [H] of actuators that a plan had orders for, second by second.
     """
 
     at: pd.Timestamp
     method: str
     track: Floats
-    band_m: Floats | None
+    region_m: Floats | None
     measured: Floats | None
     outside_domain: bool = False
     planned: Mapping[str, Floats] = field(default_factory=dict)
@@ -51,13 +52,18 @@ class Prediction(ModelResult):
     drawing = "hybrid.report.plots:draw_prediction"
     size_inch = (7.0, 6.0)
 
+    @property
+    def band_m(self) -> Floats | None:
+        """The radius [H+1] of the circle that holds the region."""
+        return None if self.region_m is None else circle_about(self.region_m)
+
     def as_dict(self) -> dict[str, Any]:
         """One object a second, for JSON."""
-        rows = []
+        rows, region = [], bands(self.region_m)
         for second, (north, east, heading) in enumerate(self.track):
             row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
             row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
-            row["band_m"] = None if self.band_m is None else float(self.band_m[second])
+            row.update({name: None if each is None else float(each[second]) for name, each in region.items()})
             if self.measured is not None:
                 row["measured_north_m"], row["measured_east_m"] = map(float, self.measured[second, :2])
             rows.append(row)
@@ -148,17 +154,17 @@ def predict(
             why="speeds or thrusts are not those of this vessel",
             fix="choose another time, or check --vessel and the units of the recording",
         )
-    band, outside_domain, source = None, False, "reference"
+    region_m, outside_domain, source = None, False, "reference"
     if trained is not None:
         predicted = trained.predict_tracks(windows, track)
         track, source = predicted.tracks, str(predicted.source[0])
         outside_domain = bool(predicted.outside_domain[0])
-        band = np.concatenate([[0.0], predicted.radius_m[0]])
+        region_m = np.vstack([np.zeros(2), predicted.region_m[0]])
     return Prediction(
         at=pd.Timestamp(windows.start_time[0]),
         method=source,
         track=track[0],
-        band_m=band,
+        region_m=region_m,
         measured=windows.track[0] if covered else None,
         outside_domain=outside_domain,
         planned=planned,

@@ -45,9 +45,9 @@ class TrainedCalibrator(ModelResult):
     """A calibrator as it is trained, saved and used for predictions.
 
     ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was
-    trained on the same windows without a model. ``band_m`` [H] is the radius of the 95 % region by second for a
-    relative uncertainty of one, from legs kept out of the training; ``fallback`` predicts outside the domain of
-    applicability.
+    trained on the same windows without a model. ``region_m`` [H, 2] are the semi-axes of the 95 % region by
+    second for a relative uncertainty of one, from legs kept out of the training; ``fallback`` predicts outside the
+    domain of applicability.
     """
 
     calibrator: Calibrator
@@ -55,7 +55,7 @@ class TrainedCalibrator(ModelResult):
     horizon_s: int
     vessel: str
     plant: Plant
-    band_m: Floats
+    region_m: Floats
     fallback: Fallback
     sources: tuple[Source, ...]
     metrics: dict[str, Any]
@@ -70,7 +70,7 @@ class TrainedCalibrator(ModelResult):
 
         ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
         """
-        return predict_with_fallback(self.calibrator, self.plant, self.band_m, self.fallback, windows, reference)
+        return predict_with_fallback(self.calibrator, self.plant, self.region_m, self.fallback, windows, reference)
 
     def refuse_commands(self) -> None:
         """Raise :class:`InputError` when it was trained on held controls and so cannot take any commands."""
@@ -114,7 +114,7 @@ def train(
     """Train a calibrator of ``method`` and the network without a model on a data set.
 
     A share :data:`HELD_OUT_SHARE` of the legs, or of the recordings where the commands may be any, is kept out for
-    early stopping and for the radii of the regions.
+    early stopping and for the size of the regions.
     Raises :class:`DataShortageError` without windows in the range of the model, or with one leg only.
     """
     windows, tracks = within_model_range(dataset.windows, plant)
@@ -130,7 +130,7 @@ def train(
         horizon_s=windows.horizon_s,
         vessel=vessel,
         plant=plant,
-        band_m=calibrator.conformal_radius(stopping),
+        region_m=calibrator.conformal_region(stopping),
         fallback=Fallback.fit(windows, tracks, plant),
         sources=tuple(replace(each, path=each.path.resolve()) for each in dataset.sources),
         metrics=_metrics(windows, training, stopping, calibrator.out_of_sample_tracks(stopping)),

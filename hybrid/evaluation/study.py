@@ -14,10 +14,11 @@ from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples, predict_with_fallback
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.evaluation.truth import truth_distances
-from hybrid.prediction.baselines import Fallback, conformal_radius, constant_velocity, straight_line
+from hybrid.prediction.baselines import Fallback, constant_velocity, straight_line
 from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.dataset import within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
+from hybrid.prediction.regions import conformal_region, relative_distances
 from hybrid.prediction.scores import TWO_SIDED, distances
 from hybrid.vessel.plant import Plant
 
@@ -36,10 +37,10 @@ class Errors:
     """The errors of one method on N windows, seconds 1 to H.
 
     ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
-    over the seconds; ``inside`` [N, H] whether the 95 % region of ``radius_m`` [N, H] holds the measured position;
-    ``outside_domain`` [N] whether the start lies outside the domain of applicability, so that the fallback
-    predicted; ``truth_m`` [N, K] the mean distance by each sensor (:mod:`.truth`). After pooling draws, ``inside``
-    and ``outside_domain`` are shares.
+    over the seconds; ``inside`` [N, H] whether the 95 % region, of semi-axes ``region_m`` [N, H, 2], holds the
+    measured position; ``outside_domain`` [N] whether the start lies outside the domain of applicability, so that
+    the fallback predicted; ``truth_m`` [N, K] the mean distance by each sensor (:mod:`.truth`). After pooling
+    draws, ``inside`` and ``outside_domain`` are shares.
     """
 
     distance_m: Floats
@@ -47,7 +48,7 @@ class Errors:
     east_m: Floats
     heading_deg: Floats
     inside: Floats
-    radius_m: Floats
+    region_m: Floats
     outside_domain: Floats
     truth_m: Floats
 
@@ -131,22 +132,22 @@ def evaluate_draw(
     fallback = Fallback.fit(*fitting, plant)
     for number, method in enumerate(methods):
         calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
-        radius_m = calibrator.conformal_radius(stopping)
+        region_m = calibrator.conformal_region(stopping)
         for ending, (windows, reference) in judged.items():
-            found = predict_with_fallback(calibrator, plant, radius_m, fallback, windows, reference)
-            errors[f"{method}{ending}"] = errors_of(found.tracks, windows, found.radius_m, found.outside_domain)
+            found = predict_with_fallback(calibrator, plant, region_m, fallback, windows, reference)
+            errors[f"{method}{ending}"] = errors_of(found.tracks, windows, found.region_m, found.outside_domain)
         progress(number + 1.0)
     return errors
 
 
 def _errors(predict: Predict, stopping: Examples, held_out: Examples) -> Errors:
     """The errors of what a baseline says of the windows held out, its regions sized on those stopped by."""
-    radius_m = conformal_radius(predict(*stopping), stopping[0].track)
-    return errors_of(predict(*held_out), held_out[0], radius_m, np.zeros(len(held_out[0]), dtype=bool))
+    region_m = conformal_region(predict(*stopping), stopping[0])
+    return errors_of(predict(*held_out), held_out[0], region_m, np.zeros(len(held_out[0]), dtype=bool))
 
 
-def errors_of(predicted: Floats, windows: PredictionWindows, radius_m: Floats, outside_domain: Bools) -> Errors:
-    """Errors of tracks [N, H+1, 3] whose 95 % regions have ``radius_m`` [H] or [N, H]."""
+def errors_of(predicted: Floats, windows: PredictionWindows, region_m: Floats, outside_domain: Bools) -> Errors:
+    """Errors of tracks [N, H+1, 3] whose 95 % regions have semi-axes ``region_m`` [H, 2] or [N, H, 2]."""
     gap = predicted[:, 1:] - windows.track[:, 1:]
     distance = distances(predicted, windows.track)
     turn = difference_rad(predicted[:, 1:, 2], windows.track[:, 1:, 2])
@@ -155,8 +156,8 @@ def errors_of(predicted: Floats, windows: PredictionWindows, radius_m: Floats, o
         north_m=np.abs(gap[..., 0]).mean(axis=1),
         east_m=np.abs(gap[..., 1]).mean(axis=1),
         heading_deg=np.rad2deg(np.abs(turn)).mean(axis=1),
-        inside=(distance <= radius_m).astype(float),
-        radius_m=np.broadcast_to(radius_m, distance.shape),
+        inside=(relative_distances(predicted, windows.track, region_m) <= 1.0).astype(float),
+        region_m=np.broadcast_to(region_m, (*distance.shape, 2)),
         outside_domain=outside_domain.astype(float),
         truth_m=truth_distances(predicted, windows),
     )

@@ -15,6 +15,7 @@ from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.evaluation.truth import Truths, judged_by_truths
 from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.regions import equal_area_radius
 from hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, start_of
 
 
@@ -24,7 +25,7 @@ class MethodFigures:
 
     ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the 95
     % region, ``outside_domain`` the share of windows that start beyond what it was trained on. At seconds 1 to H:
-    ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean radius of the region.
+    ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean semi-axes of the region [H, 2].
     """
 
     mean_distance_m: Interval
@@ -36,7 +37,7 @@ class MethodFigures:
     coverage_95: Interval
     by_second: tuple[Interval, ...]
     coverage_by_second: tuple[Interval, ...]
-    radius_by_second_m: tuple[float, ...]
+    region_by_second_m: Floats
     outside_domain: float
 
     def as_dict(self) -> dict[str, Any]:
@@ -45,9 +46,16 @@ class MethodFigures:
         known = {name: each.as_dict() for name, each in figures.items() if isinstance(each, Interval)}
         known["ratio_to_best_baseline"] = known.pop("ratio")
         by_second = [
-            {"second": number + 1, **distance.as_dict(), "coverage_95": coverage.value, "radius_m": radius_m}
-            for number, (distance, coverage, radius_m) in enumerate(
-                zip(self.by_second, self.coverage_by_second, self.radius_by_second_m, strict=True)
+            {
+                "second": number + 1,
+                **distance.as_dict(),
+                "coverage_95": coverage.value,
+                "radius_m": float(equal_area_radius(region_m)),
+                "along_m": float(region_m[0]),
+                "across_m": float(region_m[1]),
+            }
+            for number, (distance, coverage, region_m) in enumerate(
+                zip(self.by_second, self.coverage_by_second, self.region_by_second_m, strict=True)
             )
         ]
         return {**known, "outside_training_range": self.outside_domain, "by_second": by_second}
@@ -189,7 +197,7 @@ def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFi
         coverage_95=coverage,
         by_second=by_second,
         coverage_by_second=legs.mean_of_each(errors.inside),
-        radius_by_second_m=tuple(float(each) for each in errors.radius_m.mean(axis=0)),
+        region_by_second_m=errors.region_m.mean(axis=0),
         outside_domain=float(errors.outside_domain.mean()),
     )
 

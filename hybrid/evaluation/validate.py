@@ -18,7 +18,8 @@ from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
 from hybrid.prediction.baselines import constant_velocity, reference, straight_line
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
-from hybrid.prediction.scores import TWO_SIDED, Score, distances, score, scores_json
+from hybrid.prediction.regions import bands, relative_distances
+from hybrid.prediction.scores import TWO_SIDED, Score, score, scores_json
 from hybrid.vessel.plant import Plant
 
 
@@ -31,7 +32,7 @@ class Validation(ModelResult):
     ``outside`` counts the windows left out because the reference model left its range in them, ``jumps`` those in
     which the positions jump. With a calibrator, ``outside_domain`` [N] marks the windows outside its domain of
     applicability, where the fallback predicts unless it extrapolates; ``source`` [N] names who predicted;
-    ``radius_m`` [N, H] are the radii of its 95 % regions, ``band_m`` [H] their medians.
+    ``region_m`` [N, H, 2] are the semi-axes of its 95 % regions.
     ``truths`` judges the methods by each sensor, where the windows have their tracks.
     """
 
@@ -41,9 +42,8 @@ class Validation(ModelResult):
     two_sided: dict[str, Score]
     outside: int
     coverage_95: float | None
-    band_m: Floats | None
     outside_domain: NDArray[np.bool_] | None = None
-    radius_m: Floats | None = None
+    region_m: Floats | None = None
     source: NDArray[np.str_] | None = None
     truths: Truths | None = None
     jumps: int = 0
@@ -72,6 +72,7 @@ class Validation(ModelResult):
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON object of ``seatrial validate --json``."""
+        middle_m = None if self.region_m is None else np.median(self.region_m, axis=0)
         return {
             **self.remarks,
             "horizon_s": self.windows.horizon_s,
@@ -82,7 +83,7 @@ class Validation(ModelResult):
             "methods": scores_json(self.scores | self.two_sided),
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
-            "band_m": None if self.band_m is None else [float(each) for each in self.band_m],
+            **{name: None if each is None else each.tolist() for name, each in bands(middle_m).items()},
             "fallback": self.fallback,
             "truths": None if self.truths is None else self.truths.as_dict(),
         }
@@ -119,9 +120,8 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
         two_sided=_scores(_tracks(afterwards, reference(afterwards, plant), trained)[0], windows, TWO_SIDED),
         outside=len(dataset.windows) - len(windows),
         coverage_95=None if hybrid is None else _coverage(hybrid, windows),
-        band_m=None if hybrid is None else np.median(hybrid.radius_m, axis=0),
         outside_domain=None if hybrid is None else hybrid.outside_domain,
-        radius_m=None if hybrid is None else hybrid.radius_m,
+        region_m=None if hybrid is None else hybrid.region_m,
         source=None if hybrid is None else hybrid.source,
         jumps=dataset.dropped.get("position_jump", 0),
         truths=judged_by_truths(windows, {name: truth_distances(each, windows) for name, each in tracks.items()}),
@@ -150,4 +150,4 @@ def _tracks(
 
 def _coverage(predicted: PredictedTracks, windows: PredictionWindows) -> float:
     """The share of measured positions inside their regions, over windows and seconds."""
-    return float((distances(predicted.tracks, windows.track) <= predicted.radius_m).mean())
+    return float((relative_distances(predicted.tracks, windows.track, predicted.region_m) <= 1.0).mean())

@@ -1,12 +1,10 @@
-"""Predictions without anything learned, the 95 % regions about predictions, and the fallback made of the baselines.
+"""Predictions without anything learned, and the fallback made of them.
 
 Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines are
 the present motion held (constant velocity, in a turn a circle), the same without the turn (straight line), and the
 reference model.
 
-A region is a circle about each predicted position. Its radius is a quantile of the errors on legs that took no part
-in the training (split conformal prediction, Lei et al. 2018), normalised by the relative uncertainty that a method
-gives each window. Outside its domain of applicability a calibrator is replaced by a weighted mean of the two
+Outside its domain of applicability a calibrator is replaced by a weighted mean of the two
 baselines: each is weighted by the fourth power of the inverse of its expected error, which follows from its errors
 in the training and from a hindcast of the last seconds. Inside it a calibrator may be averaged with them
 (:class:`Candidate`).
@@ -22,7 +20,8 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
-from hybrid.prediction.scores import distances, mean_distances
+from hybrid.prediction.regions import conformal_region
+from hybrid.prediction.scores import mean_distances
 from hybrid.vessel.channels import check_ship
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import YAW_RATE, arc
@@ -65,30 +64,14 @@ def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats)
     return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
 
 
-COVERAGE = 0.95
 HINDCAST_S = 15
 BASELINES = ("reference", "constant_velocity")
-_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error that a region's radius is proportional to
+_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error that a region is proportional to
 _UNKNOWN_ERROR_M = 2.0  # of a hindcast for which nothing was recorded; the same whatever other windows there are
 _HINDCAST_POWER = 0.5  # a hindcast four times as wrong as in the training doubles the error that is expected
 _LEAST_ERROR_M = 0.001  # a mean error in the training is no less, even of the model that made the tracks
 _LEAST_RATIO = 0.01  # of a hindcast's error to that of the training, which is divided by
 _WEIGHT_POWER = 4.0  # nearly the better baseline alone, unless both expect about the same error
-
-
-def conformal_radius(predicted: Floats, measured: Floats, uncertainty: Floats | None = None) -> Floats:
-    """The radius [H] of the region that holds 95 % of the measured positions by second, in metres.
-
-    ``predicted`` and ``measured`` are tracks [N, H+1, 2 or 3]. With the relative ``uncertainty`` [N, H] of each
-    prediction the radius is that for an uncertainty of one. The quantile is that of split conformal prediction, the
-    ceil((n + 1) 0.95)-th of n errors, so it does not shrink with few windows; it never falls from one second to the
-    next. Seconds that were not measured or not predicted (NaN) do not count.
-    """
-    distance = distances(predicted, measured)
-    relative = distance if uncertainty is None else distance / uncertainty
-    count = np.isfinite(relative).sum(axis=0)
-    rank = np.minimum(np.ceil((count + 1) * COVERAGE), count).astype(np.int64) - 1
-    return np.maximum.accumulate(np.take_along_axis(np.sort(relative, axis=0), rank[None], axis=0)[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +91,7 @@ class FallbackPrediction:
     """The weighted mean for N windows.
 
     ``tracks`` [N, H+1, 3]; ``weight`` [K, N] of the :data:`BASELINES` and of what is averaged with them;
-    ``expected_error_m`` [N] is what the radius of the region is proportional to.
+    ``expected_error_m`` [N] is what the region is proportional to.
     """
 
     tracks: Floats
@@ -126,13 +109,13 @@ class Fallback:
     """Weighted mean of the :data:`BASELINES`, fitted to the windows of a training.
 
     ``training_error_m`` [2] and ``hindcast_error_m`` [2] are each baseline's mean error over the horizon and over
-    the :data:`HINDCAST_S` seconds before the start; ``radius`` [H] is that of the 95 % region per metre of expected
-    error.
+    the :data:`HINDCAST_S` seconds before the start; ``region`` [H, 2] are the semi-axes of the 95 % region per
+    metre of expected error.
     """
 
     training_error_m: Floats
     hindcast_error_m: Floats
-    radius: Floats
+    region: Floats
 
     @classmethod
     def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
@@ -140,11 +123,12 @@ class Fallback:
         tracks, hindcast_m = _baselines(windows, reference, plant)
         training_m = [mean_known(mean_distances(track, windows.track)) for track in tracks]
         unscaled = cls(
-            np.array(training_m), np.array([mean_known(each) for each in hindcast_m]), np.ones(windows.horizon_s)
+            np.array(training_m),
+            np.array([mean_known(each) for each in hindcast_m]),
+            np.ones((windows.horizon_s, 2)),
         )
         found = unscaled._average(tracks, hindcast_m)
-        radius = conformal_radius(found.tracks, windows.track, found.expected_error_m[:, None])
-        return replace(unscaled, radius=radius)
+        return replace(unscaled, region=conformal_region(found.tracks, windows, found.expected_error_m[:, None]))
 
     def predict(
         self, windows: PredictionWindows, reference: Floats, plant: Plant, beside: Candidate | None = None

@@ -177,9 +177,9 @@ class Case:
     def calibration(self) -> Calibration | None:
         """Whether the hybrid's regions hold what they say."""
         judged = self.validation
-        if judged.radius_m is None:
+        if judged.region_m is None:
             return None
-        return calibration_of(self.errors["hybrid"].distance, judged.radius_m, judged.windows)
+        return calibration_of(judged.tracks["hybrid"], judged.region_m, judged.windows)
 
     def figure_name(self, what: str, trial: str) -> str:
         """What a recording's figure is called: by its trial where there are several."""

@@ -25,6 +25,7 @@ from analysis.kinematics import to_ship
 from analysis.tables.table import NANO, index_of, trial_channels
 from hybrid.diagnosis.map import ANGLES
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
+from hybrid.prediction.regions import equal_area_radius, relative_distances
 from hybrid.prediction.scores import LegBootstrap, distances
 from hybrid.report.words import plain
 from hybrid.vessel.channels import controls_of, states_of, wind_of
@@ -84,7 +85,7 @@ QUANTITIES = {
 """What a prediction may be off in, for people; the names are the attributes of :class:`Errors`."""
 
 _LEAST_WAY_M = 0.1
-_LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % radius
+_LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % region
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +128,11 @@ class Calibration:
     """Whether 95 % regions hold what they say, by second [H].
 
     ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean width
-    of the regions over the mean way covered by then (prediction interval normalised average width), NaN while the
-    ship lies still. ``low`` and ``high`` are the 95 % interval of ``picp`` from drawing legs, and not windows,
-    anew; NaN with one leg.
-    ``pit`` [N H] is the probability integral transform of the distances: even from 0 to 1 where errors are normal
-    and of the size that the regions say.
+    of circles as large as the regions over the mean way covered by then (prediction interval normalised average
+    width), NaN while the ship lies still. ``low`` and ``high`` are the 95 % interval of ``picp`` from drawing legs,
+    and not windows, anew; NaN with one leg.
+    ``pit`` [N H] is the probability integral transform of the distances, as seen from the regions: even from 0 to 1
+    where errors are normal and of the size that the regions say.
     """
 
     picp: Floats
@@ -142,15 +143,16 @@ class Calibration:
     legs: int
 
 
-def calibration_of(distance: Floats, radius_m: Floats, horizons: PredictionWindows) -> Calibration:
-    """How regions of ``radius_m`` [N, H] about predicted positions that are off by ``distance`` [N, H] stand up."""
-    inside = (distance <= radius_m).astype(float)
+def calibration_of(predicted: Floats, region_m: Floats, horizons: PredictionWindows) -> Calibration:
+    """How regions of semi-axes ``region_m`` [N, H, 2] about predicted tracks [N, H+1, 3] stand up."""
+    relative = relative_distances(predicted, horizons.track, region_m)
+    inside = (relative <= 1.0).astype(float)
     way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1)).mean(axis=0)
     legs = LegBootstrap.of(horizons.leg, seed=0)
     shares = legs.mean_of_each(inside)
     with np.errstate(divide="ignore", invalid="ignore"):
-        pit = 1.0 - np.exp(-_LOG_OUTSIDE * (distance / radius_m) ** 2)
-        pinaw = np.where(way > _LEAST_WAY_M, 2.0 * radius_m.mean(axis=0) / way, np.nan)
+        pit = 1.0 - np.exp(-_LOG_OUTSIDE * relative**2)
+        pinaw = np.where(way > _LEAST_WAY_M, 2.0 * equal_area_radius(region_m).mean(axis=0) / way, np.nan)
     low, high = (np.array([getattr(each, name) for each in shares]) for name in ("low", "high"))
     return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
 

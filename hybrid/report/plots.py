@@ -27,6 +27,7 @@ from acquisition.core.channels import is_circular
 from analysis.kinematics import to_ship
 from analysis.report.plots import FAINT, INK, PALETTE, break_at_wrap, held_shade, label
 from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.regions import outlines
 from hybrid.prediction.scores import Interval
 from hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
 from hybrid.report.words import plain
@@ -98,9 +99,7 @@ def plain_numbers(axis: Axis) -> None:
 
 
 HALF_OF_95 = float(np.sqrt(np.log(0.5) / np.log(0.05)))
-"""The radius that holds half of the positions over the one that holds 95 %, where errors are normal (Rayleigh)."""
-_ROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-_UNIT = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
+"""The size that holds half of the positions over the one that holds 95 %, where errors are normal (Rayleigh)."""
 
 
 def measured_and_predicted(
@@ -135,18 +134,18 @@ def fans_on_track(
     table: pd.DataFrame,
     horizons: PredictionWindows,
     tracks: Floats,
-    radius_m: Floats | None,
+    region_m: Floats | None,
     method: str,
 ) -> None:
     """Predicted tracks [N, H+1, 3] of windows over the measured track, north up and to scale.
 
-    Where they have regions ``radius_m`` [N, H], the area that holds the position with 95 %, and within with 50 %,
-    is shaded along the way.
+    Where they have regions of semi-axes ``region_m`` [N, H, 2], the area that holds the position with 95 %, and
+    within with 50 %, is shaded along the way.
     """
     axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.0, label="measured")
-    if radius_m is not None:
+    if region_m is not None:
         for share, alpha, words in ((1.0, 0.16, "95 %"), (HALF_OF_95, 0.30, "50 %")):
-            areas = [_swept(track[1:], share * radius) for track, radius in zip(tracks, radius_m, strict=True)]
+            areas = [_swept(track, share * region) for track, region in zip(tracks, region_m, strict=True)]
             axes.add_collection(
                 PatchCollection(areas, facecolor=COLOUR[method], alpha=alpha, linewidths=0, label=words)
             )
@@ -174,11 +173,10 @@ def look_at(axes: Axes, *tracks: Floats) -> None:
     axes.set_ylim(middle[0] - reach, middle[0] + reach)
 
 
-def _swept(track: Floats, radius_m: Floats) -> PathPatch:
-    """The area that circles of ``radius_m`` [H] sweep along a track [H, 3], east to the right."""
-    circles = track[:, None, [1, 0]] + radius_m[:, None, None] * _UNIT
+def _swept(track: Floats, region_m: Floats) -> PathPatch:
+    """The area that regions of semi-axes [H, 2] sweep along a track [H+1, 3], east to the right."""
     hulls = []
-    for one, other in pairwise(circles):
+    for one, other in pairwise(outlines(track, region_m)[..., ::-1]):
         points = np.concatenate([one, other])
         corners = points[ConvexHull(points).vertices]
         hulls.append(Path(np.vstack([corners, corners[:1]])))
@@ -297,8 +295,8 @@ def draw_prediction(figure: Figure, prediction: Prediction) -> None:
     north, east = prediction.track[:, 0], prediction.track[:, 1]
     if prediction.measured is not None:
         axes.plot(prediction.measured[:, 1], prediction.measured[:, 0], color=INK, label="measured")
-    if prediction.band_m is not None:
-        area = _swept(prediction.track[1:], prediction.band_m[1:])
+    if prediction.region_m is not None:
+        area = _swept(prediction.track, prediction.region_m[1:])
         axes.add_collection(PatchCollection([area], facecolor=colour, alpha=0.2, linewidths=0, label="95 %"))
     axes.plot(east, north, color=colour, label=plain(prediction.method))
     axes.plot(east[0], north[0], "o", color=INK, markersize=4)
@@ -309,10 +307,12 @@ def draw_prediction(figure: Figure, prediction: Prediction) -> None:
 
 
 def draw_regions(figure: Figure, trained: TrainedCalibrator) -> None:
-    """The radius of a calibrator's 95 % region by second, for a relative uncertainty of one."""
-    axes = figure.subplots()
-    axes.plot(np.arange(1, len(trained.band_m) + 1), trained.band_m, color=COLOUR["hybrid"])
+    """How far a calibrator's 95 % region reaches by second, for a relative uncertainty of one."""
+    axes, seconds = figure.subplots(), np.arange(1, len(trained.region_m) + 1)
+    for reach_m, line, words in zip(trained.region_m.T, ("-", "--"), ("along", "across"), strict=True):
+        axes.plot(seconds, reach_m, line, color=COLOUR["hybrid"], label=f"{words} the course")
     axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("radius of the 95 % region [m]")
+    axes.set_ylabel("reach of the 95 % region [m]")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0.0)
+    axes.legend(loc="best")

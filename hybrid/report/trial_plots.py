@@ -181,9 +181,9 @@ def prediction_fans(figure: Figure, case: Case, name: str) -> None:
     ).values()
 
     def draw(axes: Axes, some: Ints) -> None:
-        radius_m = None if judged.radius_m is None else judged.radius_m[some]
+        region_m = None if judged.region_m is None else judged.region_m[some]
         tracks = judged.tracks[case.best][some]
-        plots.fans_on_track(axes, table, judged.windows.subset(some), tracks, radius_m, case.best)
+        plots.fans_on_track(axes, table, judged.windows.subset(some), tracks, region_m, case.best)
 
     draw(whole, chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))])
     error = distances(judged.tracks["reference"], judged.windows.track).mean(axis=1)

@@ -36,6 +36,7 @@ from hybrid.prediction.prediction_windows import (
     starting_two_sided,
     windows_from_rows,
 )
+from hybrid.prediction.regions import relative_distances
 from hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -199,11 +200,13 @@ class Parts:
 class Errors:
     """Predicted minus measured north and east [n, H, 2] of the n sequences with test rows, NaN beside these.
 
-    ``radius_m`` [n, H] is that of the method's 95 % regions, NaN for those that have none.
+    ``inside`` [n, H] is 1 where the method's 95 % region holds the measured position and 0 elsewhere, ``region_m``
+    [n, H, 2] are its semi-axes; NaN for methods that have none.
     """
 
     gap_m: Floats
-    radius_m: Floats
+    inside: Floats
+    region_m: Floats
 
 
 def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
@@ -235,16 +238,19 @@ def _compare(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: 
     }
     training = _examples(windows, tracks, parts.training)
     stopping = _examples(windows, tracks, parts.stopping)
-    radius_m = {method: np.full((len(judged), judged.horizon_s), np.nan) for method in predicted}
+    region_m = {method: np.full((len(judged), judged.horizon_s, 2), np.nan) for method in predicted}
     for method, calibrator in LEARNED.items():
         learned = make_calibrator(calibrator, job.seed, plant).fit(training, stopping)
         predicted[method], uncertainty = learned.predict_with_uncertainty(judged, tracks[tested])
-        radius_m[method] = uncertainty * learned.conformal_radius(stopping)
+        region_m[method] = uncertainty[..., None] * learned.conformal_region(stopping)
     measured = _masked(judged.track, parts.test[tested])
-    return {
-        method: Errors((track[..., :2] - measured[..., :2])[:, 1:], radius_m[method])
-        for method, track in predicted.items()
-    }
+    return {method: _errors(track, measured, region_m[method]) for method, track in predicted.items()}
+
+
+def _errors(predicted: Floats, measured: Floats, region_m: Floats) -> Errors:
+    relative = relative_distances(predicted, measured, region_m)
+    inside = np.where(np.isfinite(relative), relative <= 1.0, np.nan)
+    return Errors((predicted[..., :2] - measured[..., :2])[:, 1:], inside, region_m)
 
 
 def _examples(windows: PredictionWindows, tracks: Floats, rows: Bools) -> Examples:

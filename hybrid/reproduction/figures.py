@@ -16,7 +16,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import names_of
@@ -27,6 +27,7 @@ from analysis.report.figures import ENDINGS, fill_figure, write_figure
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.tables.table import table_actuators
 from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.regions import circle_about, outlines
 from hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from hybrid.report.words import plain
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, SEA_STATES, Job, Sea, example_sequence, seas_of
@@ -81,11 +82,11 @@ def error_over_time(axes: Axes, gaps_m: Mapping[str, Floats]) -> None:
 
 
 def track_with_end(
-    axes: Axes, measured: Floats, predicted: Mapping[str, Floats], band_m: float, around_m: float
+    axes: Axes, measured: Floats, predicted: Mapping[str, Floats], border: Floats, around_m: float
 ) -> None:
     """One sequence [H+1, 2] in the start frame, and its end enlarged: a square of ``around_m`` each way.
 
-    The band is a circle of ``band_m`` about the last method's prediction.
+    ``border`` [K, 2] is that of the region about the end that the last method predicts.
     """
     right = measured[-1, 0] >= 0.0
     ends = axes.inset_axes((0.03, 0.2, 0.42, 0.42) if right else (0.55, 0.2, 0.42, 0.42))
@@ -94,9 +95,7 @@ def track_with_end(
         for method, track in predicted.items():
             panel.plot(*track.T, "--", color=COLOUR[method], linewidth=wide, label=plain(method))
     ends.plot(*measured[-1], "o", color=INK, markersize=4)
-    method, track = list(predicted.items())[-1]
-    circle = Circle((track[-1, 0], track[-1, 1]), band_m, color=COLOUR[method], alpha=0.25, linewidth=0)
-    ends.add_patch(circle)
+    ends.fill(*border.T, color=COLOUR[list(predicted)[-1]], alpha=0.25, linewidth=0)
     for other, each in predicted.items():
         ends.plot(*each[-1], "o", color=COLOUR[other], markersize=4)
     _frame_end(ends, measured[-1], around_m)
@@ -286,11 +285,12 @@ def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
     start = judged.start[number]
     tracks = {method: start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
     errors = sea.errors["sequence"]
-    band_m = float(errors["hybrid"].radius_m[number, -1])
+    region_m = errors["hybrid"].region_m[number]
+    border = start_frame(outlines(sea.predicted("hybrid")[number], region_m)[-1], start)
     off_m = {method: float(np.linalg.norm(errors[method].gap_m[number, -1])) for method in tracks}
-    around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + band_m)))
+    around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + circle_about(region_m)[-1])))
     measured = start_frame(judged.track[number], start)
-    track_with_end(axes, measured, tracks, band_m, around_m)
+    track_with_end(axes, measured, tracks, border, around_m)
 
 
 def draw_spread(figure: Figure, shown: FigureData) -> None:

@@ -194,8 +194,7 @@ def rows_of(sea_state: str, split: str, by_seed: Sequence[Mapping[str, Errors]])
 def figures_of(errors: Errors) -> Floats:
     """|north|, |east|, distance [m], and 1 inside the 95 % region or 0 outside [n, H, 4]; NaN where not judged."""
     distance = np.hypot(errors.gap_m[..., 0], errors.gap_m[..., 1])
-    inside = np.where(np.isfinite(errors.radius_m), distance <= errors.radius_m, np.nan)
-    return np.concatenate([np.abs(errors.gap_m), distance[..., None], inside[..., None]], axis=-1)
+    return np.concatenate([np.abs(errors.gap_m), distance[..., None], errors.inside[..., None]], axis=-1)
 
 
 def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:

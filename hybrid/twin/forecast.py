@@ -29,6 +29,7 @@ from analysis.tables.resample import own_gap_s, resample_recording
 from analysis.tables.table import NANO, actuators_in_recording
 from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators.predict import Prediction, predict
+from hybrid.prediction.regions import bands, outlines
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.vessel.plant import Plant
 
@@ -171,7 +172,6 @@ Origin = tuple[float, float] | None
 
 _TRACK_STYLE = {"color": "#ff7f0e", "weight": 4}
 _BAND_STYLE = {"color": "#ff7f0e", "weight": 1, "fillOpacity": 0.15}
-_CORNERS = 24
 
 
 def message_body(
@@ -202,7 +202,7 @@ def message_body(
         "track": track_arrays(prediction, origin),
         "running": {"over_s": over_s, **_without_none(asdict(mean))},
     }
-    if prediction.band_m is not None:
+    if prediction.region_m is not None:
         body["band_factor"] = round(band_factor, 4)
     if prediction.planned:
         body["planned_channels"] = list(prediction.planned)
@@ -218,13 +218,12 @@ def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float
     """The track as arrays, a second an element; positions to the millimetre, what is not known empty."""
     north_m, east_m, heading = prediction.track.T
     latitude_deg, longitude_deg = positions(north_m, east_m, origin)
-    band_m = np.empty(0) if prediction.band_m is None else prediction.band_m
     return {
         "seconds": [float(each) for each in range(len(north_m))],
         "north_m": _rounded(north_m, 3),
         "east_m": _rounded(east_m, 3),
         "heading_deg": _rounded(wrap_360(np.rad2deg(heading)), 3),
-        "band_m": _rounded(band_m, 3),
+        **{name: [] if each is None else _rounded(each, 3) for name, each in bands(prediction.region_m).items()},
         "latitude_deg": _rounded(latitude_deg, 8),
         "longitude_deg": _rounded(longitude_deg, 8),
     }
@@ -245,11 +244,10 @@ def track_geojson(prediction: Prediction, origin: Origin) -> str:
     north_m, east_m = prediction.track.T[:2]
     name = f"{prediction.method}, {len(north_m) - 1} s"
     features = [_feature("LineString", _coordinates(north_m, east_m, origin), name, _TRACK_STYLE)]
-    if prediction.band_m is not None:
-        angle = np.linspace(0.0, 2.0 * np.pi, _CORNERS + 1)
-        radius_m = prediction.band_m[-1]
-        ring = _coordinates(north_m[-1] + radius_m * np.cos(angle), east_m[-1] + radius_m * np.sin(angle), origin)
-        ring[-1] = ring[0]
+    if prediction.region_m is not None:
+        corners = outlines(prediction.track, prediction.region_m[1:])[-1]
+        ring = _coordinates(corners[:, 0], corners[:, 1], origin)
+        ring.append(ring[0])
         features.append(_feature("Polygon", [ring], f"95 % after {len(north_m) - 1} s", _BAND_STYLE))
     return orjson.dumps({"type": "FeatureCollection", "features": features}).decode()
 

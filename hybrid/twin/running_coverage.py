@@ -1,6 +1,6 @@
 """Regions that correct themselves: wider after the ship has left them too often, narrower after too seldom.
 
-The factor on their radius follows the quantile that it stands for (adaptive conformal inference: Gibbs and Candes
+The factor on their size follows the quantile that it stands for (adaptive conformal inference: Gibbs and Candes
 2021; as a quantile tracker Angelopoulos, Candes and Tibshirani 2023, "Conformal PID control for time series
 prediction", equation 3), on a logarithmic scale:
 
@@ -18,7 +18,7 @@ from math import exp, log
 
 from analysis.tables.table import NANO
 from hybrid.calibrators.predict import Prediction
-from hybrid.prediction.baselines import COVERAGE
+from hybrid.prediction.regions import COVERAGE
 from hybrid.twin.running_error import TrackError
 
 STEP = 0.3
@@ -38,7 +38,7 @@ def step(learned: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class RegionFactor:
-    """What the radius of the 95 % regions is multiplied by, from how many independent predictions it was learned,
+    """What the size of the 95 % regions is multiplied by, from how many independent predictions it was learned,
     and the start of the last of them [ns UTC].
     """
 
@@ -58,9 +58,9 @@ class RegionFactor:
 
     def widened(self, prediction: Prediction) -> Prediction:
         """A prediction with its region, if it has one, multiplied by the factor."""
-        if prediction.band_m is None:
+        if prediction.region_m is None:
             return prediction
-        return replace(prediction, band_m=self.factor * prediction.band_m)
+        return replace(prediction, region_m=self.factor * prediction.region_m)
 
     @property
     def is_at_bound(self) -> bool:

@@ -27,6 +27,7 @@ from analysis.tables.table import NANO, table_actuators, table_controls, times_n
 from analysis.windows.held import SPAN_SIGMAS, feedback_of, steady_mask, tolerance_of
 from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import difference_rad
+from hybrid.prediction.regions import relative_distances
 
 FILTER_REACH_S = MOTION_FILTER.reach
 """How long after a second its value at 1 Hz is final [s]: the reach of the filter."""
@@ -96,7 +97,6 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
     distance = np.hypot(gap[:, 0], gap[:, 1])
     along_m, across_m = to_ship(gap[-1, 0], gap[-1, 1], measured[-1, 2])
     turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
-    inside = None if prediction.band_m is None else float(np.mean(distance <= prediction.band_m[1:]))
     return TrackError(
         start_ns=prediction.at.as_unit("ns").value,
         method=prediction.method,
@@ -106,8 +106,16 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
         along_m=float(along_m),
         across_m=float(across_m),
         heading_deg=float(np.rad2deg(np.abs(turn)).mean()),
-        inside_band=inside,
+        inside_band=_inside_band(prediction, measured),
     )
+
+
+def _inside_band(prediction: Prediction, measured: Floats) -> float | None:
+    """The share of seconds at which the region holds the measured track [H+1, 3]; None without a region."""
+    if prediction.region_m is None:
+        return None
+    relative = relative_distances(prediction.track[None], measured[None], prediction.region_m[1:])
+    return float(np.mean(relative <= 1.0))
 
 
 def any_thruster_moved(

@@ -182,7 +182,7 @@ class Display:
                 (source_text(twin.last.prediction), "yellow" if twin.last.prediction.outside_domain else "green")
             )
             yield track_table(twin.last.prediction)
-            if twin.last.prediction.band_m is not None:
+            if twin.last.prediction.region_m is not None:
                 yield _one_line((str(twin.region), "red" if twin.region.is_at_bound else ""))
         yield _one_line(latency_text(twin))
         yield _one_line(last_error_text(twin.last_error))

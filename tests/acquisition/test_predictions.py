@@ -42,7 +42,7 @@ BODY: dict[str, Any] = {
     "vessel": "gunnerus_short", "calibrator": "", "outside_training_range": False, "held_channels": [],
     "track": {
         "seconds": [0, 1, 2], "north_m": [0.0, 1.0, 2.0], "east_m": [0.0, 0.0, 0.5],
-        "heading_deg": [0.0, 1.0, 359.0], "band_m": [],
+        "heading_deg": [0.0, 1.0, 359.0], "band_m": [], "band_along_m": [], "band_across_m": [],
         "latitude_deg": [63.0, 63.00001, 63.00002], "longitude_deg": [10.0, 10.0, 10.00001],
     },
     "running": {"over_s": 300.0, "predictions": 0, "left_out": 0},

@@ -36,8 +36,8 @@ def replay(
     for row, at in enumerate(windows.start_time):
         while waiting and corrected and waiting[0].start_ns + delay_ns <= at.as_unit("ns").value:
             region = region.after(waiting.popleft(), windows.horizon_s)
-        band_m = wrong_by * np.concatenate([[0.0], predicted.radius_m[row]])
-        prediction = region.widened(Prediction(at, "hybrid", predicted.tracks[row], band_m, None))
+        region_m = wrong_by * np.vstack([np.zeros(2), predicted.region_m[row]])
+        prediction = region.widened(Prediction(at, "hybrid", predicted.tracks[row], region_m, None))
         waiting.append(track_error(prediction, windows.track[row], thrusters_moved=False))
         inside[row], factors[row] = waiting[-1].inside_band or 0.0, region.factor
     return inside, factors

@@ -406,11 +406,11 @@ def test_it_comes_back_to_the_bit(
     twin = make_calibrator("data_driven", 0, plant)
     vars(twin).update(epochs=2, batch=32)
     twin.fit(examples, examples)
-    bands = learned.conformal_radius(examples), Fallback.fit(*examples, plant)
+    bands = learned.conformal_region(examples), Fallback.fit(*examples, plant)
     trained = TrainedCalibrator(learned, twin, SECONDS, "gunnerus_short", plant, *bands, (), {})
     loaded = load(save(trained, tmp_path).parent)
-    assert np.array_equal(loaded.band_m, trained.band_m)
-    for name in ("training_error_m", "hindcast_error_m", "radius"):
+    assert np.array_equal(loaded.region_m, trained.region_m)
+    for name in ("training_error_m", "hindcast_error_m", "region"):
         assert np.array_equal(getattr(loaded.fallback, name), getattr(trained.fallback, name))
     restored = AdaptiveCalibrator(learned.seed, plant).load_state_dict(learned.state_dict())
     for other in (restored, loaded.calibrator):
@@ -489,7 +489,7 @@ def test_outside_its_range_it_goes_on_by_itself(plant: Plant, learned: AdaptiveC
     alone = reference(windows, plant)
     assert learned.outside_domain(windows, alone).all()
     fallback = Fallback.fit(windows, alone, plant)
-    found = predict_with_fallback(learned, plant, learned.radius_, fallback, windows, alone)
+    found = predict_with_fallback(learned, plant, learned.region_, fallback, windows, alone)
     assert (found.source == "hybrid").all()
     assert np.array_equal(found.tracks, learned.predict(windows, alone))
     assert found.outside_domain.all()

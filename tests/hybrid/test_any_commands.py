@@ -132,10 +132,10 @@ def test_held_commands_are_both_of_their_means(plant: Plant) -> None:
 @pytest.fixture
 def trained(plant: Plant, fitted: Callable[[str], Calibrator]) -> TrainedCalibrator:
     """A calibrator of any commands, as it is saved."""
-    band_m = np.linspace(0.5, 3.0, SECONDS)
-    fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), band_m)
+    region_m = np.linspace((0.5, 0.4), (3.0, 2.0), SECONDS)
+    fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), region_m)
     parts = fitted("adaptive"), fitted("data_driven")
-    return TrainedCalibrator(*parts, SECONDS, "gunnerus_short", plant, band_m, fallback, (), {})
+    return TrainedCalibrator(*parts, SECONDS, "gunnerus_short", plant, region_m, fallback, (), {})
 
 
 def test_one_of_held_controls_refuses_any_commands_and_says_what_to_do(

@@ -52,10 +52,10 @@ def tiny(plant: Plant) -> Callable[..., TrainedCalibrator]:
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
                 calibrator.fit((training, training.track), (stopping, stopping.track))
-        band_m = np.linspace(0.5, 3.0, SECONDS)
-        fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), band_m)
+        region_m = np.linspace((0.5, 0.4), (3.0, 2.0), SECONDS)
+        fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), region_m)
         return TrainedCalibrator(
-            fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, fallback, (), {"windows": 16}
+            fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, region_m, fallback, (), {"windows": 16}
         )
 
     return trained
@@ -114,7 +114,7 @@ def test_every_method_comes_back_to_the_bit(
 def test_all_that_is_known_comes_back(small: TrainedCalibrator, small_folder: Path) -> None:
     """Band, sources with what each gave, metrics, vessel, date and versions come back as they were."""
     loaded = load(small_folder)
-    assert np.array_equal(loaded.band_m, small.band_m)
+    assert np.array_equal(loaded.region_m, small.region_m)
     for name in ("sources", "metrics", "horizon_s", "vessel", "plant", "trained_at", "versions"):
         assert getattr(loaded, name) == getattr(small, name)
     again = save(loaded, small_folder.parent / "again").parent
@@ -135,7 +135,7 @@ def test_the_sidecar_is_for_people_and_says_where_it_comes_from(
     assert inputs["second"]["mean"] == pytest.approx((small.horizon_s + 1) / 2)
     assert (inputs["second"]["low"], inputs["second"]["high"]) == (1.0, small.horizon_s)
     assert [each["name"] for each in sidecar["calibrator"]["outputs"]] == ["north_m", "east_m"]
-    assert len(sidecar["band_m"]) == sidecar["horizon_s"]
+    assert len(sidecar["region_m"]) == sidecar["horizon_s"]
     assert tuple(sidecar["channels"]) == NAMES
     assert sidecar["vessel"]["numbers"]["mass_kg"] == load_vessel("gunnerus_short").inertia.mass_kg
     assert sum(each["windows"] for each in sidecar["data"]) == small.metrics["windows"]
@@ -219,21 +219,21 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "no format": (_write(SIDECAR, b"{}"), "format: "),
     "another format": (_edit("format", to=99), f"is of format 99, and this version reads {FORMAT}"),
     "the format before": (_write(SIDECAR, b'{"format": 1, "method": "paper"}'), "is of format 1"),
-    "no band": (_edit("band_m", to=None), "band_m"),
-    "a short band": (_edit("band_m", to=[1.0, 2.0]), "band_m has 2 values for 6 s"),
-    "a band of words": (_edit("band_m", 3, to="wide"), "band_m.3"),
-    "a band below nothing": (_edit("band_m", 3, to=-1.0), "band_m.3"),
-    "an endless band": (_edit("band_m", 3, to=float("inf")), "band_m.3"),
+    "no band": (_edit("region_m", to=None), "region_m"),
+    "a short band": (_edit("region_m", to=[[1.0, 2.0], [2.0, 3.0]]), "region_m has 2 values for 6 s"),
+    "a band of words": (_edit("region_m", 3, 0, to="wide"), "region_m.3"),
+    "a band below nothing": (_edit("region_m", 3, 1, to=-1.0), "region_m.3"),
+    "an endless band": (_edit("region_m", 3, 0, to=float("inf")), "region_m.3"),
     "no reserve": (_edit("reserve", to=None), "reserve"),
     "a reserve that never errs": (
-        _edit("reserve", to={"reference_m": [0.0, 1.0], "constant_velocity_m": [1.0, 1.0], "band": [1.0] * 6}),
+        _edit("reserve", "reference_m", 0, to=0.0),
         "reserve.reference_m.0",
     ),
     "a short reserve": (
-        _edit("reserve", to={"reference_m": [1.0, 1.0], "constant_velocity_m": [1.0, 1.0], "band": [1.0]}),
-        "reserve.band has 1 values for 6 s",
+        _edit("reserve", to={"reference_m": [1.0, 1.0], "constant_velocity_m": [1.0, 1.0], "region": [[1.0, 1.0]]}),
+        "reserve.region has 1 values for 6 s",
     ),
-    "another horizon": (_edit("horizon_s", to=7), "band_m has 6 values for 7 s"),
+    "another horizon": (_edit("horizon_s", to=7), "region_m has 6 values for 7 s"),
     "half a second": (_edit("horizon_s", to=6.5), "horizon_s"),
     "a horizon as text": (_edit("horizon_s", to="6"), "horizon_s"),
     "other channels": (_edit("channels", to=[*NAMES, "roll_deg"]), "other channels.*roll_deg"),
@@ -331,7 +331,7 @@ def test_no_edit_of_the_sidecar_is_a_traceback(
         windows = random_windows(2, SECONDS, seed=5)
         assert np.isfinite(loaded.calibrator.predict(windows, windows.track)).all()
         assert loaded.plant == plant
-        assert loaded.band_m.shape == (SECONDS,)
+        assert loaded.region_m.shape == (SECONDS, 2)
 
 
 @pytest.fixture(scope="module")

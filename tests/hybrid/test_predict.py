@@ -89,7 +89,9 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
     assert found.band_m is not None
     assert found.band_m[0] == 0.0
     assert (np.diff(found.band_m) >= 0.0).all()
-    assert np.array_equal(found.band_m[1:], expected.radius_m[0])
+    assert found.region_m is not None
+    assert np.array_equal(found.region_m[1:], expected.region_m[0])
+    assert np.array_equal(found.band_m[1:], expected.region_m[0].max(axis=-1))
 
 
 def test_a_calibrator_predicts_its_own_horizon_at_the_most(
@@ -132,7 +134,8 @@ def test_json_has_one_object_a_second(table: pd.DataFrame, plant: Plant) -> None
     assert plain["horizon_s"] == 15
     assert [row["second"] for row in plain["track"]] == list(range(16))
     assert set(plain["track"][0]) == {
-        "second", "north_m", "east_m", "heading_deg", "band_m", "measured_north_m", "measured_east_m",
+        "second", "north_m", "east_m", "heading_deg", "band_m", "band_along_m", "band_across_m",
+        "measured_north_m", "measured_east_m",
     }  # fmt: skip
     assert all(0.0 <= row["heading_deg"] < 360.0 for row in plain["track"])
 
@@ -263,8 +266,8 @@ def test_a_calibrator_of_held_controls_follows_no_plan(
 def test_no_number_is_cut_off_in_a_terminal_of_80_columns() -> None:
     """Heads may be broken, numbers and names not: far from the origin they are long."""
     track = np.tile([-12345.67, -23456.78, 6.0], (SMALL_HORIZON_S + 1, 1))
-    band_m = np.full(SMALL_HORIZON_S + 1, 1234.5)
-    shown = Prediction(pd.Timestamp("2026-06-01T08:00:00Z"), "hybrid", track, band_m, track)
+    region_m = np.full((SMALL_HORIZON_S + 1, 2), 1234.5)
+    shown = Prediction(pd.Timestamp("2026-06-01T08:00:00Z"), "hybrid", track, region_m, track)
     console = Console(width=80, file=StringIO(), record=True)
     console.print(shown)
     text = console.export_text()

@@ -17,8 +17,8 @@ from acquisition.core.errors import DataShortageError, InputError
 from hybrid.calibrators.train import TrainedCalibrator, train
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
-from hybrid.prediction.baselines import conformal_radius
 from hybrid.prediction.dataset import Source, load_dataset, within_model_range
+from hybrid.prediction.regions import circle_about, conformal_region, relative_distances
 from hybrid.prediction.scores import distances
 from hybrid.report.tables import validation_table
 from hybrid.vessel.files import load_vessel
@@ -55,10 +55,15 @@ def test_the_band_holds_what_it_says(judged: Validation) -> None:
     """Of the positions of an unseen voyage about 95 % lie in the band that was sized on other legs."""
     assert judged.coverage_95 is not None
     assert 0.85 <= judged.coverage_95 <= 1.0
-    assert judged.radius_m is not None
+    assert judged.region_m is not None
+    relative = relative_distances(judged.tracks["hybrid"], judged.windows.track, judged.region_m)
+    assert judged.coverage_95 == pytest.approx((relative <= 1.0).mean())
     gaps = distances(judged.tracks["hybrid"], judged.windows.track)
-    assert judged.coverage_95 == pytest.approx((gaps <= judged.radius_m).mean())
-    assert judged.band_m == pytest.approx(np.median(judged.radius_m, axis=0))
+    assert (gaps <= circle_about(judged.region_m)).mean() >= judged.coverage_95
+    said = judged.as_dict()
+    middle = np.median(judged.region_m, axis=0)
+    assert np.transpose([said["band_along_m"], said["band_across_m"]]) == pytest.approx(middle)
+    assert said["band_m"] == pytest.approx(middle.max(axis=1))
 
 
 def test_json_is_the_contracts_object(judged: Validation) -> None:
@@ -103,13 +108,12 @@ def test_a_calibrator_judges_shorter_horizons_and_refuses_longer_ones(
     small: TrainedCalibrator, unseen: Path, plant: Plant
 ) -> None:
     judged = validate(load_dataset([unseen], 15, 5), plant, small)
-    assert judged.radius_m is not None
-    assert judged.band_m == pytest.approx(np.median(judged.radius_m, axis=0))
+    assert judged.region_m is not None
     whole = validate(load_dataset([unseen], 30, 5), plant, small)
     begun = replace(whole.windows, track=whole.windows.track[:, :16])
     found = small.predict_tracks(begun, whole.tracks["reference"][:, :16])
-    assert whole.radius_m is not None
-    assert found.radius_m == pytest.approx(whole.radius_m[:, :15])
+    assert whole.region_m is not None
+    assert found.region_m == pytest.approx(whole.region_m[:, :15])
     assert found.tracks == pytest.approx(whole.tracks["hybrid"][:, :16])
     with pytest.raises(InputError, match="predicts 30 s at the most, not 45 s; say --horizon 30"):
         validate(load_dataset([unseen], 45, 5), plant, small)
@@ -198,7 +202,7 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
     monkeypatch.setattr("hybrid.calibrators.train.make_calibrator", fewer)
     dataset = load_dataset(earlier[:2], 15, 5)
     first, again, other = (train(dataset, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
-    assert np.array_equal(first.band_m, again.band_m)
+    assert np.array_equal(first.region_m, again.region_m)
     assert first.metrics == again.metrics
     assert first.metrics != other.metrics
     validations = [validate(load_dataset([unseen], 15, 5), plant, each).as_dict() for each in (first, again)]
@@ -231,10 +235,10 @@ def test_the_band_is_never_too_small_for_what_sized_it(seed: int, count: int) ->
     """
     windows = random_windows(count, 6, seed)
     off = windows.track + np.random.default_rng(seed).normal(0.0, 1.0, windows.track.shape)
-    radius = conformal_radius(off, windows.track)
-    inside = (distances(off, windows.track) <= radius).mean(axis=0)
+    region_m = conformal_region(off, windows)
+    inside = (relative_distances(off, windows.track, region_m) <= 1.0 + 1e-12).mean(axis=0)
     assert (inside >= 0.95).all()
-    assert (np.diff(radius) >= 0.0).all()
+    assert (np.diff(region_m, axis=0) >= 0.0).all()
     if count < 20:
         assert (inside == 1.0).all()
 
@@ -246,8 +250,9 @@ def test_the_band_covers_new_windows_of_the_same_kind() -> None:
     inside = []
     for _ in range(60):
         off = windows.track + random.normal(0.0, 1.0, windows.track.shape)
-        radius = conformal_radius(off[:200], windows.track[:200])[0]
-        inside.append((distances(off[200:], windows.track[200:])[:, 0] <= radius).mean())
+        sized, others = windows.subset(np.arange(400) < 200), windows.subset(np.arange(400) >= 200)
+        region_m = conformal_region(off[:200], sized)
+        inside.append((relative_distances(off[200:], others.track, region_m)[:, 0] <= 1.0).mean())
     assert np.mean(inside) == pytest.approx(0.95, abs=0.01)
 
 

@@ -33,7 +33,6 @@ from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Exa
 from hybrid.prediction.baselines import (
     HINDCAST_S,
     average_tracks,
-    conformal_radius,
     present_motion_held,
     simulate_tracks,
 )
@@ -46,6 +45,7 @@ from hybrid.prediction.prediction_windows import (
     hindcast_windows,
     unlike_groups,
 )
+from hybrid.prediction.regions import conformal_region
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.actuators import KINDS, angle_columns, control_labels
 from hybrid.vessel.plant import Plant
@@ -159,7 +159,7 @@ class AdaptiveCalibrator(Calibrator):
     """An ensemble of adapted models, averaged with constant velocity and the reference by hindcast errors.
 
     Each of :data:`MEMBERS` models is fitted without a share of the legs (cross-validation). On these follow the
-    power by which hindcast errors weigh the candidates and the radius of the 95 % regions. All members predict
+    power by which hindcast errors weigh the candidates and the 95 % regions. All members predict
     together.
     """
 
@@ -248,7 +248,7 @@ class AdaptiveCalibrator(Calibrator):
         for member, vector in enumerate(self.vectors_):
             mine = fold == member
             tracks[mine], uncertainty[mine] = self._predicted(windows.subset(mine), candidates.subset(mine), vector)
-        self.radius_ = conformal_radius(tracks, windows.track, uncertainty)
+        self.region_ = conformal_region(tracks, windows, uncertainty)
         return tracks
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
@@ -369,8 +369,8 @@ class AdaptiveCalibrator(Calibrator):
         candidates = self._candidates(windows, self.vectors_)
         return self._predicted(windows, candidates, self.vectors_.mean(axis=0))
 
-    def conformal_radius(self, stopping: Examples) -> Floats:
-        return self.radius_
+    def conformal_region(self, stopping: Examples) -> Floats:
+        return self.region_
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         low, high = self.range_
@@ -383,7 +383,7 @@ class AdaptiveCalibrator(Calibrator):
         power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # no infinity in a file
         usual = self.usual_
         fitted = {
-            "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.radius_,
+            "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.region_,
             "trust": np.array([power, usual.hindcast_m, usual.mean, usual.deviation, usual.most]),
             "spread": usual.spread_m,
         }  # fmt: skip
@@ -397,7 +397,7 @@ class AdaptiveCalibrator(Calibrator):
         numbers = len(parameter_names(self.plant.form)) if self.plant else 0
         if self.vectors_.ndim != 2 or self.vectors_.shape[1] != numbers:
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {numbers}")
-        self.radius_ = fitted["region"]
+        self.region_ = fitted["region"]
         power, hindcast_m, *minutes = map(float, fitted["trust"])
         self.usual_ = _Usual(hindcast_m, fitted["spread"], *minutes)
         self.weight_power_ = power or np.inf

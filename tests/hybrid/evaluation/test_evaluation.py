@@ -209,8 +209,8 @@ def test_a_wrong_split_is_refused_before_anything_is_read(tmp_path: Path) -> Non
 def test_regions_are_sized_on_other_legs(studied: Study, evaluation: Evaluation, kind: str) -> None:
     """They grow with the time predicted and are the same for a method that is the baseline."""
     holding, baseline = (evaluation.splits[kind].whole.methods[name] for name in ("holding", "constant_velocity"))
-    assert holding.radius_by_second_m == pytest.approx(baseline.radius_by_second_m)
-    assert np.all(np.diff(holding.radius_by_second_m) >= 0.0)
+    assert holding.region_by_second_m == pytest.approx(baseline.region_by_second_m)
+    assert np.all(np.diff(holding.region_by_second_m, axis=0) >= 0.0)
     shares = [each.value for each in holding.coverage_by_second]
     assert holding.coverage_95.value == pytest.approx(float(np.mean(shares)))
     errors = next(each for each in studied.results if each.kind == kind).errors["holding"]

@@ -153,9 +153,9 @@ def test_coverage_is_the_share_of_seconds_inside_their_regions() -> None:
     """Only seconds that are judged count; a method without regions has no coverage, and JSON says null."""
     gap_m = np.full((4, 10, 2), [3.0, 4.0])  # 5 m
     gap_m[:, 5:] = np.nan
-    radius_m = np.full((4, 10), 5.1)
-    radius_m[0] = 4.9
-    errors = {method: Errors(gap_m * (method != "floor"), radius_m * size)
+    inside = np.where(np.arange(10) < 5, np.ones((4, 10)), np.nan)
+    inside[0] *= 0.0
+    errors = {method: Errors(gap_m * (method != "floor"), inside * size, gap_m)
               for method, size in (dict.fromkeys(ORDER, 1.0) | {"floor": np.nan}).items()}  # fmt: skip
     by_method = {each.method: each for each in rows_of("calm", "sequence", [errors])}
     assert by_method["hybrid"].coverage_95.value == pytest.approx(0.75)
@@ -164,14 +164,14 @@ def test_coverage_is_the_share_of_seconds_inside_their_regions() -> None:
 
 
 def _figures(gap_m: np.ndarray) -> np.ndarray:
-    return figures_of(Errors(gap_m, np.ones(gap_m.shape[:2])))
+    return figures_of(Errors(gap_m, np.ones(gap_m.shape[:2]), gap_m))
 
 
 def test_reductions_are_paired() -> None:
     """A method with half the reference's error everywhere has a reduction of one half without any doubt."""
     gap_m = np.random.default_rng(4).normal(0.0, 3.0, (14, 30, 2))
     factor = dict.fromkeys(ORDER, 1.0) | {"hybrid": 0.5, "floor": 0.25}
-    errors = {method: Errors(gap_m * factor[method], np.ones((14, 30))) for method in ORDER}
+    errors = {method: Errors(gap_m * factor[method], np.ones((14, 30)), gap_m) for method in ORDER}
     row = next(each for each in rows_of("calm", "sequence", [errors]) if each.method == "hybrid")
     for reduction in (row.reduction, row.reduction_x, row.reduction_y):
         assert (reduction.low, reduction.value, reduction.high) == pytest.approx((0.5, 0.5, 0.5))
@@ -183,7 +183,7 @@ def test_tables_fit_a_terminal_of_80_columns() -> None:
     """Errors of metres, one method worse than the reference: nothing is cut off."""
     gap_m = np.random.default_rng(4).normal(0.0, 3.0, (14, 30, 2))
     factor = dict.fromkeys(ORDER, 1.0) | {"data_driven": 1.4, "hybrid": 0.5, "floor": 0.25}
-    errors = {method: Errors(gap_m * factor[method], np.ones((14, 30))) for method in ORDER}
+    errors = {method: Errors(gap_m * factor[method], np.ones((14, 30)), gap_m) for method in ORDER}
     rows = [row for split in ("sequence", "random") for row in rows_of("calm", split, [errors])]
     console = Console(width=80, record=True, file=StringIO())
     table = Table3(tuple(rows), tuple(cells_of(rows)))

@@ -42,7 +42,8 @@ def eastward(band: bool) -> Prediction:
     seconds = np.arange(31.0)
     track = np.column_stack([100.0 - 0.5 * seconds, 2.0 * seconds, np.full(31, np.pi / 2)])
     at = pd.Timestamp("2026-06-01T08:00:05Z")
-    return Prediction(at, "hybrid", track, 0.1 * seconds if band else None, None, outside_domain=not band)
+    region_m = np.column_stack([0.1 * seconds, 0.05 * seconds]) if band else None
+    return Prediction(at, "hybrid", track, region_m, None, outside_domain=not band)
 
 
 def test_the_track_is_told_ahead_and_to_starboard() -> None:

@@ -17,12 +17,14 @@ from acquisition.logger.predictions import schema_violation
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.schemas import PREDICTION
 from acquisition.recording.tail import Tail
+from analysis.kinematics import to_ship
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
 from analysis.windows.recordings import SecondBySecond
 from hybrid.calibrators.predict import predict
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.effects import vessel_plant
+from hybrid.prediction.regions import courses
 from hybrid.twin.forecast import (
     RecentSamples,
     message_body,
@@ -190,11 +192,12 @@ def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: Trai
         assert plane.north_east_m(latitude, longitude) == pytest.approx((north_m, east_m), abs=2e-3)
     (ring,) = region["geometry"]["coordinates"]
     assert ring[0] == ring[-1]
-    assert prediction.band_m is not None
+    assert prediction.region_m is not None
+    north, east, course = *prediction.track[-1, :2], courses(prediction.track)[-1]
     for longitude, latitude in ring:
         north_m, east_m = plane.north_east_m(latitude, longitude)
-        away_m = np.hypot(north_m - prediction.track[-1, 0], east_m - prediction.track[-1, 1])
-        assert away_m == pytest.approx(prediction.band_m[-1], abs=2e-3)
+        along, across = to_ship(north_m - north, east_m - east, course) / prediction.region_m[-1]
+        assert np.hypot(along, across) == pytest.approx(1.0, abs=2e-3)
     latitude, longitude = positions(np.array([0.0]), np.array([0.0]), ORIGIN)
     assert (latitude[0], longitude[0]) == pytest.approx(ORIGIN)
 

@@ -120,5 +120,5 @@ def test_what_was_not_judged_or_has_no_region_teaches_nothing() -> None:
     track = np.zeros((HORIZON_S + 1, 3))
     bare = Prediction(pd.Timestamp(0, tz="UTC"), "reference", track, None, None)
     assert region.widened(bare) is bare
-    wide = region.widened(replace(bare, band_m=np.arange(31.0)))
+    wide = region.widened(replace(bare, region_m=np.tile(np.arange(31.0)[:, None], 2)))
     assert wide.band_m == pytest.approx(1.3 * np.arange(31.0))

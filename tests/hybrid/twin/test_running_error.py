@@ -35,8 +35,8 @@ def prediction(
         along * np.sin(HEADING) + across * np.cos(HEADING),
         HEADING + np.deg2rad(turn_deg) * seconds,
     ])  # fmt: skip
-    band = None if band_m is None else np.full(HORIZON_S + 1, band_m)
-    return Prediction(START + pd.Timedelta(seconds=second), "reference", track, band, None)
+    region_m = None if band_m is None else np.full((HORIZON_S + 1, 2), band_m)
+    return Prediction(START + pd.Timedelta(seconds=second), "reference", track, region_m, None)
 
 
 @pytest.fixture

@@ -143,8 +143,8 @@ def test_regions_that_the_ship_left_are_wider_from_then_on(
 ) -> None:
     """Regions a thousandth as wide as they were: they grow as the errors come in, by what these say."""
     monkeypatch.setattr(twin_module, "_LEAST_APART_S", 0.0)
-    fallback = replace(small.fallback, radius=1e-3 * small.fallback.radius)
-    narrow = replace(small, band_m=1e-3 * small.band_m, fallback=fallback)
+    fallback = replace(small.fallback, region=1e-3 * small.fallback.region)
+    narrow = replace(small, region_m=1e-3 * small.region_m, fallback=fallback)
     model = Predictor("gunnerus_short", small.plant, HORIZON_S, narrow)
     watching = Twin("bay", Path("/bay.toml"), model, lambda level, text: None, tmp_path / "run")
     said = list[dict[str, Any]]()
