@@ -105,28 +105,29 @@ def test_predicted_motion_is_in_the_units_of_the_channels() -> None:
 
 
 def test_regions_of_the_right_size_hold_95_percent_and_their_transform_is_even() -> None:
-    """Normal errors and the radius that holds 95 % of them: PICP at 95 %, PIT even, and twice as wide twice as
+    """Normal errors and the circle that holds 95 % of them: PICP at 95 %, PIT even, and twice as wide twice as
     much."""
     random = np.random.default_rng(3)
     measured = np.repeat(straight(0.3), 4000, axis=0)
-    distance = np.hypot(*random.normal(size=(2, 4000, 10)))
-    radius = np.full((4000, 10), np.sqrt(-2.0 * np.log(0.05)))
+    predicted = measured.copy()
+    predicted[:, 1:, :2] += random.normal(size=(4000, 10, 2))
+    region_m = np.full((4000, 10, 2), np.sqrt(-2.0 * np.log(0.05)))
     legs = [str(number // 20) for number in range(4000)]
-    found = calibration_of(distance, radius, horizons_of(measured, legs))
+    found = calibration_of(predicted, region_m, horizons_of(measured, legs))
     assert found.picp == pytest.approx(0.95, abs=0.015)
     assert ((found.low < 0.95) & (found.high > 0.95)).sum() >= 8
     counts, _ = np.histogram(found.pit, bins=10, range=(0.0, 1.0))
     assert counts / counts.sum() == pytest.approx(0.1, abs=0.006)
-    wide = calibration_of(distance, 2.0 * radius, horizons_of(measured, legs))
+    wide = calibration_of(predicted, 2.0 * region_m, horizons_of(measured, legs))
     assert wide.pinaw == pytest.approx(2.0 * found.pinaw)
     way_m = 3.0 * np.arange(1, 11)  # straight ahead with 3 m/s
-    assert found.pinaw == pytest.approx(2.0 * radius[0] / way_m)
+    assert found.pinaw == pytest.approx(2.0 * region_m[0, :, 0] / way_m)
 
 
 def test_of_a_ship_that_lies_still_and_of_one_leg_no_share_is_told() -> None:
     """No way covered: no width over it. One leg: no interval."""
     still = np.zeros((5, 11, 3))
-    found = calibration_of(np.zeros((5, 10)), np.ones((5, 10)), horizons_of(still))
+    found = calibration_of(still, np.ones((5, 10, 2)), horizons_of(still))
     assert np.isnan(found.pinaw).all()
     assert found.legs == 1
     assert np.isnan(found.low).all()
@@ -146,8 +147,9 @@ def test_the_last_second_of_the_speed_is_as_noisy_as_the_others() -> None:
 def test_legs_and_not_windows_are_what_is_independent() -> None:
     """Two legs, one inside and one outside: nothing is known of the share, however many windows they have."""
     measured = np.repeat(straight(0.0), 200, axis=0)
-    distance = np.repeat([0.5, 2.0], 100)[:, None] * np.ones(10)
+    predicted = measured.copy()
+    predicted[:, 1:, 0] += np.repeat([0.5, 2.0], 100)[:, None]
     legs = ["a"] * 100 + ["b"] * 100
-    found = calibration_of(distance, np.ones((200, 10)), horizons_of(measured, legs))
+    found = calibration_of(predicted, np.ones((200, 10, 2)), horizons_of(measured, legs))
     assert found.picp == pytest.approx(0.5)
     assert (found.low[0], found.high[0]) == (0.0, 1.0)
