@@ -239,7 +239,8 @@ class Device:
 class _Source:
     """What every source says: its name, the channels it provides, whose clock stamps them, how it is mounted.
 
-    ``rates_hz`` is how often a channel is expected to come; the display grades it by that.
+    ``rates_hz`` is how often a channel is expected to come; the display grades it by that. ``budget_kb_s`` is how
+    much of a live source is kept in the long run [kB/s]: unless given, four times a full CAN bus of 500 kbit/s.
     """
 
     name: str
@@ -247,6 +248,7 @@ class _Source:
     clock: Clock = "receiver"
     mounting: Mounting = field(default_factory=Mounting)
     rates_hz: dict[ChannelName, FinitePositive] = field(default_factory=dict)
+    budget_kb_s: FinitePositive = 1000.0
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

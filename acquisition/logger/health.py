@@ -26,7 +26,8 @@ class SourceHealth:
     name: str
     state: str = "open"
     frames: int = 0
-    dropped: int = 0
+    dropped: int = 0  # frames that are not in the recording, for want of room or of budget
+    over_budget: int = 0  # of them, those that its budget had no room for
     refusals: list[Counter[str]] = field(default_factory=list)  # of the source's decoders, by reason
     impossible: int = 0  # decoded, but no value that its channel can hold
     last_ns: int | None = None

@@ -77,7 +77,14 @@ class Recorder:
         Raises :class:`SourceError` if not a single one can be opened.
         """
         receivers = [
-            Receiver(make_source(each), self.health.sources[each.name], self._inbox, self._stopping, self.tell)
+            Receiver(
+                make_source(each),
+                self.health.sources[each.name],
+                self._inbox,
+                self._stopping,
+                self.tell,
+                each.budget_kb_s * 1e3,
+            )
             for each in self._config.sources
         ]
         for receiver in receivers:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from operator import attrgetter
 
@@ -20,6 +20,11 @@ _TELL_EVERY_S = 10.0
 _LATE_S = 0.02  # what is stamped later than this is marked
 _CATCHING_UP_S, _CATCHING_UP_SHARE = 0.1, 0.1  # of the time it stood still, for what waited on all sources
 _TELL_STILL_S = 0.2
+_SAVED_S = 10.0
+_RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
+_LEISURE_S = 0.01
+_NO_ROOM = "the system had no room for"
+_OVER_BUDGET = "over its budget of {:,.0f} kB/s by"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
 Tell = Callable[[str, str], None]
 """Somebody who puts (level, text) into the recording's event log; called from any thread."""
@@ -56,17 +61,45 @@ class Inbox:
         return sum(len(line) for line in self._lines.values())
 
 
+class Budget:
+    """How much of a source is kept: ``bytes_per_s``, and what it has saved of these in up to ten seconds."""
+
+    def __init__(self, bytes_per_s: float, now_s: float) -> None:
+        self.bytes_per_s = bytes_per_s
+        self._left, self._looked_s = bytes_per_s * _SAVED_S, now_s
+
+    def admit(self, frames: list[Frame], now_s: float) -> int:
+        """How many of the frames, from the first on, it has room for."""
+        earned = self.bytes_per_s * (now_s - self._looked_s)
+        self._left = min(self._left + earned, self.bytes_per_s * _SAVED_S)
+        self._looked_s = now_s
+        for count, frame in enumerate(frames):
+            size = len(frame.payload) + _RECORD_BYTES
+            if size > self._left:
+                return count
+            self._left -= size
+        return len(frames)
+
+
 class Receiver:
     """What one thread does for one source until ``stopping`` is set. It raises nothing."""
 
     def __init__(
-        self, source: Source, health: SourceHealth, inbox: Inbox, stopping: threading.Event, tell: Tell
+        self,
+        source: Source,
+        health: SourceHealth,
+        inbox: Inbox,
+        stopping: threading.Event,
+        tell: Tell,
+        bytes_per_s: float = float("inf"),
     ) -> None:
+        self._budget = Budget(bytes_per_s, time.monotonic())
         self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
         health.state = "opening"
         self._back_off_s = POLL_S
-        self._dropped_before = self._lost_before = self._lost_untold = 0
-        self._told_lost_s = float("-inf")
+        self._dropped_before = self._lost_before = 0
+        self._untold: Counter[str] = Counter()  # frames that were lost otherwise, by what it was
+        self._told_s: dict[str, float] = {}
         self._opened_s = 0.0
         self._ended_s = float("inf")  # of the last read
         self._still_s, self._late, self._catches_up_s = 0.0, 0, 0.0
@@ -98,7 +131,8 @@ class Receiver:
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
                 self._back(self._health.failed_ns)
             if self.source.lost > self._lost_before:
-                self._tell_lost(self.source.lost - self._lost_before)
+                self._count_lost(_NO_ROOM, self.source.lost - self._lost_before)
+                self._lost_before = self.source.lost
         self.close()
 
     def _marked(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
@@ -156,8 +190,19 @@ class Receiver:
         except Exception as error:  # a cable that was pulled may refuse even this
             self._tell("warning", str(as_source_error(self.source, error)))
 
+    def _within_budget(self, frames: list[Frame]) -> list[Frame]:
+        """What the budget has room for. A source that floods is read at leisure: the system drops the rest."""
+        admitted = self._budget.admit(frames, time.monotonic())
+        if left_out := len(frames) - admitted:
+            self._health.over_budget += left_out
+            self._count_lost(_OVER_BUDGET.format(self._budget.bytes_per_s / 1e3), left_out)
+            self._stopping.wait(_LEISURE_S)
+            self._ended_s = time.monotonic()
+        return frames[:admitted]
+
     def _pass_on(self, frames: list[Frame]) -> None:
         self._health.count_in(len(frames), frames[-1].monotonic_ns)
+        frames = self._within_budget(frames)
         accepted = self._inbox.put(self._health.name, frames)
         dropped = len(frames) - accepted
         if dropped and self._health.dropped == self._dropped_before:
@@ -168,16 +213,14 @@ class Receiver:
             self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
             self._dropped_before = self._health.dropped
 
-    def _tell_lost(self, count: int) -> None:
-        """The system has dropped what we did not fetch in time: as bad as a drop of our own; told in sums."""
+    def _count_lost(self, why: str, count: int) -> None:
+        """Frames that never came to the queue: as bad as a drop of our own; told in sums."""
         self._health.dropped += count
         self._dropped_before += count
-        self._lost_before += count
-        self._lost_untold += count
-        if time.monotonic() - self._told_lost_s > _TELL_EVERY_S:
-            text = f"{self._health.name}: the system had no room for {self._lost_untold:,} frames"
-            self._tell("error", text)
-            self._told_lost_s, self._lost_untold = time.monotonic(), 0
+        self._untold[why] += count
+        if time.monotonic() - self._told_s.get(why, float("-inf")) > _TELL_EVERY_S:
+            self._tell("error", f"{self._health.name}: {why} {self._untold.pop(why):,} frames")
+            self._told_s[why] = time.monotonic()
 
     def _failed(self, error: SourceError) -> None:
         if self._health.failed_ns is None:

@@ -6,6 +6,7 @@ part when this one cannot be written any more, so that trouble with a disk costs
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -54,7 +55,7 @@ class RecordingParts(MessageSink):
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
         self._clock = dict(clock or {})
         self.tell = tell
-        self._stem = _stem(trial.name, datetime.now(UTC))
+        self._stem = _stem(folder, trial.name, datetime.now(UTC))
         self._unsure: list[Message] = []
         self._unkept = 0  # as unsure, but too many to be kept
         self._asked = 0, 0  # of both, how many the disk was asked to keep
@@ -101,9 +102,8 @@ class RecordingParts(MessageSink):
             self._part.write_trial(trial)
 
     def set_clock(self, clock: Mapping[str, str], reason: str) -> None:
-        """Begin a new part, whose times, and the one in its name, are by another clock."""
+        """Begin a new part, whose times are by another clock; its name goes on, so that parts sort as they came."""
         self._clock = dict(clock)
-        self._stem = _stem(self._trial.name, datetime.now(UTC))
         self.next_part(reason)
 
     def flush(self) -> None:
@@ -209,8 +209,8 @@ class RecordingParts(MessageSink):
 
     def _next_path(self) -> Path:
         number = len(self.paths) + 1
-        name = self._stem if number == 1 else f"{self._stem}_part{number:03d}"
-        return self._folder / f"{_free_stem(self._folder, name)}.mcap"  # a clock may be set back to an old name
+        name = self._stem if number == 1 else f"{self._stem}_part{number:05d}"
+        return self._folder / f"{_free_stem(self._folder, name)}.mcap"
 
     def _part_metadata(self, reason: str) -> dict[str, str]:
         before = self.paths[-1].name if self.paths else ""
@@ -294,14 +294,29 @@ class RecordingParts(MessageSink):
                 self._pause(str(error), "nothing of it is lost while memory holds it")
 
 
-def _stem(name: str, started: datetime) -> str:
-    """The trial's name and the UTC time of its start, fit for a file's name.
+_TIME = r"\d{8}T\d{6}Z"
 
-    >>> _stem("sea trial/1", datetime(2026, 5, 17, 12, tzinfo=UTC))
-    'sea_trial_1_20260517T120000Z'
+
+def safe_name(name: str) -> str:
+    """A trial's name, fit for that of a file."""
+    return "".join(each if each.isalnum() or each in "-_" else "_" for each in name)
+
+
+def parts_in(folder: Path, name: str) -> dict[Path, str]:
+    """The files of a trial's recordings in a folder, in the order of their names, and the stem of each's parts."""
+    pattern = re.compile(rf"({re.escape(safe_name(name))}_{_TIME}(?:_then_{_TIME})*)(?:_part\d+)?(?:_\d+)?\.mcap")
+    found = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
+    return {path: match[1] for path, match in found if match}
+
+
+def _stem(folder: Path, name: str, started: datetime) -> str:
+    """The trial's name and the UTC time of the recording's start: names sort as the recordings came.
+
+    Where the clock has been set back since a recording in the folder, the name continues that one's.
     """
-    safe = "".join(each if each.isalnum() or each in "-_" else "_" for each in name)
-    return f"{safe}_{started:%Y%m%dT%H%M%SZ}"
+    stem = f"{safe_name(name)}_{started:%Y%m%dT%H%M%SZ}"
+    latest = max(parts_in(folder, name).values(), default="")
+    return stem if stem > latest else f"{latest}_then_{started:%Y%m%dT%H%M%SZ}"
 
 
 def _free_stem(folder: Path, stem: str) -> str:

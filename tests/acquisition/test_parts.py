@@ -7,10 +7,12 @@ import os
 import shutil
 import threading
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
@@ -20,7 +22,7 @@ from acquisition.core.frames import Sample
 from acquisition.core.trial import Trial
 from acquisition.recording import parts as parts_module
 from acquisition.recording import storage
-from acquisition.recording.parts import RecordingParts
+from acquisition.recording.parts import RecordingParts, parts_in
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S
 
@@ -119,9 +121,30 @@ def test_two_recordings_that_begin_in_one_second_have_two_names(tmp_path: Path) 
     second.parts.close()
 
 
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.integers(-400, 400), st.integers(0, 2)), min_size=1, max_size=6))
+def test_names_sort_as_the_recordings_came_wherever_the_clock_is_set(
+    tmp_path_factory: pytest.TempPathFactory, sessions: list[tuple[int, int]]
+) -> None:
+    """Each recording begins with the clock moved by so many hours, and within it the clock is set so many times."""
+    folder, now, came = tmp_path_factory.mktemp("names"), datetime(2026, 5, 17, tzinfo=UTC), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parts_module, "datetime", SimpleNamespace(now=lambda zone: now))
+        for hours, steps in sessions:
+            now += timedelta(hours=hours)
+            recorded = Recorded(folder)
+            for _ in range(steps):
+                now += timedelta(hours=hours)
+                recorded.parts.set_clock({"times": "other"}, "set")
+            recorded.parts.close()
+            came += recorded.parts.paths
+    assert sorted(path.name for path in came) == [path.name for path in came]
+    assert list(parts_in(folder, "parts")) == came
+
+
 def test_no_part_is_written_over_a_file_that_is_there(tmp_path: Path) -> None:
     recorded = Recorded(tmp_path)
-    occupied = recorded.parts.path.with_name(f"{recorded.parts.path.stem}_part002.mcap")
+    occupied = recorded.parts.path.with_name(f"{recorded.parts.path.stem}_part00002.mcap")
     occupied.write_text("somebody's")
     recorded.write(10)
     recorded.parts.next_part("asked for")

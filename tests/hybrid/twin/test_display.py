@@ -24,7 +24,7 @@ def picture(prediction: Prediction | None, error: TrackError | None, width: int 
         errors._last.append(error)
     twin: Any = SimpleNamespace(
         statistics=Statistics(made=12),
-        follower=SimpleNamespace(path=Path("/out/bay_part002.mcap")),
+        follower=SimpleNamespace(path=Path("/out/bay_part00002.mcap")),
         last=None if prediction is None else SimpleNamespace(prediction=prediction),
         last_error=error,
         errors=errors,
@@ -48,7 +48,7 @@ def eastward(band: bool) -> Prediction:
 
 def test_the_track_is_told_ahead_and_to_starboard() -> None:
     shown = picture(eastward(band=True), None)
-    assert "12 predictions  bay_part002.mcap" in shown
+    assert "12 predictions  bay_part00002.mcap" in shown
     assert "hybrid from 08:00:05Z" in shown
     assert [line.split() for line in shown.splitlines() if line.strip().startswith("30 ")] == [
         ["30", "60.0", "15.0", "90.0", "3.0"]
