@@ -229,7 +229,7 @@ PREDICTION: Schema = {
             "held_channels": {
                 "type": "array",
                 "items": {"type": "string", "maxLength": _MOST_LETTERS},
-                "maxItems": 13,
+                "maxItems": 64,
                 "description": "Channels whose newest sample is older than the start and was held to it",
             },
             "planned_channels": {

@@ -20,11 +20,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import is_circular
+from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
 from analysis.kinematics import to_ship
 from analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
 from analysis.tables.table import NANO, table_actuators, table_controls, times_ns
-from analysis.windows.held import SPAN_SIGMAS, feedback_of, steady_mask, tolerance_of
+from analysis.windows.held import SPAN_SIGMAS, feedback_of, near_jumps, steady_mask, tolerance_of
 from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.prediction.regions import relative_distances
@@ -159,7 +159,8 @@ def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: 
 class RunningError:
     """Predictions whose horizon is not over, and the errors of the last ones whose horizon is.
 
-    ``unmeasured`` counts those without a measured track, as a channel was missing or another recording began.
+    ``unmeasured`` counts those without a measured track, as a channel was missing, the positions
+    jumped or another recording began.
     """
 
     def __init__(self, over_s: float = AVERAGED_S) -> None:
@@ -212,6 +213,8 @@ class RunningError:
         heading = np.deg2rad(unwrap(seconds["heading_deg"].to_numpy(dtype=float)))
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
         if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
+            return None
+        if near_jumps(table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float))[rows].any():
             return None
         moved = any_thruster_moved(table, row, horizon_s, prediction.planned)
         return track_error(prediction, track, moved)

@@ -102,6 +102,17 @@ def test_a_thruster_that_moved_in_the_horizon_is_counted_and_left_out(
     assert mean.end_distance_m == pytest.approx(1.0)
 
 
+def test_a_prediction_across_a_jump_of_the_receiver_is_not_judged(table: pd.DataFrame) -> None:
+    """From second 50 on the positions are 20 m to the north: what lies across that is no error of a prediction."""
+    table.loc[table.index >= START + pd.Timedelta(seconds=50), "north_m"] += 20.0
+    errors, starts = RunningError(), (20, 45, 60)
+    for second in starts:
+        errors.add(prediction(second))
+    found = errors.evaluate(table, ns(100))
+    assert [each.start_ns for each in found] == [ns(20), ns(60)]
+    assert errors.unmeasured == 1
+
+
 def after_a_lag(orders: Floats, lag_s: float) -> Floats:
     """What a drive with such a lag makes of orders, one a second, that begins at the first."""
     done = orders.copy()
