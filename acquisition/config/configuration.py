@@ -18,6 +18,7 @@ from acquisition.config.sections import (
     CanFileSource,
     CanFrames,
     CanSource,
+    CopiesSection,
     FileSource,
     LiveSection,
     MarkKeys,
@@ -58,6 +59,7 @@ class _File:
     actuator: tuple[ActuatorSection, ...] = ()
     recording: RecordingSection = field(default_factory=RecordingSection)
     live: LiveSection | None = None
+    copies: CopiesSection | None = None
     marks: MarkKeys = field(default_factory=dict)
 
 
@@ -71,6 +73,7 @@ class TrialConfig:
     text: str
     path: Path
     live: LiveSection | None = None
+    copies: CopiesSection | None = None
     marks: MarkKeys = field(default_factory=dict)
     magnetic_variation_deg: float | None = None
 
@@ -135,6 +138,7 @@ def parse_config(
         text=text,
         path=Path(path),
         live=file.live,
+        copies=file.copies,
         marks=file.marks,
         magnetic_variation_deg=file.trial.magnetic_variation_deg,
     )

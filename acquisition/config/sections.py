@@ -433,6 +433,18 @@ class RecordingSection:
 
 
 @dataclass(frozen=True, config=STRICT)
+class CopiesSection:
+    """Where finished parts are copied to, a folder that is there: on another disk, below where it is mounted.
+
+    Beyond ``keep_gb`` the oldest parts are deleted where they were recorded, once their copies have been read back.
+    Unless given, nothing is.
+    """
+
+    folder: AbsolutePath
+    keep_gb: FinitePositive | None = None
+
+
+@dataclass(frozen=True, config=STRICT)
 class LiveSection:
     """The live view for Foxglove and Lichtblick: where it can be connected to, this machine only by default."""
 

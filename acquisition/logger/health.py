@@ -120,6 +120,14 @@ class ChannelHealth:
 
 
 @dataclass(slots=True)
+class CopyState:
+    """How many finished parts wait for a copy, and why none is made at the moment."""
+
+    waiting: int = 0
+    trouble: str = ""
+
+
+@dataclass(slots=True)
 class Health:
     """The state of a recording in progress."""
 
@@ -137,6 +145,7 @@ class Health:
     part: str = ""  # the name of the file that is being written
     free_bytes: int | None = None
     bytes_per_s: float = 0.0  # what the recording grows by
+    copies: CopyState = field(default_factory=CopyState)
 
     def __post_init__(self) -> None:
         self.channels = {name: ChannelHealth() for name in self.names} | self.channels

@@ -19,6 +19,7 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
 from acquisition.core.frames import Frame, iso
+from acquisition.logger.copies import Copies, require_other_folder
 from acquisition.logger.display import Picture, mark_on_keys, status
 from acquisition.logger.health import Health
 from acquisition.logger.live_view import LiveView
@@ -67,10 +68,15 @@ def record(
 def _record_live(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
 ) -> tuple[list[Path], Health]:
+    if config.copies is not None:
+        require_other_folder(config.copies, folder)
     scale = Timescale.of_now()
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
+    copies = None if config.copies is None else Copies(config.copies, folder, config.trial.name, parts)
     with ExitStack() as stack:
+        if copies is not None:
+            stack.callback(copies.stop)  # last of all: the last part is copied too
         stack.callback(parts.close)
         try:
             recorder = Recorder(config, parts, scale)
@@ -80,6 +86,9 @@ def _record_live(
             parts.discard()
             raise
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
+        if copies is not None:
+            copies.start()
+            recorder.health.copies = copies.state
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         server = RequestServer(

@@ -210,7 +210,7 @@ class RecordingParts(MessageSink):
     def _next_path(self) -> Path:
         number = len(self.paths) + 1
         name = self._stem if number == 1 else f"{self._stem}_part{number:05d}"
-        return self._folder / f"{_free_stem(self._folder, name)}.mcap"
+        return self._folder / f"{free_stem(self._folder, name)}.mcap"
 
     def _part_metadata(self, reason: str) -> dict[str, str]:
         before = self.paths[-1].name if self.paths else ""
@@ -265,7 +265,7 @@ class RecordingParts(MessageSink):
         if self._part is None:
             return
         name = self._part.path.stem
-        path = self._folder / f"{_free_stem(self._folder, name)}.mcap"
+        path = self._folder / f"{free_stem(self._folder, name)}.mcap"
         try:
             self._part.put_back(path)
         except StorageError as error:
@@ -319,7 +319,7 @@ def _stem(folder: Path, name: str, started: datetime) -> str:
     return stem if stem > latest else f"{latest}_then_{started:%Y%m%dT%H%M%SZ}"
 
 
-def _free_stem(folder: Path, stem: str) -> str:
+def free_stem(folder: Path, stem: str) -> str:
     """The stem, with a number where another recording has the name."""
     number, free = 1, stem
     while (folder / f"{free}.mcap").exists():
