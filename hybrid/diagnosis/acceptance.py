@@ -40,10 +40,13 @@ from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from hybrid.diagnosis.select_effects import (
     LOOKS,
     Selection,
+    Swap,
     fitted_coordinates,
+    log_density,
     rival_deficits,
     search_effects,
     search_on,
+    swaps_about_themselves,
 )
 from hybrid.effects import Effect
 
@@ -418,12 +421,62 @@ def accept(selection: Selection) -> Acceptance:
     Each named effect may then also change with the operating point, as a relative of it would that is in no
     catalogue.
     """
-    accepted = accept_names(selection)
+    accepted = _beside_rivals(accept_names(selection), selection)
     if accepted.names:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
         accepted = replace(accepted, evidence=evidence_of(again, by_leg=True))
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
+
+
+def _beside_rivals(accepted: Acceptance, selection: Selection) -> Acceptance:
+    """The same with what rivals lack that are looked at about themselves; or what is accepted from the likeliest of
+    these on, if that explains more."""
+    swaps = swaps_about_themselves(accepted.evidence, accepted.names)
+    if not swaps:
+        return accepted
+    mine = log_density(accepted.evidence, accepted.names)
+    best = max(swaps, key=lambda each: log_density(each.evidence, each.names))
+    if log_density(best.evidence, best.names) > mine:
+        begin = Selection((), best.evidence, best.evidence.equations.model.at, selection.barred, looks=LOOKS - 2)
+        again = accept_names(search_on(begin))
+        if log_density(again.evidence, again.names) > mine:
+            accepted = again
+            swaps = swaps_about_themselves(accepted.evidence, accepted.names)
+    less = {(each.name, each.rival): _lacks(accepted, each) for each in swaps}
+    return replace(accepted, rival_deficits={**accepted.rival_deficits, **less})
+
+
+def _lacks(accepted: Acceptance, swap: Swap) -> float:
+    """The log evidence that a rival lacks at its own sizes, as far as legs agree."""
+    rival = evidence_of(swap.evidence.equations, by_leg=True)
+    less = log_density(accepted.evidence, accepted.names) - log_density(rival, swap.names)
+    gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(rival, swap.names)
+    fit = accepted.evidence.fit(accepted.names)
+    return as_legs_agree(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
+
+
+def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
+    """Log density of each leg's data [L] with these effects as fitted to all, up to what views have in common."""
+    assert evidence.alone is not None
+    columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
+    weights = np.zeros(len(evidence.inner))
+    weights[0], weights[columns] = 1.0, -values
+    return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.alone])
+
+
+def as_legs_agree(less: float, gains: Floats, said: Floats) -> float:
+    """The log odds ``less`` of one set of effects against another, less where legs scatter by more than noise does.
+
+    ``gains`` [L] are each leg's, ``said`` [L] how much each says. The log odds of two that differ by d standard
+    errors are d^2 / 2 in the mean, d in standard deviation: their variance is twice their mean. Where it is more,
+    s^2, there are 2 less^2 / s^2 for such a sum rather than its opposite (cf. Vuong 1989, Econometrica 57, 307).
+    """
+    if len(gains) <= _FEW_LEGS or less <= 0.0:
+        return less
+    centred = gains - said / max(float(said.sum()), 1e-300) * gains.sum()
+    variance = float((centred**2).sum()) * len(gains) / (len(gains) - 1)
+    return less / max(1.0, variance / (2.0 * less))
 
 
 def accept_names(selection: Selection) -> Acceptance:

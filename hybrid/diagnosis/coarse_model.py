@@ -11,7 +11,7 @@ legs do not miss.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,6 +39,7 @@ from hybrid.diagnosis.select_effects import (
     Selection,
     fitted_coordinates,
     linear_about,
+    possible_rivals,
     search_on,
     select_effects,
 )
@@ -103,28 +104,36 @@ def name_of_coarse_model(
     for number, look in enumerate(_looks(_expecting_few(_linear_about_nothing(first.evidence)), windows), 1):
         looks.append((_Unseen(windows, evidence_without(windows, look[0])), *look))
         progress(number / (2.0 * _ROUNDS + 1.0))
-    unseen, evidence, names = min(looks, key=lambda each: each[0].off_m(each[2]).mean())
+    unseen, evidence, names, tracks = min(looks, key=lambda each: each[0].off_m(each[2]).mean())
     if not unseen.better(names):
         return None
     evidence = evidence_of(evidence.equations, by_leg=True)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
-    tied = dict.fromkeys(unseen.tied(evidence, names), 0.0)
+    catalogue = evidence.equations.model.catalogue
+    rivals = {name: possible_rivals(evidence, names, name) for name in names}
+    known = {
+        name: [each for each in some if each in catalogue[name].confused_with] for name, some in rivals.items()
+    }
+    tied = dict.fromkeys([*alike(unseen.off_m, names, known), *alike(tracks.by_leg_m, names, rivals)], 0.0)
     accepted = Acceptance(names, tests, evidence, rival_deficits=tied, beside_remainder=True)
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidence, tuple[str, ...]]]:
+def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
     """The best set about the likeliest sizes of all effects, about its own, the best set there, and so on.
+
+    Each comes with the tracks that it was chosen by.
 
     They do not settle, and a later one is not always better.
     """
     names = compatible_effects(evidence)
     for _ in range(_ROUNDS):
         evidence = about_likeliest(evidence, names)
-        names = _Choice.of(evidence, windows).best_set(names)
-        yield evidence, names
+        choice = _Choice.of(evidence, windows)
+        names = choice.best_set(names)
+        yield evidence, names, choice.tracks
         evidence = linear_about(evidence, fitted_coordinates(evidence, names))
-        yield evidence, names
+        yield evidence, names, choice.tracks
 
 
 def _expecting_few(evidence: Evidence) -> Evidence:
@@ -206,20 +215,25 @@ class _Unseen:
         """Whether predictions are better with ``names`` than with none."""
         return bool(names) and worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
 
-    def tied(self, evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, str]]:
-        """Named effects with what is known to look like each and predicts as well in its place."""
-        whole_m, catalogue, found = self.off_m(names), evidence.equations.model.catalogue, []
-        for name in names:
-            others = tuple(each for each in names if each != name)
-            lacking_m = self.off_m(others)
-            for rival in (each for each in catalogue[name].confused_with if each not in names):
-                swapped = (*others, rival)
-                if rival not in evidence.names or not evidence.possible(swapped):
-                    continue
-                off_m = self.off_m(swapped)
-                if worth_it(lacking_m, off_m) and not worth_it(off_m, whole_m):
-                    found.append((name, rival))
-        return found
+
+def alike(
+    off_m: Callable[[tuple[str, ...]], Floats], names: tuple[str, ...], rivals: Mapping[str, Collection[str]]
+) -> list[tuple[str, str]]:
+    """Named effects with those of their ``rivals`` that predict as well in their place; ``off_m`` judges a set."""
+    whole_m, found = off_m(names), []
+    for name in names:
+        others = tuple(each for each in names if each != name)
+        lacking_m = off_m(others)
+        found += [(name, each) for each in rivals[name] if stands_in(lacking_m, off_m((*others, each)), whole_m)]
+    return found
+
+
+def stands_in(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
+    """Whether a rival in the place of a name would be worth a name, and predicts no worse beyond doubt.
+
+    All are distances by leg: with neither, with the rival, with the name.
+    """
+    return bool(np.log(lacking_m.mean() / swapped_m.mean()) > WORTH and not worth_it(swapped_m, whole_m))
 
 
 def worth_it(without_m: Floats, with_m: Floats) -> bool:

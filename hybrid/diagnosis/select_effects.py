@@ -20,6 +20,9 @@ from hybrid.diagnosis.linearise import Signature, linearise
 CLOSE = 4.5
 """A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
 
+SEEN = 3.0
+"""So many times as much a rival lacks that is told of, or looked at about itself."""
+
 _PAIRS_OF = 8
 _EXACT = 1e-9  # as numbers of 64 bits go
 _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
@@ -222,18 +225,57 @@ def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     return [swapped for _, swapped in sorted(found)[:_SWAPS]]
 
 
+@dataclass(frozen=True, slots=True)
+class Swap:
+    """``names``, in which ``rival`` stands in the place of ``name``, and the evidence linear about them."""
+
+    name: str
+    rival: str
+    names: tuple[str, ...]
+    evidence: Evidence
+
+
+def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
+    """What may stand in the place of one of ``names``, each seen at the sizes that explain most with it.
+
+    These are the same lag or play on other drives, from the same size on, and the closest of those that seem to
+    lack little: about another effect a rival is not what it is about itself.
+    """
+    at, found = fitted_coordinates(evidence, names), list[Swap]()
+    for name in names:
+        others = tuple(each for each in names if each != name)
+        less = rivals_of(evidence, names, name)
+        close = sorted((each for each in less if CLOSE < less[each] < SEEN * CLOSE), key=less.__getitem__)
+        for rival in dict.fromkeys([*_on_other_drives(evidence, name, others), *close[:_SWAPS]]):
+            some = (*others, rival)
+            alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
+            start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, some)
+            seen = linear_about(evidence, {each: start[each] for each in some})
+            seen = linear_about(evidence, fitted_coordinates(seen, some))
+            if seen.possible(some):
+                found.append(Swap(name, rival, some, seen))
+    return found
+
+
+def _on_other_drives(evidence: Evidence, name: str, others: Sequence[str]) -> list[str]:
+    """A lag or a play on other drives than ``name``'s."""
+    catalogue = evidence.equations.model.catalogue
+    effect = catalogue[name]
+    if effect.kind != "actuator" or effect.parameters[0].neutral != effect.parameters[0].low:
+        return []
+    known = [each for each in effect.confused_with if each in evidence.names and each not in others]
+    return [each for each in known if catalogue[each].parameters == effect.parameters]
+
+
 def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The same effects with a lag or a play on other drives in the place of one that is found.
 
     They have one side only, and far from nothing do other than near it: one drive is easily taken for another.
     """
-    catalogue, found = evidence.equations.model.catalogue, []
+    found = []
     for name in names:
-        effect = catalogue[name]
-        if effect.kind == "actuator" and effect.parameters[0].neutral == effect.parameters[0].low:
-            others = tuple(each for each in names if each != name)
-            known = [each for each in effect.confused_with if each in evidence.names and each not in others]
-            found += [(*others, each) for each in known if catalogue[each].parameters == effect.parameters]
+        others = tuple(each for each in names if each != name)
+        found += [(*others, each) for each in _on_other_drives(evidence, name, others)]
     return [some for some in found if evidence.possible(some)]
 
 

@@ -36,10 +36,10 @@ from hybrid.diagnosis.regimes import FoundRegime, largest_regimes
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
 from hybrid.diagnosis.select_effects import (
     CLOSE,
+    SEEN,
     Coordinates,
     fitted_coordinates,
     linear_about,
-    possible_rivals,
     rivals_of,
 )
 from hybrid.diagnosis.sensor_consistency import find_contradictions
@@ -228,31 +228,21 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     found = []
     for name in accepted.names:
-        rivals = _deficits_beside_remainder if accepted.beside_remainder else _deficits
-        for rival, less in rivals(accepted, name).items():
-            if less < 3.0 * CLOSE:
+        for rival, less in _deficits(accepted, name).items():
+            if less < SEEN * CLOSE:
                 found.append(Rival(name, rival, float(less)))
     return sorted(found, key=lambda each: each.evidence)
 
 
 def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
-    """The log evidence that each rival lacks in the place of ``name``, the least where it was looked at twice."""
-    found = rivals_of(accepted.evidence, accepted.names, name)
-    return {rival: min(less, accepted.rival_deficits.get((name, rival), less)) for rival, less in found.items()}
+    """The log evidence that each rival lacks in the place of ``name``, the least where it was looked at twice.
 
-
-def _deficits_beside_remainder(accepted: Acceptance, name: str) -> dict[str, float]:
-    """What ``name`` still brings beside each rival, over the scatter from leg to leg; or that both predict alike.
-
-    The search left out some that would bring something: these are no rivals of whatever they could replace.
+    About itself it may be possible where about another effect it is not. Beside a remainder those count alone that
+    predict as well: the search left out some that would explain something, and they are no rivals for that.
     """
-    evidence, names, scatter = accepted.evidence, accepted.names, accepted.tests[name].spread
-    others = [each for each in names if each != name]
-    deficits = {
-        rival: (evidence.log_odds([*names, rival]) - evidence.log_odds([*others, rival])) / scatter
-        for rival in possible_rivals(evidence, names, name)
-    }
-    return {rival: min(less, accepted.rival_deficits.get((name, rival), less)) for rival, less in deficits.items()}
+    found = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
+    closer = {rival: less for (one, rival), less in accepted.rival_deficits.items() if one == name}
+    return found | {rival: min(less, found.get(rival, less)) for rival, less in closer.items()}
 
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:

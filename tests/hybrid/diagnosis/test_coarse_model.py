@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from hybrid.diagnosis.coarse_model import _Unseen, is_coarse, replications
+from hybrid.diagnosis.coarse_model import alike, is_coarse, replications
 from hybrid.diagnosis.diagnose import diagnose
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.result import Replication
-from hybrid.effects import CATALOGUE
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.hulls.polynomial import NUMBERS
@@ -77,16 +74,11 @@ def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
     """Neither what predicts worse there, nor what would bring nothing beside the others."""
     off_m = {("yaw_inertia", "trim"): 0.060, ("yaw_inertia", "yaw_damping"): 0.0601, ("yaw_inertia", "skeg"): 0.080}
 
-    class Judged(_Unseen):
-        def off_m(self, names: Sequence[str]) -> Floats:
-            return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(tuple(names), 0.1))
+    def by_leg_m(names: tuple[str, ...]) -> Floats:
+        return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
 
-    model = SimpleNamespace(catalogue=CATALOGUE)
-    evidence = SimpleNamespace(
-        names=tuple(CATALOGUE), possible=lambda names: True, equations=SimpleNamespace(model=model)
-    )
-    unseen = Judged(None, {})  # type: ignore[arg-type]
-    assert unseen.tied(evidence, ("yaw_inertia", "trim")) == [("trim", "yaw_damping")]
+    rivals = {"yaw_inertia": ("loading",), "trim": ("yaw_damping", "skeg", "drift_moment")}
+    assert alike(by_leg_m, ("yaw_inertia", "trim"), rivals) == [("trim", "yaw_damping")]
 
 
 @pytest.mark.slow
