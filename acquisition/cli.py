@@ -214,6 +214,8 @@ def info(
         console.print(f"{found['start']} to {found['end']}", **_AS_IT_IS)
     console.print(f"{found['duration_s']:.1f} s, {found['messages']:,} messages", **_AS_IT_IS)
     for key, value in found["trial"].items():
+        if key == "channels":  # they are in the table
+            continue
         console.print(f"{key.replace('_', ' ')}: {value}", style="dim", **_AS_IT_IS)
     part = recording.metadata.get("part", {})
     if part.get("follows"):
@@ -247,16 +249,17 @@ def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from acquisition.core.channels import actuators_of, channel_names, channel_unit
+    from acquisition.core.channels import channel_unit, channels_of_table, known_channels
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
                            ("gap s", "right"), ("sources", "left")):  # fmt: skip
         table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
-    order = {name: number for number, name in enumerate(channel_names(actuators_of(channels, {"trial": trial})))}
+    known = known_channels({"trial": trial})
+    order = {name: number for number, name in enumerate(channels_of_table(channels, {"trial": trial}))}
     for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
-            name, channel_unit(name), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
+            name, channel_unit(name, known), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
             f"{each['longest_gap_s']:.2f}", Text(", ".join(each["sources"])),  # [m] is a unit there, and no markup
         )  # fmt: skip
     return table

@@ -115,7 +115,8 @@ def emulate(
     try:
         for section in config.sources:
             moments = list(moments_of(recording, section.channels, origin))
-            players.append(_Player(moments, make_encoder(section, config.actuators), open_transmitter(section)))
+            encoder = make_encoder(section, config.actuators, config.known_channels)
+            players.append(_Player(moments, encoder, open_transmitter(section)))
         schedule = _schedule(players)
         if not schedule:
             raise InputError("holds none of the channels that the configuration plays", where=str(path))

@@ -11,6 +11,16 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
+from acquisition.config.declarations import (
+    ChannelSection,
+    Declarations,
+    GroupField,
+    MavlinkField,
+    PackFile,
+    PackSection,
+    SentenceField,
+    Transducer,
+)
 from acquisition.config.sections import (
     FILE_SOURCES,
     ActuatorSection,
@@ -18,8 +28,10 @@ from acquisition.config.sections import (
     CanFileSource,
     CanFrames,
     CanSource,
+    Carried,
     CopiesSection,
     FileSource,
+    LineSource,
     LiveSection,
     MarkKeys,
     MavlinkLinks,
@@ -27,6 +39,7 @@ from acquisition.config.sections import (
     MavlinkSource,
     RecordingSection,
     SerialSource,
+    Ship,
     TrialSection,
     UdpSource,
     parse_for_ship,
@@ -43,13 +56,17 @@ from acquisition.core.actuators import (
     shafts,
     thruster_numbers,
 )
-from acquisition.core.channels import BY_NAME, MOTION, trial_names
+from acquisition.core.channel import Channel
+from acquisition.core.channels import MOTION, ChannelsByName, trial_names, with_declared
+from acquisition.core.declared import as_text as declared_as_text
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
-from acquisition.core.units import scale_to
 
 CONFIGURATION = "configuration.toml"
 """The name of the configuration among a recording's attachments."""
+
+PACK_ENDING = ".pack"
+"""How a pack's attachment is called, after its name."""
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -57,6 +74,8 @@ class _File:
     trial: TrialSection
     source: tuple[Annotated[AnySource, Discriminator("type")], ...]
     actuator: tuple[ActuatorSection, ...] = ()
+    channel: tuple[ChannelSection, ...] = ()
+    pack: tuple[PackSection, ...] = ()
     recording: RecordingSection = field(default_factory=RecordingSection)
     live: LiveSection | None = None
     copies: CopiesSection | None = None
@@ -76,16 +95,19 @@ class TrialConfig:
     copies: CopiesSection | None = None
     marks: MarkKeys = field(default_factory=dict)
     magnetic_variation_deg: float | None = None
+    declared: Declarations = ()
+    packs: tuple[PackFile, ...] = ()
 
     @property
     def attachments(self) -> dict[str, bytes]:
-        """What a recording needs beside itself to be decoded anew: this configuration and its DBC files."""
+        """What a recording needs beside itself to be decoded anew: this configuration, its DBC files and packs."""
         dbc = {
             f"{source.name}.dbc": source.dbc.read_bytes()
             for source in self.sources
             if isinstance(source, CanFrames) and source.dbc is not None
         }
-        return {CONFIGURATION: self.text.encode(), **dbc}
+        packs = {f"{each.name}{PACK_ENDING}": each.text.encode() for each in self.packs}
+        return {CONFIGURATION: self.text.encode(), **dbc, **packs}
 
     @property
     def actuators(self) -> Actuators:
@@ -93,9 +115,21 @@ class TrialConfig:
         return from_text(self.trial.actuators)
 
     @property
+    def known_channels(self) -> ChannelsByName:
+        """The channels by name, those that are declared among them."""
+        return with_declared(tuple(each.channel for each in self.declared))
+
+    @property
     def expected_channels(self) -> frozenset[str]:
         """The channels that some source provides."""
         return frozenset(name for source in self.sources for name in source.channels)
+
+    @property
+    def watched_channels(self) -> tuple[str, ...]:
+        """The channels whose coming is watched: the trial's, and what is declared and listed for a source."""
+        names = trial_names(self.actuators)
+        declared = (each.channel.name for each in self.declared)
+        return (*names, *(name for name in declared if name in self.expected_channels and name not in names))
 
     @property
     def missing_channels(self) -> tuple[str, ...]:
@@ -111,28 +145,29 @@ def load_config(path: Path | str) -> TrialConfig:
     return parse_config(read_text(path), path)
 
 
-def parse_config(
-    text: str,
-    path: Path | str,
-    dbc_files: Mapping[str, Path] | None = None,
-    known: Actuators | None = None,
-) -> TrialConfig:
-    """Check a configuration's text; ``dbc_files`` by source stand in for those it names, if given.
+def parse_config(text: str, path: Path | str, carried: Carried | None = None) -> TrialConfig:
+    """Check a configuration's text; what a recording has ``carried`` stands in for the files that it names.
 
-    ``known`` are the ship's actuators where the text does not list them. Raises :class:`ConfigurationError` naming
-    the line.
+    Raises :class:`ConfigurationError` naming the line.
     """
-    file, actuators = parse_for_ship(text, path, _File, dbc_files, known)
+    file, ship = parse_for_ship(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
     _check_names(file.source, path)
-    _check_units(file.source, text, path)
-    _check_channels(file.source, actuators, text, path)
+    known = with_declared(tuple(each.channel for each in ship.declared))
+    _check_units(file.source, known, text, path)
+    _check_channels(file.source, ship, text, path)
     _check_kinds(file.source, path)
     _check_inputs(file.source, text, path)
     _check_dbc(file.source, path)
+    listed = {name for source in file.source for name in source.channels}
+    declared = [each.channel for each in ship.declared if each.channel.group == "declared"]
     return TrialConfig(
-        trial=replace(file.trial.as_trial(), actuators=as_text(actuators)),
+        trial=replace(
+            file.trial.as_trial(),
+            actuators=as_text(ship.actuators),
+            channels=declared_as_text(each for each in declared if each.name in listed),
+        ),
         sources=file.source,
         recording=file.recording,
         text=text,
@@ -141,6 +176,8 @@ def parse_config(
         copies=file.copies,
         marks=file.marks,
         magnetic_variation_deg=file.trial.magnetic_variation_deg,
+        declared=ship.declared,
+        packs=ship.packs,
     )
 
 
@@ -159,7 +196,7 @@ def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
             )
 
 
-def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], text: str, path: Path | str) -> None:
     for number, source in enumerate(sources):
         if not isinstance(source, CanFrames | MavlinkLinks):
             continue
@@ -167,16 +204,16 @@ def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) ->
         mapped: dict[str, Any] = getattr(source, key)
         for channel, entry in mapped.items():
             try:
-                scale_to(BY_NAME[channel].unit, entry.unit)
+                entry.step_to(known[channel])
             except ConfigurationError as error:
                 line = line_of(text, ["source", number, key, channel, "unit"])
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
 
 
-def _check_channels(sources: tuple[AnySource, ...], actuators: Actuators, text: str, path: Path | str) -> None:
+def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path: Path | str) -> None:
     """Refuse a channel that no message of the source can carry: it would stay silent all day."""
     for number, source in enumerate(sources):
-        possible = _channels_from(source, actuators)
+        possible = _channels_from(source, ship.actuators) | _declared_from(source, ship.declared)
         for channel in source.channels:
             if channel not in possible:
                 raise ConfigurationError(
@@ -261,9 +298,26 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
     sentences = set() if isinstance(source, CanSource) else _in_sentences(actuators)
-    if isinstance(source, CanSource | FileSource | CanFileSource) or source.form or source.devices or source.dbc:
+    if _has_groups(source):
         return nautical | sentences | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
     return nautical | sentences
+
+
+def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
+    """The channels whose declarations name an origin that the source can have."""
+    kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
+    kinds += [SentenceField, Transducer] if isinstance(source, LineSource) else []
+    kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
+    return {
+        each.channel.name for each in declared if any(isinstance(origin, tuple(kinds)) for origin in each.origins)
+    }
+
+
+def _has_groups(source: CanFrames) -> bool:
+    """Whether a source says that NMEA 2000 comes by it: any line may be a gateway's, but most are none."""
+    if isinstance(source, CanSource | FileSource | CanFileSource):
+        return True
+    return bool(source.form or source.devices or source.dbc)
 
 
 def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:

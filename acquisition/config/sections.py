@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import field, fields
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -28,6 +28,16 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
+from acquisition.config.declarations import (
+    STRICT,
+    ChannelSection,
+    Conversion,
+    Declarations,
+    PackFile,
+    PackSection,
+    declarations_of,
+    read_packs,
+)
 from acquisition.config.toml_file import line_of, parse_toml, validate
 from acquisition.config.vessel_file import actuators_of_ship
 from acquisition.core.actuators import (
@@ -39,11 +49,11 @@ from acquisition.core.actuators import (
     shafts,
     thruster_numbers,
 )
-from acquisition.core.channels import channel_names, trial_names
+from acquisition.core.channels import BY_NAME, channel_names, trial_names
+from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
 
-STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 _MOST_LETTERS = 10  # of the name of a named value in MAVLink
 
 Model = TypeVar("Model")
@@ -56,12 +66,13 @@ def _actuators(info: ValidationInfo) -> Actuators:
 
 
 def _own_channel(name: str, info: ValidationInfo) -> str:
-    return check_channel(name, _actuators(info))
+    return check_channel(name, _actuators(info), (info.context or {}).get("declared", ()))
 
 
-def check_channel(name: str, actuators: Actuators = DEFAULT) -> str:
-    """The name of a channel of a ship; :class:`ValueError` with what may be meant for another."""
-    known = channel_names(actuators)
+def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared = ()) -> str:
+    """The name of a channel of a ship, or one that is declared; :class:`ValueError` with what may be meant for
+    another."""
+    known = channel_names(actuators, declared)
     if name not in known:
         near = get_close_matches(name, known, n=1, cutoff=0.4) or trial_names(actuators)
         raise ValueError(f"is no channel; did you mean {' '.join(near)}?")
@@ -118,28 +129,53 @@ class _Named:
 @dataclass(frozen=True, config=ConfigDict(extra="ignore"))
 class _Ship:
     actuator: tuple[ActuatorSection, ...] = ()
+    channel: tuple[ChannelSection, ...] = ()
+    pack: tuple[PackSection, ...] = ()
     trial: _Named = field(default_factory=_Named)
 
 
-def parse_for_ship(
-    text: str,
-    path: Path | str,
-    model: type[Model],
-    dbc_files: Mapping[str, Path] | None = None,
-    known: Actuators | None = None,
-) -> tuple[Model, Actuators]:
-    """A TOML text as ``model``, its channels those of the ship whose actuators it lists as ``[[actuator]]``.
+class Ship(NamedTuple):
+    """The ship that a file speaks of: her actuators, the channels that it declares, and the packs it takes in."""
 
-    Without such a list they are those that are ``known`` of a recording which carries the text, else those of the
-    ship that ``[trial]`` names, else R/V Gunnerus'. Paths in it are relative to the file's folder; ``dbc_files`` by
-    source stand in for those it names. Raises :class:`ConfigurationError` naming the line.
+    actuators: Actuators
+    declared: Declarations
+    packs: tuple[PackFile, ...]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What a recording carries beside its configuration: DBC files by source, packs' texts by name, the ship's
+    actuators."""
+
+    dbc_files: Mapping[str, Path] = field(default_factory=dict)
+    packs: Mapping[str, str] = field(default_factory=dict)
+    actuators: Actuators | None = None
+
+
+def parse_for_ship(
+    text: str, path: Path | str, model: type[Model], carried: Carried | None = None
+) -> tuple[Model, Ship]:
+    """A TOML text as ``model``, its channels those of the ship whose actuators it lists as ``[[actuator]]``, and
+    those that it declares.
+
+    Without such a list they are those that are ``carried`` by a recording, as the files are that stand in for those
+    it names; else those of the ship that ``[trial]`` names, else R/V Gunnerus'. Paths in it are relative to the
+    file's folder. Raises :class:`ConfigurationError` naming the line.
     """
-    raw = parse_toml(text, path)
-    ship = validate({key: raw[key] for key in ("actuator", "trial") if key in raw}, text, path, _Ship)
-    listed = check_listed(ship.actuator, text, path)
-    actuators = listed or known or actuators_of_ship(str(ship.trial.vessel), Path(path).parent) or DEFAULT
-    context = {"actuators": actuators, "folder": Path(path).resolve().parent, "dbc_files": dbc_files or {}}
-    return validate(raw, text, path, model, context), actuators
+    raw, carried, folder = parse_toml(text, path), carried or Carried(), Path(path).resolve().parent
+    given = validate({each.name: raw[each.name] for each in fields(_Ship) if each.name in raw}, text, path, _Ship)
+    listed = check_listed(given.actuator, text, path)
+    actuators = listed or carried.actuators or actuators_of_ship(str(given.trial.vessel), folder) or DEFAULT
+    packs = read_packs(given.pack, folder, carried.packs, text, path)
+    hers = {name: BY_NAME[name] for name in channel_names(actuators)}
+    declared = declarations_of(given.channel, given.pack, packs, hers, text, path)
+    context = {
+        "actuators": actuators,
+        "declared": tuple(each.channel for each in declared if each.channel.name not in hers),
+        "folder": folder,
+        "dbc_files": carried.dbc_files,
+    }
+    return validate(raw, text, path, model, context), Ship(actuators, declared, packs)
 
 
 def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
@@ -150,8 +186,8 @@ def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | st
         raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
 
 
-@dataclass(frozen=True, config=STRICT)
-class Signal:
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Signal(Conversion):
     """One signal of a DBC file that carries a channel; the unit is that of the file's physical value."""
 
     message: str
@@ -159,8 +195,8 @@ class Signal:
     unit: str
 
 
-@dataclass(frozen=True, config=STRICT)
-class NamedValue:
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class NamedValue(Conversion):
     """One MAVLink NAMED_VALUE_FLOAT that carries a channel; MAVLink has room for ten letters."""
 
     name: Annotated[str, Field(pattern=rf"^[\x21-\x7e]{{1,{_MOST_LETTERS}}}$")]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import BY_NAME, is_circular
+from acquisition.core.channel import Channel
 
 _LEAST_STAY = 5
 
@@ -25,16 +25,15 @@ def wrap_180(angle_deg: ArrayLike) -> Floats:
     return 180.0 - np.mod(180.0 - np.asarray(angle_deg, dtype=float), 360.0)
 
 
-def in_turn(name: str, values: ArrayLike) -> Floats:
-    """Values of a channel in the turn that its range gives; unchanged where it is no angle."""
-    if not is_circular(name):
+def in_turn(channel: Channel | None, values: ArrayLike) -> Floats:
+    """Values of a channel in the turn that its range gives; unchanged where it is no angle or no channel."""
+    if channel is None or not channel.circular:
         return np.asarray(values, dtype=float)
-    return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
+    return wrap_180(values) if channel.low < 0 else wrap_360(values)
 
 
-def is_possible(name: str, values: Floats) -> Bools:
+def is_possible(channel: Channel, values: Floats) -> Bools:
     """As :meth:`acquisition.core.channel.Channel.holds`, of many values."""
-    channel = BY_NAME[name]
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
     below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
     return np.asarray(beyond_low & below_high)

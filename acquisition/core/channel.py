@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Group = Literal["pose", "velocity", "environment", "command", "auxiliary"]
+Group = Literal["pose", "velocity", "environment", "command", "auxiliary", "declared"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,7 +13,8 @@ class Channel:
     """One quantity with its unit and the range of values that are possible for it.
 
     ``low`` and ``high`` are inclusive, except on a circle: there the range is one turn, and it includes
-    the end that ``conventions`` gives (0 <= x < 360, or -180 < x <= 180).
+    the end that ``conventions`` gives (0 <= x < 360, or -180 < x <= 180). A ``state`` is a code or a count that
+    holds until it is told anew: between two of its values nothing lies.
     """
 
     name: str
@@ -23,6 +24,7 @@ class Channel:
     group: Group
     meaning: str
     circular: bool = False
+    state: bool = False
 
     @property
     def topic(self) -> str:

@@ -26,6 +26,8 @@ from acquisition.core.actuators import (
     rudders,
 )
 from acquisition.core.channel import Channel, circle
+from acquisition.core.declared import Declared, declared_from_text
+from acquisition.core.trial import Trial
 
 MOTION_CHANNELS: tuple[Channel, ...] = (
     Channel("north_m", "m", -1e6, 1e6, "pose", "Position north of the trial's origin"),
@@ -93,19 +95,21 @@ CIRCULAR: frozenset[str] = frozenset(channel.name for channel in BY_NAME.values(
 """The angles among the channels of the default list; of any ship's, :func:`is_circular` tells."""
 
 
-def is_setting(name: str) -> bool:
-    """Whether a column is what a person sets: a control of any ship, an order to one, or the rudder."""
-    return name == RUDDER or (name not in _FIXED and channel_by_rule(name) is not None)
+def is_setting(channel: Channel) -> bool:
+    """Whether a channel is what a person sets: a control of any ship, an order to one, or the rudder."""
+    if channel.group == "declared":
+        return False
+    return channel.name == RUDDER or (channel.name not in _FIXED and channel_by_rule(channel.name) is not None)
 
 
-def find_channel(name: str) -> Channel | None:
+def find_channel(name: str, known: ChannelsByName = BY_NAME) -> Channel | None:
     """The channel of this name, of whatever ship; None for a column that is no channel."""
-    return BY_NAME.get(name) or channel_by_rule(name)
+    return known.get(name) or channel_by_rule(name)
 
 
-def channel_unit(name: str) -> str:
+def channel_unit(name: str, known: ChannelsByName = BY_NAME) -> str:
     """The unit of a channel of whatever ship; empty for a column that is no channel."""
-    channel = find_channel(name)
+    channel = find_channel(name, known)
     return channel.unit if channel else ""
 
 
@@ -116,20 +120,54 @@ def is_circular(name: str) -> bool:
 
 
 @lru_cache(maxsize=64)
+def with_declared(declared: Declared) -> ChannelsByName:
+    """The channels by name, those that a trial declares among them."""
+    return ChannelsByName({**BY_NAME, **{each.name: each for each in declared}}) if declared else BY_NAME
+
+
+def declared_in(attributes: Mapping[Any, Any]) -> Declared:
+    """The channels that the trial of a table declares, by the ``attrs`` of the table."""
+    return declared_from_text((attributes.get("trial") or {}).get("channels") or "")
+
+
+def known_channels(attributes: Mapping[Any, Any]) -> ChannelsByName:
+    """The channels by name, those that the trial of a table declares among them, by the ``attrs`` of the table."""
+    return with_declared(declared_in(attributes))
+
+
+def channels_known_to(trial: Trial) -> ChannelsByName:
+    """The channels by name, those that a trial declares among them."""
+    return with_declared(declared_from_text(trial.channels))
+
+
+def channels_of_trial(trial: Trial) -> dict[str, Channel]:
+    """Every channel that a recording of a trial may have, by name, in their order."""
+    known, declared = channels_known_to(trial), declared_from_text(trial.channels)
+    return {name: known[name] for name in channel_names(from_text(trial.actuators), declared)}
+
+
+def channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
+    """Every channel that a table may have, by name, in their order: as its ``attrs`` say, else by its columns."""
+    known, declared = known_channels(attributes), declared_in(attributes)
+    return {name: known[name] for name in channel_names(actuators_of(columns, attributes), declared)}
+
+
+@lru_cache(maxsize=64)
 def trial_names(actuators: Actuators) -> tuple[str, ...]:
     """The channels of a trial of a ship with these actuators: motion, wind, controls."""
     return (*MOTION, *control_names(actuators))
 
 
 @lru_cache(maxsize=64)
-def channel_names(actuators: Actuators) -> tuple[str, ...]:
-    """Every channel that a recording of a ship with these actuators may have, once each, auxiliary ones last.
+def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, ...]:
+    """Every channel that a recording of a ship with these actuators may have, once each: those of the trial,
+    auxiliary ones, orders, those that are ``declared``.
 
     A ship whose rudders are listed has no auxiliary rudder beside them.
     """
     orders = (channel.name for channel in order_channels(actuators))
     auxiliary = (each.name for each in _AUXILIARY if each.name != RUDDER or not rudders(actuators))
-    return (*trial_names(actuators), *auxiliary, *orders)
+    return (*trial_names(actuators), *auxiliary, *orders, *(each.name for each in declared))
 
 
 def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
@@ -141,8 +179,9 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     said = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if said:
         return from_text(said)
-    found = actuators_in(name for name in map(str, columns) if name == RUDDER or name not in _FIXED)
-    others = tuple(each for each in found if each.channels[0].name != RUDDER)
-    steers = bool(others) and len(others) < len(found) and not any(each.angle for each in others)
-    hers = {each.name for each in others} <= {each.name for each in DEFAULT} and not steers
+    others = (_FIXED - {RUDDER}) | {each.name for each in declared_in(attributes or {})}
+    found = actuators_in(name for name in map(str, columns) if name not in others)
+    driving = tuple(each for each in found if each.channels[0].name != RUDDER)
+    steers = bool(driving) and len(driving) < len(found) and not any(each.angle for each in driving)
+    hers = {each.name for each in driving} <= {each.name for each in DEFAULT} and not steers
     return DEFAULT if hers else found

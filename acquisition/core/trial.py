@@ -23,7 +23,8 @@ class Trial:
 
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is that
     of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to. ``actuators`` lists the ship's as
-    :func:`acquisition.core.actuators.as_text` writes them; empty for the default list. From ``summary`` on it is
+    :func:`acquisition.core.actuators.as_text` writes them; empty for the default list. ``channels`` are those that
+    its configuration declares, as :func:`acquisition.core.declared.as_text` writes them. From ``summary`` on it is
     what a data centre asks for, by its names in ACDD-1.3.
     """
 
@@ -39,6 +40,7 @@ class Trial:
     loading: str = ""
     sea_state: str = ""
     actuators: str = ""
+    channels: str = ""
     summary: str = ""
     keywords: str = ""
     creator_name: str = ""

@@ -1,53 +1,63 @@
 """Units at the edges: what a file may call them, and how they become the house's units.
 
 Inside the code everything is SI with angles in radians; the channels themselves are in the units that their
-names carry (``_m _deg _mps _dps _rpm _percent``). A conversion is one affine step,
+names end in (``_m _deg _mps _dps _rpm _percent``). A conversion is one affine step,
 ``house = scale * value + offset``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
 from math import pi
+from typing import NamedTuple
 
 from acquisition.core.errors import ConfigurationError
 
 KNOT_MPS = 1852.0 / 3600.0
 DEG_PER_RAD = 180.0 / pi
+DIMENSIONLESS = "1"
+"""The unit of counts, codes and ratios, whose names have no ending."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """A unit's name and its size in the house's unit of the same quantity."""
+class Linear(NamedTuple):
+    """An affine step from one unit to another."""
 
-    name: str
-    house: str
     scale: float
+    offset: float = 0.0
+
+    def apply(self, value: float) -> float:
+        """``scale * value + offset``."""
+        return self.scale * value + self.offset
+
+    def invert(self, value: float) -> float:
+        """The value that :meth:`apply` makes this one of."""
+        return (value - self.offset) / self.scale
 
 
-_UNITS: dict[str, Unit] = {
-    unit.name: unit
-    for unit in (
-        Unit("m", "m", 1.0),
-        Unit("km", "m", 1000.0),
-        Unit("cm", "m", 0.01),
-        Unit("ft", "m", 0.3048),
-        Unit("nmi", "m", 1852.0),
-        Unit("deg", "deg", 1.0),
-        Unit("rad", "deg", DEG_PER_RAD),
-        Unit("m/s", "m/s", 1.0),
-        Unit("km/h", "m/s", 1.0 / 3.6),
-        Unit("knots", "m/s", KNOT_MPS),
-        Unit("cm/s", "m/s", 0.01),
-        Unit("mm/s", "m/s", 0.001),
-        Unit("deg/s", "deg/s", 1.0),
-        Unit("deg/min", "deg/s", 1.0 / 60.0),
-        Unit("rad/s", "deg/s", DEG_PER_RAD),
-        Unit("rpm", "rpm", 1.0),
-        Unit("rps", "rpm", 60.0),
-        Unit("%", "%", 1.0),
-    )
+_SIZES: dict[str, dict[str, float]] = {
+    "m": {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "dm": 0.1, "in": 0.0254, "nmi": 1852.0},
+    "deg": {"deg": 1.0, "rad": DEG_PER_RAD, "cdeg": 0.01, "degE7": 1e-7},
+    "m/s": {"m/s": 1.0, "km/h": 1.0 / 3.6, "knots": KNOT_MPS, "cm/s": 0.01, "mm/s": 0.001},
+    "deg/s": {"deg/s": 1.0, "deg/min": 1.0 / 60.0, "rad/s": DEG_PER_RAD, "mrad/s": DEG_PER_RAD / 1000.0},
+    "rpm": {"rpm": 1.0, "rps": 60.0, "Hz": 60.0},
+    "%": {"%": 1.0, "ratio": 100.0, "d%": 0.1, "c%": 0.01},
+    "m/s2": {"m/s2": 1.0, "m/s/s": 1.0, "mG": 0.00980665},
+    "degC": {"degC": 1.0, "K": 1.0, "cdegC": 0.01, "degF": 5.0 / 9.0},
+    "Pa": {"Pa": 1.0, "hPa": 100.0, "mbar": 100.0, "kPa": 1e3, "bar": 1e5},
+    "N": {"N": 1.0, "kN": 1e3},
+    "Nm": {"Nm": 1.0, "kNm": 1e3},
+    "kW": {"kW": 1.0, "W": 0.001, "MW": 1e3},
+    "l/h": {"l/h": 1.0, "l/min": 60.0, "l/s": 3600.0, "m3/h": 1e3, "m3/s": 3.6e6, "cm^3/min": 0.06},
+    "m3": {"m3": 1.0, "l": 0.001},
+    "kg": {"kg": 1.0, "t": 1e3},
+    "s": {"s": 1.0, "h": 3600.0, "ms": 1e-3, "us": 1e-6},
+    "V": {"V": 1.0, "cV": 0.01, "mV": 0.001},
+    "A": {"A": 1.0, "cA": 0.01, "mA": 0.001},
 }
+"""The size of each unit, by the house's unit of its quantity. What is not here has no other name."""
+
+_ZEROS = {"K": -273.15, "degF": -160.0 / 9.0}
+"""Where the zero of a unit lies in the house's, unless it is the same."""
 _ALIASES = {
     "mps": "m/s",
     "dps": "deg/s",
@@ -56,21 +66,51 @@ _ALIASES = {
     "kt": "knots",
     "degrees": "deg",
     "percent": "%",
+    "C": "degC",
+    "L/h": "l/h",
 }
+_ENDINGS = {"%": "percent", "deg/s": "dps", DIMENSIONLESS: ""}
+
+
+def canonical(unit: str) -> str:
+    """A unit by the name that this module has for it."""
+    return _ALIASES.get(unit, unit)
+
+
+def ending_of(unit: str) -> str:
+    """How the name of a quantity in this unit ends; nothing for counts, codes and ratios.
+
+    >>> ending_of("l/h"), ending_of("deg/s"), ending_of("kg/m3"), ending_of("1")
+    ('_lph', '_dps', '_kgpm3', '')
+    """
+    plain = _ENDINGS.get(unit)
+    if plain is None:
+        plain = re.sub(r"[^a-z0-9]", "", unit.replace("/", "p").lower())
+    return f"_{plain}" if plain else ""
+
+
+def to_house(house: str, unit: str) -> Linear:
+    """The step that takes a value in ``unit`` to the unit ``house``; a unit is always its own.
+
+    Raises :class:`ConfigurationError` when the unit is unknown or measures something else.
+
+    >>> to_house("degC", "K").apply(273.15)
+    0.0
+    """
+    unit = canonical(unit)
+    sizes = next((each for each in _SIZES.values() if house in each), {house: 1.0})
+    if unit not in sizes:
+        raise ConfigurationError(
+            f"unit {unit!r} does not measure a quantity in {house}", fix=f"use one of {', '.join(sizes)}"
+        )
+    zero = _ZEROS.get(unit, 0.0) - _ZEROS.get(house, 0.0)
+    return Linear(sizes[unit] / sizes[house], zero / sizes[house])
 
 
 def scale_to(house: str, unit: str) -> float:
-    """The factor that takes a value in ``unit`` to the house unit ``house``.
-
-    Raises :class:`ConfigurationError` when the unit is unknown or measures something else.
+    """The factor of :func:`to_house`, for quantities that have one zero.
 
     >>> round(scale_to("m/s", "knots"), 6)
     0.514444
     """
-    found = _UNITS.get(_ALIASES.get(unit, unit))
-    possible = [each.name for each in _UNITS.values() if each.house == house]
-    if found is None or found.house != house:
-        raise ConfigurationError(
-            f"unit {unit!r} does not measure a quantity in {house}", fix=f"use one of {', '.join(possible)}"
-        )
-    return found.scale
+    return to_house(house, unit).scale

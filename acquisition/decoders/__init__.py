@@ -23,8 +23,10 @@ from __future__ import annotations
 import typing
 from collections import Counter, deque
 
+from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
 from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators
+from acquisition.core.channels import with_declared
 from acquisition.core.frames import Frame, Group, Protocol
 
 Notices = deque[tuple[str, str]]
@@ -45,35 +47,47 @@ class Decoder(typing.Protocol):
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
 
 
-def make_decoders(config: AnySource, actuators: Actuators = DEFAULT) -> list[Decoder]:
+def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
     """The decoders that the frames of a source's own protocol go through, on a ship with these actuators."""
-    return next(iter(decoders_by_protocol(config, actuators).values()))
+    return next(iter(decoders_by_protocol(config, actuators, declared).values()))
 
 
-def decoders_by_protocol(config: AnySource, actuators: Actuators = DEFAULT) -> dict[Protocol, list[Decoder]]:
-    """The decoders of a source's frames, its own protocol first: on a line a gateway may send CAN frames, too."""
+def decoders_by_protocol(
+    config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()
+) -> dict[Protocol, list[Decoder]]:
+    """The decoders of a source's frames, its own protocol first: on a line a gateway may send CAN frames, too.
+
+    Of the channels that are ``declared`` they read those that are listed for the source.
+    """
     if isinstance(config, MavlinkLinks):
         from acquisition.decoders.mavlink import MavlinkDecoder
 
-        return {"mavlink": [MavlinkDecoder(config, actuators)]}
+        return {"mavlink": [MavlinkDecoder(config, actuators, declared)]}
     if isinstance(config, CanSource):
-        return {"can": _of_can(config, actuators)}
+        return {"can": _of_can(config, actuators, declared)}
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
 
     wind, ratios = config.theoretical_wind, config.reduction_ratios
-    sentences: list[Decoder] = [Nmea0183Decoder(config.thrusters, config.clock, wind, actuators, ratios)]
+    fields = carried_by(declared, config.channels, SentenceField | Transducer)
+    sentences: list[Decoder] = [Nmea0183Decoder(config.thrusters, config.clock, wind, actuators, ratios, fields)]
     if isinstance(config, CanFileSource):
-        return {"can": _of_can(config, actuators), "nmea0183": sentences}
-    return {"nmea0183": sentences, "can": _of_can(config, actuators)}
+        return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
+    return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}
 
 
-def _of_can(config: CanFrames, actuators: Actuators) -> list[Decoder]:
+def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> list[Decoder]:
     from acquisition.decoders.dbc import DbcDecoder
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
 
     nmea2000 = Nmea2000Decoder(
-        config.clock, config.devices, actuators, config.reduction_ratios, shares_bus=config.dbc is not None
+        config.clock,
+        config.devices,
+        actuators,
+        config.reduction_ratios,
+        shares_bus=config.dbc is not None,
+        declared=carried_by(declared, config.channels, GroupField),
     )
     if config.dbc is None:
         return [nmea2000]
-    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices)]
+    known = with_declared(tuple(each.channel for each in declared))
+    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices, known)]

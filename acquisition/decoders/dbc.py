@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, deque
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
@@ -18,10 +19,11 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
 from acquisition.config.sections import Signal
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame, FrameFlag, Group
-from acquisition.core.units import scale_to
+from acquisition.core.units import Linear
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
@@ -91,18 +93,23 @@ def missing_by_name(raw: float, signal: DbcSignal) -> str | None:
 
 
 class _Wanted(NamedTuple):
-    """One signal that carries a channel, and the factor to the channel's unit."""
+    """One signal that carries a channel, and the step to the channel's unit."""
 
     channel: str
     signal: DbcSignal
-    scale: float
+    step: Linear
 
 
 class DbcDecoder:
     """The configured signals of one DBC file on one bus; ``devices`` tells who has which address there."""
 
     def __init__(
-        self, path: Path, signals: dict[str, Signal], clock: SourceClock, devices: BusDevices | None = None
+        self,
+        path: Path,
+        signals: dict[str, Signal],
+        clock: SourceClock,
+        devices: BusDevices | None = None,
+        known: Mapping[str, Channel] = BY_NAME,
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
@@ -114,7 +121,7 @@ class DbcDecoder:
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
             wanted = self._wanted.setdefault(frame_key(message), (message, []))
-            wanted[1].append(_Wanted(channel, signal, scale_to(BY_NAME[channel].unit, entry.unit)))
+            wanted[1].append(_Wanted(channel, signal, entry.step_to(known[channel])))
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
@@ -152,7 +159,7 @@ class DbcDecoder:
         missing = missing_by_name(raw, signal)
         if missing is None and (extended or signal.is_float):
             missing = missing_by_rule(raw, signal)
-        value = 0.0 if missing else float(signal.raw_to_scaled(raw, False)) * wanted.scale
+        value = 0.0 if missing else wanted.step.apply(float(signal.raw_to_scaled(raw, False)))
         if missing or not isfinite(value):
             self.refused[missing or "impossible value"] += 1
             return None

@@ -14,14 +14,16 @@ from typing import Any
 
 import pymap3d
 
+from acquisition.config.declarations import Declarations, MavlinkField, carried_by
 from acquisition.config.sections import MavlinkFileSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators, shafts
-from acquisition.core.channels import BY_NAME, channel_names
+from acquisition.core.channels import BY_NAME, channel_names, with_declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame, Group
-from acquisition.core.units import DEG_PER_RAD, scale_to
+from acquisition.core.units import DEG_PER_RAD, Linear
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, is_possible
+from acquisition.decoders.declared_messages import DeclaredMessages
 from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
@@ -112,17 +114,20 @@ _NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_WANTED
 class MavlinkDecoder:
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT) -> None:
-        """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads."""
+    def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> None:
+        """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads, or a declared channel
+        one that is not known."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.fixes: dict[str, int] = {}
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
-        self._wanted = frozenset(_chosen(config) + _CONTEXT)
+        known = with_declared(tuple(each.channel for each in declared))
+        self._declared = DeclaredMessages(carried_by(declared, config.channels, MavlinkField))
+        self._names = _NAMES | self._declared.names
+        self._wanted = frozenset((*_chosen(config), *_CONTEXT, *self._declared.names.values()))
         self._named = {
-            entry.name: (channel, scale_to(BY_NAME[channel].unit, entry.unit))
-            for channel, entry in config.named_values.items()
+            entry.name: (channel, entry.step_to(known[channel])) for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
@@ -144,7 +149,7 @@ class MavlinkDecoder:
 
     def _kind(self, header: Header) -> str:
         """The name of a message that is for us, else nothing. Messages that nobody reads are no refusals."""
-        kind, reason = _NAMES.get(header.message_id, ""), ""
+        kind, reason = self._names.get(header.message_id, ""), ""
         if header.system_id != self._system_id:
             reason = "another system"
         elif self._component_id not in (None, header.component_id):
@@ -163,7 +168,7 @@ class MavlinkDecoder:
             return []
         self._notice_restart(message, frame)
         told_ns, groups = self._told(message), []
-        for label, values in self._values(kind, message, frame):
+        for label, values in (*self._values(kind, message, frame), (kind, self._declared.read(kind, message))):
             source = f"{frame.origin}/{self._system_id}:{label}"
             groups += self.clock.group(frame, source, self._possible(values), told_ns)
         return groups
@@ -190,7 +195,7 @@ class MavlinkDecoder:
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []
-        return [(kind, _READERS[kind](message))]
+        return [(kind, _READERS[kind](message))] if kind in _READERS else []
 
     def _possible(self, values: Values) -> Values:
         """The values without those that are none: NaN is MAVLink's "not known"."""
@@ -205,8 +210,8 @@ class MavlinkDecoder:
         return possible
 
     def _named_value(self, message: Any) -> Values:
-        channel, scale = self._named.get(message.name.rstrip("\0"), ("", 1.0))
-        return [(channel, message.value * scale)] if channel else []
+        channel, step = self._named.get(message.name.rstrip("\0"), ("", Linear(1.0)))
+        return [(channel, step.apply(message.value))] if channel else []
 
     def _local_position(self, message: Any) -> Values:
         """Latitude and longitude, once the autopilot has told its origin; empty where they cannot be.

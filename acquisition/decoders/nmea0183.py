@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import re
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import xor
 from typing import Literal
 
+from acquisition.config.declarations import SentenceField, Transducer
 from acquisition.config.sections import Clock, Thrusters
 from acquisition.core.actuators import DEFAULT, Actuators
+from acquisition.core.channel import Channel
 from acquisition.core.frames import Frame, Group, sensor_of
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
+from acquisition.decoders.declared_sentences import DeclaredSentences
 from acquisition.decoders.machinery_sentences import machinery_readers
 from acquisition.decoders.sentences import Fields, Reading, readers
 
@@ -101,7 +104,9 @@ class Nmea0183Decoder:
         theoretical_wind: Literal["ground", "water"] = "ground",
         actuators: Actuators = DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
+        declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
     ) -> None:
+        """Raises :class:`ConfigurationError` for declared channels whose units do not fit."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.fixes: dict[str, int] = {}
@@ -110,6 +115,7 @@ class Nmea0183Decoder:
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {})
         self._readers = readers(theoretical_wind) | machinery
+        self._declared = DeclaredSentences(declared)
 
     def decode(self, frame: Frame) -> list[Group]:
         tagged = split_tag(frame.payload)
@@ -122,16 +128,28 @@ class Nmea0183Decoder:
         if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
             self.clock.announce(tagged.time_ns, frame)
         tag, fields = sentence
-        talker, kind = tag[:-3], tag[-3:]
-        if kind not in self._readers or tag.startswith("P") or not tag.isalnum():  # P: a maker's own
+        if not tag.isalnum():
             return []
-        reading = self._readers[kind](Fields(fields))
-        told_ns = self._told_ns(reading, frame)
+        talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: a maker's own
+        groups: list[Group] = []
+        if kind in self._readers:
+            reading = self._readers[kind](Fields(fields))
+            if reading.refused or not (reading.values or reading.date):
+                self.refused[reading.refused or "no value"] += 1
+            groups = self._groups(reading, frame, talker, kind, tagged)
+        if kind in self._declared:
+            reading = self._declared.read(kind, Fields(fields))
+            if reading.refused:
+                self.refused[reading.refused] += 1
+            groups += self._groups(reading, frame, talker, kind, tagged)
+        return groups
+
+    def _groups(
+        self, reading: Reading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
+    ) -> list[Group]:
         label = _label(frame.origin, talker, kind, tagged, reading)
         self._note_fix(kind, sensor_of(label), reading.fix)
-        if reading.refused or not (reading.values or reading.date):
-            self.refused[reading.refused or "no value"] += 1
-        return self.clock.group(frame, label, reading.values, told_ns, reading.quality)
+        return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
 
     def _note_fix(self, kind: str, sensor: str, fix: int | None) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""

@@ -8,14 +8,17 @@ several, the meaning: ``bus/35:130306 apparent``.
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
+from acquisition.config.declarations import GroupField
 from acquisition.config.sections import Clock, Device
 from acquisition.core.actuators import DEFAULT, Actuators
+from acquisition.core.channel import Channel
 from acquisition.core.frames import Frame, FrameFlag, Group, Quality
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
+from acquisition.decoders.declared_groups import DeclaredGroups
 from acquisition.decoders.fast_packets import LONGEST_BYTES, FastPackets
 from acquisition.decoders.machinery_groups import machinery_readers
 from acquisition.decoders.parameter_groups import (
@@ -30,6 +33,7 @@ from acquisition.decoders.parameter_groups import (
     TIME_AND_DATE,
     Message,
     Reading,
+    Value,
     group_time,
 )
 
@@ -60,7 +64,9 @@ class Nmea2000Decoder:
         reduction_ratios: Mapping[str, float] | None = None,
         *,
         shares_bus: bool = False,
+        declared: Sequence[tuple[Channel, GroupField]] = (),
     ) -> None:
+        """Raises :class:`ConfigurationError` for a declared field that is not known."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.fixes: dict[str, int] = {}
@@ -68,6 +74,8 @@ class Nmea2000Decoder:
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.devices = BusDevices(devices, self.notices)
         self._readers = READERS | machinery_readers(actuators, reduction_ratios or {})
+        self._declared = DeclaredGroups(declared)
+        self._shortest = self._declared.shortest | SHORTEST_BYTES
         self._fast = FastPackets(self.refused)
         self._timekeeper: tuple[str, int] | None = None
         self._first_instance: dict[tuple[str, int], int] = {}
@@ -78,18 +86,20 @@ class Nmea2000Decoder:
             return []
         group, address, message = found
         device = self.devices.label(address)
-        reading = self._readers[group](message)
-        if reading.instance is not None and not self._is_first_instance(device, group, reading.instance):
-            return []
+        reading = self._readers[group](message) if group in self._readers else Reading([])
         told_ns = None
         if group in _CLOCKS:
             told_ns = group_time(message)
             self._announce(told_ns, frame, group, device, reading.quality)
         if reading.fix is not None:
             self.fixes[f"{frame.origin}/{device}"] = reading.fix
-        meaning = f" {reading.meaning}" if reading.meaning else ""
-        source = f"{frame.origin}/{device}:{group}{meaning}"
-        return self.clock.group(frame, source, self._admitted(device, reading), told_ns, reading.quality)
+        source, groups = f"{frame.origin}/{device}:{group}", []
+        if reading.instance is None or self._is_first_instance(device, group, reading.instance):
+            meaning = f" {reading.meaning}" if reading.meaning else ""
+            values = self._admitted(device, reading.values)
+            groups = self.clock.group(frame, source + meaning, values, told_ns, reading.quality)
+        declared = self._admitted(device, self._declared.read(group, address, message))
+        return groups + self.clock.group(frame, source, declared, told_ns)
 
     def message(self, frame: Frame) -> tuple[int, int, Message] | None:
         """The message that is whole with this frame, with its group and the sender's address.
@@ -104,9 +114,9 @@ class Nmea2000Decoder:
                 self._fast.forget(address)
             return None
         payload: bytes | None = frame.payload
-        if group in SHORTEST_BYTES and not frame.flags & FrameFlag.WHOLE:
-            payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, SHORTEST_BYTES[group])
-        return None if payload is None else (group, address, Message(FIELDS[group], payload))
+        if group in self._shortest and not frame.flags & FrameFlag.WHOLE:
+            payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, self._shortest[group])
+        return None if payload is None else (group, address, Message(FIELDS.get(group, {}), payload))
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
         kind = frame.flags and frame.flags & ~FrameFlag.LATE
@@ -114,10 +124,10 @@ class Nmea2000Decoder:
             if kind != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
             return False
-        if group not in self._readers and group != ADDRESS_CLAIM:
+        if group not in self._readers and group not in self._declared and group != ADDRESS_CLAIM:
             return False
-        if kind and group in SHORTEST_BYTES:
-            if not SHORTEST_BYTES[group] <= len(frame.payload) <= LONGEST_BYTES:
+        if kind and group in self._shortest:
+            if not self._shortest[group] <= len(frame.payload) <= LONGEST_BYTES:
                 self.refused["impossible length"] += 1
                 return False
             return True
@@ -126,10 +136,10 @@ class Nmea2000Decoder:
             return False
         return True
 
-    def _admitted(self, device: str, reading: Reading) -> list[tuple[str, float]]:
+    def _admitted(self, device: str, given: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
         """The values that are there and wanted; those that are missing are counted."""
         values = []
-        for quantity, value in reading.values:
+        for quantity, value in given:
             if not self.devices.may_provide(device, quantity):
                 continue
             if isinstance(value, str):

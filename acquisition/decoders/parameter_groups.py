@@ -35,26 +35,36 @@ Values = list[tuple[str, Value]]
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field: its first bit, its length in bits, and its step, which a lookup has not."""
+    """One field: its first bit, its length in bits, and its step, which a lookup has not.
+
+    The three highest values are none, of a ``j1939`` number all from 0xFB in its highest byte on (J1939-71).
+    """
 
     start: int
     bits: int
     step: float | None = None
     signed: bool = False
+    j1939: bool = False
     _ones: int = field(init=False, repr=False)
     _highest: int = field(init=False, repr=False)
+    _reserved: int = field(init=False, repr=False)
+    _absent: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_ones", (1 << self.bits) - 1)
-        object.__setattr__(self, "_highest", self._ones >> self.signed)
+        ones = (1 << self.bits) - 1
+        highest = ones >> self.signed
+        by_byte = self.j1939 and self.bits >= 8 and not self.signed
+        none = (0xFB << self.bits - 8, 0xFF << self.bits - 8) if by_byte else (highest - 2, highest)
+        for name, value in zip(("_ones", "_highest", "_reserved", "_absent"), (ones, highest, *none), strict=True):
+            object.__setattr__(self, name, value)
 
     def read(self, raw: int) -> Value:
         """The field's value in a message that was read as one little-endian number."""
         value, highest = (raw >> self.start) & self._ones, self._highest
         if self.step is None:
             return value
-        if highest - 2 <= value <= highest:
-            return NOT_AVAILABLE if value == highest else ERROR_VALUE
+        if self._reserved <= value <= highest:
+            return NOT_AVAILABLE if value >= self._absent else ERROR_VALUE
         return (value if value <= highest else value - self._ones - 1) * self.step
 
 
@@ -69,7 +79,10 @@ class Message:
         self._bits = 8 * len(payload)
 
     def __getitem__(self, name: str) -> Value:
-        known = self._fields[name]
+        return self.read(self._fields[name])
+
+    def read(self, known: Field) -> Value:
+        """A field's value, or the reason why there is none."""
         return known.read(self.raw) if known.start + known.bits <= self._bits else NOT_AVAILABLE
 
     def degrees(self, name: str) -> Value:

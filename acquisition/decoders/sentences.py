@@ -38,6 +38,9 @@ class Fields:
     def __init__(self, texts: list[str]) -> None:
         self._texts = texts
 
+    def __len__(self) -> int:
+        return len(self._texts)
+
     def text(self, index: int, absent: str = "") -> str:
         return self._texts[index].strip() if index < len(self._texts) else absent
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from acquisition.config.sections import AnySource, CanSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators
+from acquisition.core.channel import Channel
+from acquisition.core.channels import BY_NAME
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +56,18 @@ class Encoder(Protocol):
         """The packets that carry the moment's values, the announcement of the time first if it is wanted."""
 
 
-def make_encoder(config: AnySource, actuators: Actuators = DEFAULT) -> Encoder:
-    """The encoder for what a configuration section would receive, on a ship with these actuators."""
+def make_encoder(
+    config: AnySource, actuators: Actuators = DEFAULT, known: Mapping[str, Channel] = BY_NAME
+) -> Encoder:
+    """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
     if isinstance(config, CanSource):
         from acquisition.encoders.can_frames import CanEncoder
 
-        return CanEncoder(config, actuators)
+        return CanEncoder(config, actuators, known)
     if isinstance(config, MavlinkLinks):
         from acquisition.encoders.mavlink import MavlinkEncoder
 
-        return MavlinkEncoder(config, actuators)
+        return MavlinkEncoder(config, actuators, known)
     from acquisition.encoders.nmea0183 import Nmea0183Encoder
 
     return Nmea0183Encoder(config.thrusters, actuators, announces=config.clock == "source")

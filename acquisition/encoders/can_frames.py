@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import nan, pi, radians
 from typing import Any
 
@@ -16,9 +16,10 @@ from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.config.sections import CanSource
 from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import NANO
-from acquisition.core.units import DEG_PER_RAD, scale_to
+from acquisition.core.units import DEG_PER_RAD, Linear
 from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
 from acquisition.encoders import Moment, Packet
@@ -30,7 +31,7 @@ _ADDRESS = 35
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanSource, actuators: Actuators) -> None:
+    def __init__(self, config: CanSource, actuators: Actuators, known: Mapping[str, Channel] = BY_NAME) -> None:
         self._rudders = rudder_channels(actuators)
         self._ratios = [
             (number, f"{name}_rpm", config.reduction_ratios[name])
@@ -39,9 +40,9 @@ class CanEncoder:
         ]
         self._announces = config.clock == "source"
         self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
-        self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, float]]]] = {}
+        self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, Linear]]]] = {}
         if config.dbc is not None:
-            self._load_signals(config)
+            self._load_signals(config, known)
 
     def encode(self, moment: Moment) -> list[Packet]:
         packets = self._system_time(moment) if self._announces else []
@@ -75,14 +76,13 @@ class CanEncoder:
                 packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
         return packets
 
-    def _load_signals(self, config: CanSource) -> None:
+    def _load_signals(self, config: CanSource, known: Mapping[str, Channel]) -> None:
         if config.dbc is None:
             return
         database = load_dbc(config.dbc)
         for channel, entry in config.signals.items():
             message, signal = find_signal(database, entry, config.dbc)
-            scale = scale_to(BY_NAME[channel].unit, entry.unit)
-            self._dbc.setdefault(message.name, (message, {}))[1][channel] = (signal, scale)
+            self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, entry.step_to(known[channel])
 
     def _system_time(self, moment: Moment) -> list[Packet]:
         days, rest_ns = divmod(moment.time_ns, DAY_NS)
@@ -137,16 +137,16 @@ _MOTION: dict[int, tuple[str, dict[str, str], dict[str, tuple[str, Callable[[flo
 
 
 def _dbc_frame(
-    message: DbcMessage, signals: dict[str, tuple[DbcSignal, float]], values: dict[str, float]
+    message: DbcMessage, signals: dict[str, tuple[DbcSignal, Linear]], values: dict[str, float]
 ) -> list[Packet]:
     """One DBC message with the signals that have a value now; others, and values beyond it, as not available."""
     if not any(channel in values for channel in signals):
         return []
     raw = {signal.name: _not_available(signal) for signal in message.signals}
     carried = []
-    for channel, (signal, scale) in signals.items():
+    for channel, (signal, step) in signals.items():
         if channel in values:
-            value = float(signal.scaled_to_raw(values[channel] / scale))
+            value = float(signal.scaled_to_raw(step.invert(values[channel])))
             lowest = -int(2 ** (signal.length - 1)) if signal.is_signed else 0
             if signal.is_float or (lowest <= value and missing_by_rule(round(value), signal) is None):
                 raw[signal.name] = value if signal.is_float else round(value)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import nan, radians
 from typing import Any
 
 from acquisition.config.sections import MavlinkLinks
 from acquisition.core.actuators import Actuators, shafts
 from acquisition.core.angles import wrap_180
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.kinematics import to_earth
-from acquisition.core.units import scale_to
 from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from acquisition.encoders import Moment, Packet
 
@@ -25,11 +25,11 @@ _UNKNOWN_COURSE = 65535
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators) -> None:
+    def __init__(self, config: MavlinkLinks, actuators: Actuators, known: Mapping[str, Channel] = BY_NAME) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named = {
-            channel: (entry.name.encode("ascii"), scale_to(BY_NAME[channel].unit, entry.unit))
+            channel: (entry.name.encode("ascii"), entry.step_to(known[channel]))
             for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
@@ -87,7 +87,7 @@ class MavlinkEncoder:
         if rpm := moment.present(*self._shafts):
             first, second, *_ = (*(values.get(name, nan) for name in self._shafts), nan, nan)
             yield rpm, self._link.rpm_encode(first, second)
-        for channel, (name, scale) in self._named.items():
+        for channel, (name, step) in self._named.items():
             if channel in values:
-                message = self._link.named_value_float_encode(boot_ms, name, values[channel] / scale)
+                message = self._link.named_value_float_encode(boot_ms, name, step.invert(values[channel]))
                 yield (channel,), message

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from acquisition.config.sections import Mounting
-from acquisition.core.actuators import from_text
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, channel_names
+from acquisition.core.channels import BY_NAME, channels_of_trial
 from acquisition.core.frames import Group, Quality, Sample
 from acquisition.core.kinematics import (
     TangentPlane,
@@ -84,7 +83,7 @@ class Derivation:
         self._positions_from = positions_from
         self._mountings = {line: each for line, each in (mountings or {}).items() if each != _AS_FITTED}
         self._variation_deg = variation_deg
-        self._channels = {name: BY_NAME[name] for name in channel_names(from_text(trial.actuators))}
+        self._channels = channels_of_trial(trial)
         self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
         self._headings: dict[str, Sample] = {}  # by line, admitted or not
         self._ship: Quantities = {}  # the last of each that became the ship's channel

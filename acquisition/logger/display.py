@@ -19,7 +19,6 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.core.channels import BY_NAME
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
 from acquisition.logger.requests import Mark
@@ -122,7 +121,7 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
     table.add_column("source")
     for name in health.names:
         value, *rest = _channel_row(health.channels[name], name in expected, now_ns)
-        table.add_row(name, value, *([BY_NAME[name].unit] if with_unit else []), *rest)
+        table.add_row(name, value, *([health.known[name].unit] if with_unit else []), *rest)
     return table
 
 
@@ -213,7 +212,7 @@ def _row(channel: ChannelReport) -> tuple[str | Text, ...]:
         channel.name,
         f"{channel.rate_hz:.1f}" if channel.value is not None else "–",
         f"{channel.value:.3f}" if channel.value is not None else "–",
-        BY_NAME[channel.name].unit,
+        channel.unit,
         Text(channel.source, "dim") if good else Text(channel.problem, "red"),
     )
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from acquisition.core.channels import NAMES
+from acquisition.core.channel import Channel
+from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.frames import Sample
 
 Grade = Literal["good", "slow", "silent", "none"]
@@ -132,7 +134,8 @@ class Health:
     """The state of a recording in progress."""
 
     sources: dict[str, SourceHealth]
-    names: tuple[str, ...] = NAMES  # of the trial's channels; what else comes is counted too
+    names: tuple[str, ...] = NAMES  # of the channels that are watched; what else comes is counted too
+    known: Mapping[str, Channel] = field(default_factory=lambda: BY_NAME)
     channels: dict[str, ChannelHealth] = field(default_factory=dict)
     events: deque[tuple[int, str, str]] = field(default_factory=lambda: deque(maxlen=8))
     started_ns: int = field(default_factory=time.monotonic_ns)

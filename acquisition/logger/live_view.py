@@ -10,7 +10,9 @@ from types import TracebackType
 from typing import Any
 
 from acquisition.config.sections import LiveSection
+from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import ConfigurationError, SourceError
+from acquisition.core.trial import Trial
 from acquisition.recording.schemas import RAW_PREFIX, schema_of
 
 _BACKLOG = 256  # messages a viewer may lag behind: some seconds
@@ -23,8 +25,9 @@ class LiveView:
     cannot be had.
     """
 
-    def __init__(self, settings: LiveSection, name: str) -> None:
-        self._settings, self._name = settings, name
+    def __init__(self, settings: LiveSection, trial: Trial) -> None:
+        self._settings, self._name = settings, trial.name
+        self._known = channels_known_to(trial)
         self._channels: dict[str, Any] = {}
         self._sdk: Any = None
 
@@ -67,7 +70,7 @@ class LiveView:
         channel.log(data, log_time=max(log_ns, 0))
 
     def _open(self, topic: str) -> Any:
-        name, text = schema_of(topic)
+        name, text = schema_of(topic, self._known)
         schema = self._sdk.Schema(name=name, encoding="jsonschema", data=text)
         channel = self._sdk.Channel(topic, schema=schema, message_encoding="json", context=self._context)
         self._channels[topic] = channel

@@ -13,7 +13,6 @@ import threading
 import time
 
 from acquisition.config.configuration import TrialConfig
-from acquisition.core.channels import trial_names
 from acquisition.core.errors import SourceError
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.maintenance import Maintenance, Timescale
@@ -32,7 +31,7 @@ _LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from bein
 def health_of(config: TrialConfig) -> Health:
     """Nothing seen yet, of the sources and channels of a configuration."""
     sources = {each.name: SourceHealth(each.name) for each in config.sources}
-    health = Health(sources, trial_names(config.actuators))
+    health = Health(sources, config.watched_channels, config.known_channels)
     for source in reversed(config.sources):
         for name, rate_hz in source.rates_hz.items():
             health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz

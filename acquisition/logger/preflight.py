@@ -31,6 +31,7 @@ class ChannelReport:
     value: float | None
     source: str
     problem: str
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +111,7 @@ def _report(name: str, config: TrialConfig, health: Health, now_ns: int) -> Chan
     channel = health.channels[name]
     value = channel.value if channel.count else None
     problem = _problem(name, config, health, now_ns)
-    return ChannelReport(name, channel.rate_hz(now_ns), value, channel.source, problem)
+    return ChannelReport(name, channel.rate_hz(now_ns), value, channel.source, problem, health.known[name].unit)
 
 
 def _problem(name: str, config: TrialConfig, health: Health, now_ns: int) -> str:

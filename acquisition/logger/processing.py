@@ -48,7 +48,8 @@ class FrameProcessor:
         self._trial = config.trial
         self._writer = writer
         self._health = health
-        self._decoders = {each.name: decoders_by_protocol(each, config.actuators) for each in config.sources}
+        ship = config.actuators, config.declared
+        self._decoders = {each.name: decoders_by_protocol(each, *ship) for each in config.sources}
         for name, decoders in self._decoders.items():
             health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
         self._derivation = Derivation(

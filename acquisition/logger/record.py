@@ -96,7 +96,7 @@ def _record_live(
         )
         _with(stack, server, recorder)
         if live or config.live is not None:
-            view = LiveView(config.live or LiveSection(), config.trial.name)
+            view = LiveView(config.live or LiveSection(), config.trial)
             if _with(stack, view, recorder):
                 parts.listeners.append(view.publish)
                 LOG.info("live view at %s", view.address)

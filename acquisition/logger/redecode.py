@@ -13,7 +13,8 @@ from pathlib import Path
 
 import orjson
 
-from acquisition.config.configuration import CONFIGURATION, TrialConfig, parse_config
+from acquisition.config.configuration import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
+from acquisition.config.sections import Carried
 from acquisition.core.actuators import from_text
 from acquisition.core.errors import InputError, StorageError
 from acquisition.core.files import atomic_file
@@ -70,12 +71,16 @@ def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
             "carries no configuration", where=str(path), fix="give one with --config, as `seatrial record` takes it"
         )
     files: dict[str, Path] = {}
+    packs: dict[str, str] = {}
     for name, data in stream.attachments.items():
         if name.endswith(".dbc"):
             files[name.removesuffix(".dbc")] = scratch / f"{len(files)}.dbc"
             files[name.removesuffix(".dbc")].write_bytes(data)
+        elif name.endswith(PACK_ENDING):
+            packs[name.removesuffix(PACK_ENDING)] = data.decode("utf-8", "replace")
     known = read_trial(path)
-    config = parse_config(text.decode("utf-8", "replace"), path, files, from_text(known.actuators))
+    carried = Carried(files, packs, from_text(known.actuators))
+    config = parse_config(text.decode("utf-8", "replace"), path, carried)
     return _on_the_same_plane(config, known)
 
 

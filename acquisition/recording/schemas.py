@@ -7,6 +7,7 @@ is left out: Lichtblick reads no schema in which something has two types, be the
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from acquisition.core.channel import Channel
@@ -258,10 +259,11 @@ _WELL_KNOWN = {
 }
 
 
-def schema_of(topic: str) -> tuple[str, bytes]:
-    """The schema's name and its JSON text for a topic of ours. Raises KeyError for any other topic."""
+def schema_of(topic: str, known: Mapping[str, Channel] = BY_NAME) -> tuple[str, bytes]:
+    """The schema's name and its JSON text for a topic of ours; ``known`` are the channels. Raises KeyError for any
+    other topic."""
     if topic.startswith(CHANNEL_PREFIX):
-        schema = _channel_schema(BY_NAME[topic.removeprefix(CHANNEL_PREFIX)])
+        schema = _channel_schema(known[topic.removeprefix(CHANNEL_PREFIX)])
     elif topic.startswith(RAW_PREFIX):
         schema = _RAW[topic.split("/")[2]]
     else:

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import from_text
-from acquisition.core.channels import channel_names
+from acquisition.core.channels import channels_of_trial
 from acquisition.core.errors import InputError
 from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality, Sample
@@ -36,7 +35,7 @@ def write_table(
     name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
     is no channel, :class:`StorageError` when the file cannot be written.
     """
-    known = channel_names(from_text(trial.actuators))
+    known = channels_of_trial(trial)
     unknown = [name for name in table.columns if name not in known]
     if unknown:
         raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
 
+from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import StorageError, storage_error
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.mcap_file import McapFile, end_without_index
@@ -34,6 +35,7 @@ class RecordingWriter(MessageSink):
     def __init__(self, path: Path | str, trial: Trial, attachments: Mapping[str, bytes] | None = None) -> None:
         self.path = Path(path)
         self.messages = 0
+        self._known = channels_known_to(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -130,7 +132,7 @@ class RecordingWriter(MessageSink):
         self._file.flush()
 
     def _register(self, topic: str) -> list[int]:
-        name, text = schema_of(topic)
+        name, text = schema_of(topic, self._known)
         schema_id = self._mcap.register_schema(name, "jsonschema", text)
         self._topics[topic] = [self._mcap.register_channel(topic, "json", schema_id), 0]
         return self._topics[topic]

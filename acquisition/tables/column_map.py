@@ -12,21 +12,24 @@ from dataclasses import field, replace
 from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 from zoneinfo import available_timezones
 
 import numpy as np
 import pandas as pd
 import pymap3d
-from pydantic import AfterValidator, ConfigDict
+from pydantic import AfterValidator, ConfigDict, ValidationInfo
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.sections import ActuatorSection, RunSheet, check_channel, check_listed
-from acquisition.config.toml_file import line_of, load_toml, read_text
+from acquisition.config.declarations import ChannelSection, Conversion, PackSection
+from acquisition.config.sections import ActuatorSection, RunSheet, check_channel, parse_for_ship
+from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import channel_unit, find_channel
+from acquisition.core.channel import Channel
+from acquisition.core.channels import find_channel, with_declared
+from acquisition.core.declared import Declared, as_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import scale_to
 from acquisition.tables.table_files import (
@@ -39,28 +42,21 @@ from acquisition.tables.table_files import (
 )
 
 
-def _of_any_ship(name: str) -> str:
-    return name if find_channel(name) else check_channel(name)
+def _of_any_ship(name: str, info: ValidationInfo) -> str:
+    declared = (info.context or {}).get("declared", ())
+    return name if find_channel(name, with_declared(declared)) else check_channel(name, declared=declared)
 
 
 AnyChannel = Annotated[str, AfterValidator(_of_any_ship)]
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
-PERCENT, DEGREES_AND_MINUTES = "percent", "ddmm"
+DEGREES_AND_MINUTES = "ddmm"
 
 
-@dataclass(frozen=True, config=_STRICT)
-class Column:
-    """One channel's column, or a constant where the table has none.
-
-    ``unit`` is the column's; ``percent`` needs ``full_scale`` in the channel's unit. The channel's value is
-    ``scale * column in the channel's unit + offset``; a ``scale`` of -1 turns a sign round.
-    """
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class Column(Conversion):
+    """One channel's column, or a constant where the table has none; a ``scale`` of -1 turns a sign round."""
 
     column: str | None = None
-    unit: str | None = None
-    scale: float = 1.0
-    offset: float = 0.0
-    full_scale: float | None = None
     constant: float | None = None
 
 
@@ -149,6 +145,8 @@ class ColumnMap:
 
     time: TimeColumn
     actuator: tuple[ActuatorSection, ...] = ()
+    channel: tuple[ChannelSection, ...] = ()
+    pack: tuple[PackSection, ...] = ()
     unreadable_rows: Literal["refuse", "drop"] = "refuse"
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
@@ -172,12 +170,14 @@ class ColumnMap:
         return tuple(dict.fromkeys(name for name in named if name is not None))
 
 
-def load_column_map(path: Path | str) -> ColumnMap:
-    """Read and check a map. Raises :class:`ConfigurationError` that names the line."""
-    loaded = load_toml(path, ColumnMap)
+def load_column_map(path: Path | str) -> tuple[ColumnMap, Declared]:
+    """Read and check a map; with the channels it declares. Raises :class:`ConfigurationError` naming the line."""
     text = read_text(path)
+    loaded, ship = parse_for_ship(text, path, ColumnMap)
+    declared = tuple(each.channel for each in ship.declared if each.channel.group == "declared")
+    known = with_declared(declared)
     for name, column in loaded.channels.items():
-        complaint = _complaint(name, column)
+        complaint = _complaint(known[name], column)
         if complaint:
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
@@ -186,35 +186,18 @@ def load_column_map(path: Path | str) -> ColumnMap:
             "in_name is for seconds, with a zone and without a start",
             where=f"{path}, line {line_of(text, ['time', 'in_name'])}",
         )
-    check_listed(loaded.actuator, text, path)
-    return loaded
+    return loaded, tuple(each for each in declared if each.name in loaded.channels)
 
 
-def _complaint(name: str, column: Column) -> str:
+def _complaint(channel: Channel, column: Column) -> str:
     """What is wrong with one channel's entry; empty when nothing is."""
     if (column.column is None) == (column.constant is None):
         return "needs either a column or a constant"
-    if _is_share(name, column):
-        return "" if column.full_scale else "percent needs full_scale, the value at 100 %"
-    if column.unit is not None:
-        try:
-            scale_to(channel_unit(name), column.unit)
-        except ConfigurationError as error:
-            return str(error)
+    try:
+        column.step_to(channel)
+    except ConfigurationError as error:
+        return str(error)
     return ""
-
-
-def _is_share(name: str, column: Column) -> bool:
-    """Whether the column is in percent of a full scale; a pitch is in percent anyway."""
-    return column.unit == PERCENT and (column.full_scale is not None or channel_unit(name) != "%")
-
-
-def factor(name: str, column: Column) -> float:
-    """What the column's numbers are multiplied with to be in the channel's unit."""
-    house: Any = channel_unit(name)
-    if _is_share(name, column):
-        return column.scale * (column.full_scale or 0.0) / 100.0
-    return column.scale * (scale_to(house, column.unit) if column.unit else 1.0)
 
 
 _MOST_TURNS_DEG = 720.0  # an angle beyond this that does not go on from others is a sentinel or a fault, and stays
@@ -251,8 +234,10 @@ class _Asked:
         return name
 
 
-def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> TableFile:
+def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, declared: Declared = ()) -> TableFile:
     """A table through its map, in the contract's names, units and signs; angles in their channels' turn.
+
+    ``declared`` are the channels that the map declares.
 
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
     :class:`InputError` for cells that are no numbers and rows without a time.
@@ -262,14 +247,16 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) ->
     start = time.start if time.in_name is None else _start_in_name(raw, time)
     dropped = asked.drop_unreadable(time, start, columns) if columns.unreadable_rows == "drop" else {}
     index = parse_times(asked.raw, name, time.zone, start, seconds=time.format == "seconds")
-    result = TableFile(pd.DataFrame(index=index), columns.trial.as_trial(), dropped=dropped)
+    trial, known = replace(columns.trial.as_trial(), channels=as_text(declared)), with_declared(declared)
+    result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped)
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
             result.sources[name] = "assumed"
         else:
             values = asked.numbers(entry.column, ("channels", name, "column"))
-            result.table[name] = _turned_back(name, factor(name, entry) * values + entry.offset)
+            step = entry.step_to(known[name])
+            result.table[name] = _turned_back(known[name], step.scale * values + step.offset)
             result.sources[name] = f"table: {entry.column}"
     _add_position(result, columns, asked)
     _add_true_wind(result, columns, asked)
@@ -294,9 +281,9 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
 
 
-def _turned_back(name: str, values: Floats) -> Floats:
+def _turned_back(channel: Channel, values: Floats) -> Floats:
     """Angles that a unit, sign or offset took out of their channel's turn, or that run on, come back into it."""
-    return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(name, values), values)
+    return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(channel, values), values)
 
 
 def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:

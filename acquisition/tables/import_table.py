@@ -20,9 +20,12 @@ from acquisition.config.vessel_file import actuators_of_ship, load_actuators, na
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
 from acquisition.core.angles import counted_on, in_turn, is_possible
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import actuators_of, channel_names, trial_names
+from acquisition.core.channel import Channel
+from acquisition.core.channels import actuators_of, channel_names, channels_known_to, channels_of_trial, trial_names
+from acquisition.core.declared import declared_from_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from acquisition.tables.column_map import apply_column_map, load_column_map
 from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
@@ -83,7 +86,7 @@ def import_table(
     Raises as :func:`read_table_file`, and :class:`StorageError` when the recording cannot be written.
     """
     file = read_table_file(path, map_path, allow_missing, ignore_unknown, vessel)
-    flags = quality_flags(file.table)
+    flags = quality_flags(file.table, file.trial)
     samples = write_table(file.table, output, file.trial, file.sources, flags)
     step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
     infinite = {str(name): int(np.isinf(column).sum()) for name, column in file.table.items()}
@@ -124,15 +127,15 @@ def read_table_file(
         file = _standard(raw, ignore_unknown, ship)
         fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
     else:
-        columns = load_column_map(map_path)
-        file = apply_column_map(raw, columns, map_path)
+        columns, declared = load_column_map(map_path)
+        file = apply_column_map(raw, columns, map_path, declared)
         ship = (
             ship
             or columns.actuators
             or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
-            or actuators_in_columns([*file.table, *columns.absent])
+            or actuators_in_columns([*file.table, *columns.absent], file.trial)
         )
-        _check_mapped(columns.channels, ship, map_path)
+        _check_mapped(columns.channels, ship, file.trial, map_path)
         file = _for_ship(file, ship, raw)
         allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
         fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
@@ -146,17 +149,17 @@ def read_table_file(
     return file
 
 
-def actuators_in_columns(names: Iterable[str]) -> Actuators:
-    """The actuators that columns without a word about their ship are of.
+def actuators_in_columns(names: Iterable[str], trial: Trial) -> Actuators:
+    """The actuators that columns without a word about their ship are of, but for those that the trial declares.
 
     R/V Gunnerus' where one of hers is among them, so that a misspelt one is found out; else by their names.
     """
-    found = actuators_of(names)
+    found = actuators_of(names, {"trial": {"channels": trial.channels}})
     return DEFAULT if {each.name for each in found} & {each.name for each in DEFAULT} else found
 
 
-def _check_mapped(names: Iterable[str], ship: Actuators, map_path: Path | str) -> None:
-    channels = channel_names(ship)
+def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path: Path | str) -> None:
+    channels = channel_names(ship, declared_from_text(trial.channels))
     for name in names:
         if name not in channels:
             hers = ", ".join(each.name for each in ship)
@@ -178,8 +181,9 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
             why=f"it has {', '.join(near or given[:6])}",
             fix="name it so, or say with a map which it is (--columns)",
         )
-    ship = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else actuators_in_columns(given))
-    channels = channel_names(ship)
+    told = from_text(raw.trial.actuators) if raw.trial.actuators else ()
+    ship = ship or told or actuators_in_columns(given, raw.trial)
+    channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
     unknown = tuple(
         name for name in given if name not in channels and name != "time" and not _is_ours(name, channels)
     )
@@ -191,21 +195,21 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
             fix=f"rename them, map them with --columns MAP.toml, or say --ignore-unknown{ships}",
         )
     names = [name for name in channels if name in given]
-    columns = {name: _in_its_turn(name, parse_numbers(raw, name)) for name in names}
+    columns = {name: _in_its_turn(channels[name], parse_numbers(raw, name)) for name in names}
     table = pd.DataFrame(columns, index=parse_times(raw, "time"))
     return _for_ship(TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown), ship, raw)
 
 
-def _in_its_turn(name: str, values: Floats) -> Floats:
+def _in_its_turn(channel: Channel, values: Floats) -> Floats:
     """Angles that are counted on beyond their channel's turn come back into it; all else stays to be flagged."""
     outside = np.isfinite(values) & (np.abs(values) > 360.0)
-    return in_turn(name, values) if outside.any() and counted_on(values, outside) else values
+    return in_turn(channel, values) if outside.any() and counted_on(values, outside) else values
 
 
 def _for_ship(file: TableFile, ship: Actuators, raw: RawTable) -> TableFile:
     """The table in the order of the ship's channels, its trial with a name and the ship's actuators."""
     file.trial = replace(file.trial, name=file.trial.name or raw.name, actuators=as_text(ship))
-    file.table = file.table[[name for name in channel_names(ship) if name in file.table]]
+    file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
     return file
 
 
@@ -220,11 +224,14 @@ def _with_hint(name: str, channels: Collection[str]) -> str:
     return f"{name} (did you mean {near[0]}?)" if near else name
 
 
-def quality_flags(table: pd.DataFrame) -> dict[str, NDArray[np.uint8]]:
-    """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others."""
-    flags = {}
+def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, NDArray[np.uint8]]:
+    """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others.
+
+    ``trial`` tells of channels that are declared.
+    """
+    flags, known = {}, channels_known_to(trial or Trial())
     for name, column in table.items():
         values = column.to_numpy(dtype=float)
-        outside = np.isfinite(values) & ~is_possible(str(name), values)
+        outside = np.isfinite(values) & ~is_possible(known[str(name)], values)
         flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
     return flags

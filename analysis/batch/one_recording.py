@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acquisition.core.channels import known_channels
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
@@ -129,7 +130,8 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
     about = {key: json.dumps(value) for key, value in origin.items()}
     trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
-    units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name)))}
+    known = known_channels(products.one_hz.attrs)
+    units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), known))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
     repairs = [asdict(each) for each in products.repairs]

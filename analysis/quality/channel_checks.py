@@ -15,7 +15,6 @@ import pandas as pd
 from acquisition.core.angles import counted_on, is_possible
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality, iso
 from analysis.quality.findings import Flags
 from analysis.quality.repeated_values import find_stuck, quantisation_step
@@ -60,7 +59,7 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
 
 def find_out_of_range(samples: Series, channel: Channel) -> Bools:
     """Where the value is impossible by :meth:`Channel.holds`."""
-    return ~is_possible(channel.name, samples.value) & ~np.isnan(samples.value)
+    return ~is_possible(channel, samples.value) & ~np.isnan(samples.value)
 
 
 def is_other_convention(samples: Series, channel: Channel) -> bool:
@@ -72,7 +71,7 @@ def is_other_convention(samples: Series, channel: Channel) -> bool:
     the channel's own turn, like a heading of 360, is always the same angle.
     """
     values = samples.value[~np.isnan(samples.value)]
-    impossible = ~is_possible(channel.name, values)
+    impossible = ~is_possible(channel, values)
     outside = values[impossible]
     if not channel.circular or not outside.size:
         return False
@@ -308,7 +307,7 @@ class ChannelFaults:
 
 
 def channel_faults(
-    name: str,
+    channel: Channel,
     samples: Series,
     rate: TimedValues | None = None,
     bounds_ns: tuple[int, int] | None = None,
@@ -317,17 +316,17 @@ def channel_faults(
     """Every check of one channel. Values that the decoder flagged bad may be out of range, and are no others.
 
     ``rate`` is how fast related channels say that it changes, ``bounds_ns`` the recording's start and end.
-    An assumed constant is neither stuck nor quantised.
+    An assumed constant and a state are neither stuck nor quantised, and have no spikes.
     """
-    channel, times = BY_NAME[name], samples.measured_ns
+    times, steady = samples.measured_ns, assumed or channel.state
     outside = find_out_of_range(samples, channel)
     sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
     behind, steps_back = find_backwards(samples)
     jitter = jitter_s(times)
     jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times)
     masks = {
-        "stuck": np.zeros(times.size, dtype=bool) if assumed else find_stuck(sound, channel, rate),
-        "spike": np.zeros(times.size, dtype=bool) if assumed else find_spikes(sound, channel),
+        "stuck": np.zeros(times.size, dtype=bool) if steady else find_stuck(sound, channel, rate),
+        "spike": np.zeros(times.size, dtype=bool) if steady else find_spikes(sound, channel),
         "out_of_range": outside,
         "duplicate": find_duplicates(samples),
         "time_backwards": behind,
@@ -335,7 +334,7 @@ def channel_faults(
     listed = {
         "gap": find_gaps(samples, *(bounds_ns or (None, None))),
         "time_backwards": steps_back,
-        "quantised": _throughout(times, 0.0 if assumed else quantisation_step(sound, channel)),
+        "quantised": _throughout(times, 0.0 if steady else quantisation_step(sound, channel)),
         "time_jitter": _throughout(times, jitter if jitters else 0.0),
     }
     return ChannelFaults(channel, samples, masks, listed, is_other_convention(samples, channel))

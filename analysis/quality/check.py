@@ -11,7 +11,7 @@ import pandas as pd
 
 from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints, Series
-from acquisition.core.channels import BY_NAME, channel_names
+from acquisition.core.channels import BY_NAME, channels_of_table, known_channels
 from acquisition.core.frames import Quality
 from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
@@ -37,10 +37,8 @@ from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import check_wind
 from analysis.tables.table import (
-    actuators_in_recording,
     index_of,
     main_stretch,
-    table_actuators,
     table_of,
     times_ns,
     trial_channels,
@@ -97,8 +95,8 @@ def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> 
     Raises :class:`DataShortageError` for a recording without channels.
     """
     joined = table_of(recording) if table is None else table
-    names = [name for name in channel_names(actuators_in_recording(recording)) if name in recording.series]
-    return _check({name: recording.series[name] for name in names}, joined)
+    names = channels_of_table(recording.series, joined.attrs)
+    return _check({name: recording.series[name] for name in names if name in recording.series}, joined)
 
 
 def check_table(table: pd.DataFrame) -> DataQuality:
@@ -108,7 +106,7 @@ def check_table(table: pd.DataFrame) -> DataQuality:
     an index that is no time in UTC.
     """
     utc = table.set_axis(utc_index(table), axis=0)
-    columns = {name: utc[[name]].dropna() for name in channel_names(table_actuators(utc)) if name in utc}
+    columns = {name: utc[[name]].dropna() for name in channels_of_table(utc.columns, utc.attrs) if name in utc}
     series = {name: series_of(times_ns(each), each[name].to_numpy(dtype=float)) for name, each in columns.items()
               if len(each)}  # fmt: skip
     order = np.argsort(times_ns(utc), kind="stable")
@@ -144,9 +142,9 @@ def _check_stretch(
     """All checks of one stretch of time. ``known`` are findings already made."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
-    rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
+    rates, sources, channels = expected_rates(joined), joined.attrs.get("sources", {}), known_channels(joined.attrs)
     faults = {
-        name: channel_faults(name, each, rates.get(name), bounds, sources.get(name) == [ASSUMED])
+        name: channel_faults(channels[name], each, rates.get(name), bounds, sources.get(name) == [ASSUMED])
         for name, each in series.items()
     }
     _drop_turns_of_faint_wind(faults)
@@ -158,9 +156,9 @@ def _check_stretch(
     jumps, jump_findings = _clock_jumps(series, joined)
     findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
     flags = _merge_all_flags(faults, rows, checked, joined)
-    channels = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
+    qualities = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
     missing = tuple(name for name in trial_channels(joined) if name not in faults)
-    return DataQuality(channels, tuple(sorted(findings, key=_severity)), flags, missing)
+    return DataQuality(qualities, tuple(sorted(findings, key=_severity)), flags, missing)
 
 
 def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
@@ -187,7 +185,11 @@ def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: M
     cleaned = joined.copy()
     for name, outside in spoilt.items():
         column = cleaned[name].to_numpy(copy=True)
-        turned = in_turn(name, faults[name].samples.value[outside]) if faults[name].other_turn else np.nan
+        turned = (
+            in_turn(faults[name].channel, faults[name].samples.value[outside])
+            if faults[name].other_turn
+            else np.nan
+        )
         column[rows[name][outside]] = turned
         cleaned[name] = column
     cleaned.attrs = joined.attrs
@@ -232,7 +234,7 @@ def _single_findings(
 ) -> list[Finding]:
     """Findings of the checks of one channel, without those that a finding across channels explains."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
-    found: list[Finding] = []
+    channels, found = {name: fault.channel for name, fault in faults.items()}, list[Finding]()
     for code in WORDING:
         said = {each.channel for each in across if each.code in _FINDINGS_BY.get(code, ())}
         troubles = {
@@ -240,9 +242,12 @@ def _single_findings(
             for name, fault in faults.items()
             if name not in said
         }
-        made = findings_of(code, troubles, len(faults))
+        made = findings_of(code, troubles, channels)
         turned = [name for name, fault in faults.items() if fault.other_turn] if code == "out_of_range" else []
-        found += [other_convention_finding(each) if each.channel in turned else each for each in made]
+        found += [
+            other_convention_finding(each, channels[each.channel]) if each.channel in turned else each
+            for each in made
+        ]
     return found
 
 

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Series
-from acquisition.core.channels import BY_NAME, channel_unit
+from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality
 from analysis.quality.samples import Stretch
 from analysis.quality.time_checks import ClockJump
@@ -123,12 +123,12 @@ class Wording:
     estimate: Mapping[str, str] = field(default_factory=lambda: {"count": "count", "largest": "size"})
 
 
-def _facts_of(channel: str, found: list[Stretch], largest: Stretch) -> dict[str, Any]:
+def _facts_of(channel: str, unit: str, found: list[Stretch], largest: Stretch) -> dict[str, Any]:
     """What there is to say of a channel's stretches of one fault and the largest of them."""
     count, samples = len(found), sum(each.size for each in found)
     return {
         "who": "every channel" if channel == ALL else channel,
-        "unit": channel_unit(channel),
+        "unit": unit,
         "times": "once" if count == 1 else "twice" if count == 2 else f"{count} times",
         "samples": "1 sample" if samples == 1 else f"{samples:,.0f} samples",
         "count": float(count),
@@ -188,11 +188,11 @@ def utc_time(time_ns: int) -> pd.Timestamp:
     return pd.Timestamp(time_ns, unit="ns", tz="UTC")
 
 
-def findings_of(code: str, troubles: Troubles, channels: int) -> list[Finding]:
+def findings_of(code: str, troubles: Troubles, channels: Mapping[str, Channel]) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
-    together, apart = _shared(troubles) if len(troubles) == channels > 1 else ([], dict(troubles))
-    found = [_finding(code, ALL, together)] if together else []
-    return found + [_finding(code, channel, stretches) for channel, stretches in apart.items() if stretches]
+    together, apart = _shared(troubles) if len(troubles) == len(channels) > 1 else ([], dict(troubles))
+    found = [_finding(code, ALL, "", together)] if together else []
+    return found + [_finding(code, name, channels[name].unit, each) for name, each in apart.items() if each]
 
 
 def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
@@ -205,20 +205,19 @@ def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]
     return together, apart
 
 
-def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
+def _finding(code: str, channel: str, unit: str, found: list[Stretch]) -> Finding:
     words, largest = WORDING[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
     start, end = utc_time(min(each.start_ns for each in found)), utc_time(max(each.end_ns for each in found))
-    facts = _facts_of(channel, found, largest)
+    facts = _facts_of(channel, unit, found, largest)
     estimate = {key: facts[fact] for key, fact in words.estimate.items()}
     return Finding(
         code, channel, start, end, words.sentence.format_map(facts), words.remedy, estimate, code in CERTAIN
     )
 
 
-def other_convention_finding(finding: Finding) -> Finding:
+def other_convention_finding(finding: Finding, channel: Channel) -> Finding:
     """A finding of impossible angles that are counted in another turn; that makes their repair certain."""
-    low = BY_NAME[finding.channel].low
-    ours = "-180..180" if low < 0.0 else "0..360"
+    ours = "-180..180" if channel.low < 0.0 else "0..360"
     count = finding.estimate["count"]
     text = (
         f"{finding.channel} counts otherwise than {ours}, which is the convention: {count:,.0f} "

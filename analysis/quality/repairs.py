@@ -19,7 +19,7 @@ import pandas as pd
 
 from acquisition.core.angles import in_turn, is_possible, unwrap
 from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import BY_NAME, find_channel
+from acquisition.core.channels import BY_NAME, find_channel, known_channels
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
@@ -220,7 +220,7 @@ def _with_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd
     """The table with the impossible values of a channel that reading a recording leaves out."""
     series, value = recording.series[name], table[name].to_numpy(dtype=float, copy=True)
     rows = rows_of(times_ns(table), series.measured_ns)
-    outside = np.isfinite(series.value) & ~is_possible(name, series.value)
+    outside = np.isfinite(series.value) & ~is_possible(known_channels(table.attrs)[name], series.value)
     value[rows[outside]] = series.value[outside]
     return table.assign(**{name: value})
 
@@ -262,8 +262,9 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
             value[bad & ~seam_line_mask(table, name) if is_judged(table, name) else bad] = np.nan
-        if finding.code == "out_of_range" and find_channel(name):
-            value[~is_possible(name, value)] = np.nan
+        channel = find_channel(name, known_channels(table.attrs))
+        if finding.code == "out_of_range" and channel is not None:
+            value[~is_possible(channel, value)] = np.nan
         columns[name] = value
     return SingleRepair(_EMPTIED.get(finding.code, "flagged values became gaps"), columns)
 
@@ -274,9 +275,10 @@ def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChann
         return remove_flagged(table, finding, flags)
     name = finding.channel
     value = table[name].to_numpy(dtype=float, copy=True)
-    outside = np.isfinite(value) & ~is_possible(name, value)
-    value[outside] = in_turn(name, value[outside])
-    low = BY_NAME[name].low
+    channel = known_channels(table.attrs)[name]
+    outside = np.isfinite(value) & ~is_possible(channel, value)
+    value[outside] = in_turn(channel, value[outside])
+    low = channel.low
     return SingleRepair(f"angles turned into {low:g}..{low + 360.0:g}", {name: value})
 
 
@@ -324,7 +326,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     after = np.clip(np.searchsorted(sound, np.flatnonzero(wrong)), 1, sound.size - 1)
     hole_s = since_s[sound[after]] - since_s[sound[after - 1]]
     short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if rated else _LONGEST_HOLE_S)
-    value[wrong] = np.where(short, in_turn(name, filled[wrong]), np.nan)
+    value[wrong] = np.where(short, in_turn(BY_NAME[name], filled[wrong]), np.nan)
     return SingleRepair(f"{int(wrong.sum())} samples of {name} put back on the circle", {name: value})
 
 

@@ -61,8 +61,10 @@ def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:
 
 
 def _at_rest(value: float, channel: Channel) -> bool:
-    """A stopped thruster, a ship alongside and calm air are silent by themselves."""
-    return value == 0.0 and (channel.unit in ("rpm", "m/s", "deg/s") or channel.group == "environment")
+    """A stopped thruster, a ship alongside, calm air and an engine that does nothing are silent by themselves."""
+    return value == 0.0 and (
+        channel.unit in ("rpm", "m/s", "deg/s") or channel.group in ("environment", "declared")
+    )
 
 
 def _coarse(values: Floats) -> bool:
@@ -145,7 +147,10 @@ _MOST_VALUES, _EXACT, _NOISES = 200_000, 0.95, 0.7
 
 
 def everyday_resolution(channel: Channel) -> float:
-    """The coarsest step [the channel's unit] that instruments of this kind commonly report."""
+    """The coarsest step [the channel's unit] that instruments of this kind commonly report; nobody knows it of a
+    channel that a user declares."""
+    if channel.group == "declared":
+        return np.inf
     if channel.name in ("latitude_deg", "longitude_deg"):
         return _DEGREES_OF_POSITION
     return _COARSER.get(judged_as(channel), EVERYDAY[channel.unit])

@@ -56,7 +56,7 @@ def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
 def judged_as(channel: Channel) -> tuple[str, str]:
     """Group and unit that a channel is judged by, recorded as an auxiliary one or not: a rudder and an order are
     commands, the wind on board is wind."""
-    if is_setting(channel.name):
+    if is_setting(channel):
         return "command", channel.unit
     return ("environment" if channel.name.startswith("apparent_wind_") else channel.group), channel.unit
 

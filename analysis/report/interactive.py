@@ -18,11 +18,12 @@ from markupsafe import Markup
 
 from acquisition.core.angles import in_turn, wraps_of
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, is_circular
+from acquisition.core.channel import Channel
+from acquisition.core.channels import POSE_AND_VELOCITY, known_channels
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from analysis.report.pages import duration_text
 from analysis.report.rendering import TEMPLATES, Page, render
-from analysis.tables.table import NANO, table_actuators, times_ns, trial_channels
+from analysis.tables.table import NANO, declared_channels, table_actuators, times_ns, trial_channels
 from analysis.windows.held import held_spans_ns
 
 if TYPE_CHECKING:
@@ -74,7 +75,8 @@ def interactive_page(
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
-    data["angles"] = [name for name in data["channels"] if is_circular(name)]
+    known = known_channels(table.attrs)
+    data["angles"] = [name for name in data["channels"] if known[name].circular]
     css, script = (Markup((TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     # JSON that no text in it can end: what looks like markup is escaped.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -100,9 +102,9 @@ def _plotly() -> str:
 
 def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    from analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, label
+    from analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, declared_groups, label
 
-    there, actuators = list(data["channels"]), table_actuators(table)
+    there, actuators, known = list(data["channels"]), table_actuators(table), known_channels(table.attrs)
     spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
         name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
@@ -113,6 +115,7 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         *((label(name), (name,)) for name in POSE_AND_VELOCITY[2:]),
         *groups,
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
+        *declared_groups(table).items(),
     ]  # fmt: skip
     shown = [{"title": title, "names": [name for name in names if name in there]} for title, names in panels]
     controls = {
@@ -130,8 +133,8 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         "controls": controls,
         "methods": methods,
         "panels": [each for each in shown if each["names"]] or shown[:1],  # the cursor needs an axis of time
-        "labels": {name: label(name) for name in ("north_m", "east_m", *there)},
-        "decimals": {name: DECIMALS[BY_NAME[name].unit] for name in there},
+        "labels": {name: label(name, known) for name in ("north_m", "east_m", *there)},
+        "decimals": {name: decimals_of(known[name]) for name in there},
     }  # fmt: skip
 
 
@@ -139,7 +142,7 @@ def _figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, st
     figures = {
         "duration": duration_text(data["time_s"][-1]),
         "rows": f"{data['rows']:,}",
-        "channels": f"{len(data['channels'])} of {len(channels)}",
+        "channels": f"{len([name for name in channels if name in data['channels']])} of {len(channels)}",
     }
     if data["held"]:
         held_s = sum(end - begin for begin, end in data["held"])
@@ -195,7 +198,8 @@ def page_data(
     if np.any(np.diff(time_ns) <= 0):
         raise InputError("the table's times do not increase", fix="sort it and drop double times, or resample it")
     channels = trial_channels(table)
-    names = [name for name in channels if name in table and table[name].notna().any()]
+    declared = [channel.name for channel in declared_channels(table)]
+    names = [name for name in (*channels, *declared) if name in table and table[name].notna().any()]
     if not names:
         raise DataShortageError(
             f"the table has none of the {len(channels)} channels", fix="name its columns with a column map"
@@ -220,18 +224,25 @@ def page_data(
 
 def _columns(table: pd.DataFrame, names: Iterable[str]) -> dict[str, Any]:
     """The channels of a table, and of angles the rows at which a drawn line would cross the whole turn."""
-    shown = {name: round_values(name, table[name].to_numpy(dtype=float)) for name in names}
+    known = known_channels(table.attrs)
+    shown = {name: round_values(known[name], table[name].to_numpy(dtype=float)) for name in names}
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
-        "lifts": {name: wraps_of(values).tolist() for name, values in shown.items() if is_circular(name)},
+        "lifts": {name: wraps_of(values).tolist() for name, values in shown.items() if known[name].circular},
     }
 
 
-def round_values(name: str, values: Floats) -> Floats:
+def decimals_of(channel: Channel) -> int:
+    """How many decimals of a channel are shown: those of its unit, else a ten-thousandth of its range."""
+    usual = int(np.clip(np.ceil(4.0 - np.log10(channel.high - channel.low)), 0, 6))
+    return usual if channel.group == "declared" else DECIMALS[channel.unit]
+
+
+def round_values(channel: Channel, values: Floats) -> Floats:
     """Values of a channel with the decimals of its unit; angles stay inside their turn."""
-    decimals = DECIMALS[BY_NAME[name].unit]
+    decimals = decimals_of(channel)
     short = np.round(values, decimals)
-    return np.round(in_turn(name, short), decimals) + 0.0  # -0.0 is no news to anybody
+    return np.round(in_turn(channel, short), decimals) + 0.0  # -0.0 is no news to anybody
 
 
 def nullable(values: Floats) -> list[float | int | None]:

@@ -4,7 +4,7 @@ A trial is two figures of a page: its track, and its channels against time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
 
 import matplotlib.dates as dates
@@ -21,9 +21,11 @@ from rich.text import Text
 from acquisition.core.actuators import Actuators, control_names, part_of_control
 from acquisition.core.angles import wraps_of
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channel import Channel
+from acquisition.core.channels import BY_NAME, known_channels
+from acquisition.core.units import DIMENSIONLESS, ending_of
 from analysis.kinematics import mean_wind
-from analysis.tables.table import table_actuators, utc_index
+from analysis.tables.table import declared_channels, table_actuators, utc_index
 from analysis.windows.held import HeldWindows, held_spans_ns
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
@@ -49,14 +51,15 @@ STYLE: dict[str, object] = {
 """The house's style, for ``matplotlib.rc_context(STYLE)``."""
 
 
-def label(name: str) -> str:
-    """A channel's name for an axis, with its unit.
+def label(name: str, known: Mapping[str, Channel] = BY_NAME) -> str:
+    """A channel's name for an axis, with its unit; ``known`` are the channels.
 
     >>> label("port_angle_deg")
     'port angle [deg]'
     """
-    channel = BY_NAME[name]
-    return f"{name.rsplit('_', 1)[0].replace('_', ' ')} [{channel.unit}]"
+    unit = known[name].unit
+    words = name.removesuffix(ending_of(unit)).replace("_", " ")
+    return words if unit == DIMENSIONLESS else f"{words} [{unit}]"
 
 
 def track(
@@ -193,14 +196,16 @@ def series(
     Angles are drawn without the line that would join one end of the turn with the other.
     """
     artists: list[Artist] = []
+    known = known_channels(table.attrs)
     if windows is not None:
         artists.append(held_shade(axes, windows))
     for name, colour in zip(names, cycle(PALETTE), strict=False):
         present = table[name].dropna()
-        shown = break_at_wrap(present) if BY_NAME[name].circular else present.to_numpy(dtype=float)
-        artists += axes.plot(present.index, shown, color=colour, label=label(name))
-    units = sorted({BY_NAME[name].unit for name in names})
-    axes.set_ylabel(label(names[0]) if len(names) == 1 else f"[{', '.join(units)}]")
+        shown = break_at_wrap(present) if known[name].circular else present.to_numpy(dtype=float)
+        steps = "steps-post" if known[name].state else "default"
+        artists += axes.plot(present.index, shown, color=colour, label=label(name, known), drawstyle=steps)
+    units = sorted({known[name].unit for name in names})
+    axes.set_ylabel(label(names[0], known) if len(names) == 1 else f"[{', '.join(units)}]")
     axes.set_xlabel("time, UTC")
     axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
     axes.margins(x=0.01)
@@ -272,7 +277,8 @@ def channels_figure(table: pd.DataFrame, windows: pd.DataFrame | None = None) ->
     """The channels of a 1 Hz table against time, held windows shaded; None without any channel."""
     motion = (("heading_deg",), ("surge_mps", "sway_mps"), ("yaw_rate_dps",))
     wind = (("wind_speed_mps",), ("wind_direction_deg",))
-    groups = known_groups(table, (*motion, *control_groups(table_actuators(table)).values(), *wind))
+    controls = control_groups(table_actuators(table)).values()
+    groups = known_groups(table, (*motion, *controls, *wind, *declared_groups(table).values()))
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
@@ -294,6 +300,19 @@ def control_groups(actuators: Actuators) -> dict[str, list[str]]:
     for name in control_names(actuators):
         groups[titles[part_of_control(name, actuators)]].append(name)
     return {title: names for title, names in groups.items() if names}
+
+
+def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
+    """The channels that a trial declares, those of the same thing and unit together, by what their axis is called.
+
+    The same thing is what the first word of their names, port and starboard say, does not tell apart.
+    """
+    groups: dict[str, list[str]] = {}
+    for channel in declared_channels(table):
+        words = label(channel.name, {channel.name: channel})
+        groups.setdefault(words.partition(" ")[2] or words, []).append(channel.name)
+    return {label(names[0], known_channels(table.attrs)) if len(names) == 1 else title: names
+            for title, names in groups.items()}  # fmt: skip
 
 
 def held_words(table: pd.DataFrame) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import channel_unit
+from acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
 from acquisition.core.files import atomic_file, write_text
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
@@ -51,12 +51,12 @@ def export_table(
     return _WRITERS[kind](table, path, about)
 
 
-def unit_of(column: str) -> str:
+def unit_of(column: str, known: ChannelsByName = BY_NAME) -> str:
     """The unit of an exported column; a standard deviation has its channel's, and an unknown column none."""
     if column.endswith(FLAG_SUFFIX):
         return FLAG_MEANING
     name = column.removesuffix(SIGMA_SUFFIX)
-    return channel_unit(name) or _RATE_UNITS.get(name, "")
+    return channel_unit(name, known) or _RATE_UNITS.get(name, "")
 
 
 def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
@@ -66,7 +66,7 @@ def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, flo
     resampled table gets the gravest flag among the samples that are nearer to it than to any other row; where
     the table has no value it says missing.
     """
-    delay_ns = delays_in_ns(delays or {})
+    delay_ns = delays_in_ns(delays or {}, known_channels(table.attrs))
     result = table.copy(deep=False)
     same = not delays and flags.index.equals(table.index)
     for name in [str(name) for name in table.columns if name in flags.columns]:
@@ -94,7 +94,8 @@ def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> ND
 
 
 def _about(table: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
-    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name)))}
+    known = known_channels(table.attrs)
+    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name), known))}
     provenance = provenance_of(table, options)
     return {
         "units": units,

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import difference, in_turn
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import is_circular, is_setting
+from acquisition.core.channel import Channel
+from acquisition.core.channels import find_channel, is_setting, known_channels
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
 from analysis.tables.table import (
@@ -128,7 +129,8 @@ def _on_grid(
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
     rate = rate_fraction(rate_hz)
-    delay_ns = delays_in_ns(delays or {})
+    known = known_channels(attributes)
+    delay_ns = delays_in_ns(delays or {}, known)
 
     def valid(name: str) -> TimedValues:
         time_ns, values = samples_of(name)
@@ -140,7 +142,10 @@ def _on_grid(
         first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
     )
     grid_ns = grid(first_ns, last_ns, rate)
-    columns = {name: _resampled(name, *valid(name), grid_ns, rate, longest_gap_s, known_steps) for name in names}
+    columns = {
+        name: _resampled(find_channel(name, known), *valid(name), grid_ns, rate, longest_gap_s, known_steps)
+        for name in names
+    }
     result = pd.DataFrame(columns, index=index_of(grid_ns))
     result.attrs = {**attributes, "rate_hz": float(rate_hz)}
     if delays:
@@ -172,7 +177,7 @@ def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
 
 
 def _resampled(
-    name: str,
+    channel: Channel | None,
     time_ns: Ints,
     values: Floats,
     grid_ns: Ints,
@@ -181,19 +186,36 @@ def _resampled(
     known_steps: int | None,
 ) -> Floats:
     """One channel's valid samples on the grid; NaN where it has nothing to say."""
-    circular = is_circular(name)
+    circular = channel is not None and channel.circular
+    if channel is not None and channel.state:
+        return _held(time_ns, values, grid_ns, longest_gap_s)
     times, samples = _sorted_without_repeats(time_ns, values, circular)
     interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     result = _between(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
     if covered.any() and 0 < interval_ns < _FASTER * NANO / rate:
-        rule = SETTING_FILTER if is_setting(name) else MOTION_FILTER
+        rule = SETTING_FILTER if channel is not None and is_setting(channel) else MOTION_FILTER
         if known_steps is not None:
             rule = replace(rule, ahead=known_steps)
         smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
-    return in_turn(name, result)
+    return in_turn(channel, result)
+
+
+def _held(time_ns: Ints, values: Floats, grid_ns: Ints, longest_gap_s: float | None) -> Floats:
+    """A state at each grid point: the last that was told, as long as the channel's gaps allow."""
+    result = np.full(grid_ns.size, np.nan)
+    if time_ns.size == 0:
+        return result
+    order = np.argsort(time_ns, kind="stable")
+    times = time_ns[order]
+    interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
+    last = np.searchsorted(times, grid_ns, side="right") - 1
+    told = (last >= 0) & (grid_ns - times[np.maximum(last, 0)] <= limit_ns)
+    result[told] = values[order][last[told]]
+    return result
 
 
 def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:

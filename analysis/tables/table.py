@@ -22,9 +22,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import Actuators, as_text, channel_by_rule, control_names
+from acquisition.core.actuators import Actuators, as_text, control_names
 from acquisition.core.arrays import Floats, Ints, Series
-from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
+from acquisition.core.channel import Channel
+from acquisition.core.channels import (
+    BY_NAME,
+    ChannelsByName,
+    actuators_of,
+    channels_of_table,
+    declared_in,
+    find_channel,
+    known_channels,
+    trial_names,
+)
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
@@ -53,7 +63,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    names = [name for name in channel_names(actuators_in_recording(recording)) if name in recording.series]
+    names = [name for name in channels_of_table(recording.series, _said(recording)) if name in recording.series]
     if not names:
         raise DataShortageError(
             "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
@@ -63,7 +73,12 @@ def channels_of(recording: Recording) -> list[str]:
 
 def actuators_in_recording(recording: Recording) -> Actuators:
     """The actuators of the ship that a recording is of, as it says itself; else by rule from its channels."""
-    return actuators_of(recording.series, {"trial": {"actuators": recording.trial.actuators}})
+    return actuators_of(recording.series, _said(recording))
+
+
+def _said(recording: Recording) -> dict[str, Any]:
+    """What a recording says of its ship and of the channels that it declares, as the ``attrs`` of a table."""
+    return {"trial": asdict(recording.trial)}
 
 
 def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
@@ -75,6 +90,11 @@ def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
 def table_actuators(table: pd.DataFrame) -> Actuators:
     """The actuators of the ship that a table is of, as it says itself; else by rule from its columns."""
     return actuators_of(table.columns, table.attrs)
+
+
+def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
+    """The channels that the trial of a table declares, of those that it holds."""
+    return tuple(each for each in declared_in(table.attrs) if each.name in table)
 
 
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
@@ -92,8 +112,9 @@ def attributes_of(recording: Recording) -> dict[str, Any]:
 
     A recording that was made of a table has that table's history too; one that cannot be read is left out.
     """
+    trial = asdict(recording.trial)
     attributes = {
-        "trial": asdict(recording.trial),
+        "trial": {key: value for key, value in trial.items() if value or key != "channels"},
         "recording": str(recording.path),
         "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
     }
@@ -152,7 +173,9 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
     hold nothing else is not made. The history gains a step. Raises :class:`InputError` for a name that is no
     channel or a delay that is no number.
     """
-    moved = move_stamps(table, {name: -each for name, each in delays_in_ns(delays).items()})
+    moved = move_stamps(
+        table, {name: -each for name, each in delays_in_ns(delays, known_channels(table.attrs)).items()}
+    )
     return add_step(moved, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
 
 
@@ -168,10 +191,11 @@ def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
     return result
 
 
-def delays_in_ns(delays: Mapping[str, float]) -> dict[str, int]:
-    """Delays by channel [s] in ns. Raises :class:`InputError` for what is no channel or no possible delay."""
+def delays_in_ns(delays: Mapping[str, float], known: ChannelsByName = BY_NAME) -> dict[str, int]:
+    """Delays by channel [s] in ns, ``known`` being the channels. Raises :class:`InputError` for what is none of
+    them or no possible delay."""
     for name, delay_s in delays.items():
-        if name not in BY_NAME and channel_by_rule(name) is None:
+        if find_channel(name, known) is None:
             raise InputError(f"a delay of {name} is asked for, which is no channel", fix="name one of the channels")
         if not abs(delay_s) <= _LONGEST_DELAY_S:
             raise InputError(f"a delay of {delay_s} s of {name} is not possible", fix="give at most an hour")

@@ -15,6 +15,7 @@ import pytest
 
 from acquisition.config.sections import LiveSection
 from acquisition.core.errors import ConfigurationError, SourceError
+from acquisition.core.trial import Trial
 from acquisition.logger.live_view import LiveView
 from acquisition.logger.requests import running_recorders, send_prediction
 from acquisition.recording.reader import read_recording
@@ -139,14 +140,15 @@ def test_a_port_that_is_taken_is_a_clear_error() -> None:
         settings = LiveSection(port=server.getsockname()[1])
         with (
             pytest.raises(SourceError, match=r"cannot be served on 127\.0\.0\.1"),
-            LiveView(settings, "x"),
+            LiveView(settings, Trial(name="x")),
         ):
             pass
 
 
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "foxglove", None)
-    with pytest.raises(ConfigurationError, match=r"pip install 'seatrial\[live\]'"), LiveView(LiveSection(), "x"):
+    view = LiveView(LiveSection(), Trial(name="x"))
+    with pytest.raises(ConfigurationError, match=r"pip install 'seatrial\[live\]'"), view:
         pass
 
 

@@ -205,7 +205,7 @@ def test_two_hertz_to_one_through_north_stays_on_the_way(seed: int) -> None:
     assert turn_between(found, truth) < 0.5
 
 
-SETTINGS = sorted(name for name in BY_NAME if is_setting(name))
+SETTINGS = sorted(name for name in BY_NAME if is_setting(BY_NAME[name]))
 
 
 @pytest.mark.parametrize("name", SETTINGS)

@@ -1,0 +1,300 @@
+"""The channels that a file declares, and where each comes from: ``[[channel]]`` and ``[[pack]]``.
+
+A pack is a file of such declarations. One of ``trials/packs`` is known by its name, another by its path; what is
+declared for each of several equal things, engines say, has ``{each}`` in its name and may number them by
+``{number}``. A channel that is known anyway may be given further origins.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass as plain_dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Discriminator, Field, PositiveInt, StringConstraints, Tag
+from pydantic.dataclasses import dataclass
+
+from acquisition.config.toml_file import line_of, parse_toml, read_text, validate
+from acquisition.core.channel import Channel
+from acquisition.core.declared import declare
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.units import Linear, to_house
+
+PACKS = Path(__file__).parents[2] / "trials" / "packs"
+"""The folder of the packs that come with Seatrial."""
+
+STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+PERCENT = "percent"
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Conversion:
+    """How a number that comes becomes a channel's value: ``scale * (number in the channel's unit) + offset``.
+
+    ``unit`` is the number's; without it the origin's own unit where the protocol tells it, else the channel's. With
+    ``full_scale``, in the channel's unit, the number is a share of that, in percent.
+    """
+
+    unit: str | None = None
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+    full_scale: Finite | None = None
+
+    def step_to(self, channel: Channel, usual: str | None = None) -> Linear:
+        """The step to the channel's unit, ``usual`` being the unit where none is given.
+
+        Raises :class:`ConfigurationError` where the one does not measure what the other does.
+        """
+        unit, of_full = self.unit or usual, (self.full_scale or 0.0) / 100.0
+        if self.full_scale is None:
+            if unit == PERCENT and channel.unit != "%":
+                raise ConfigurationError("percent needs full_scale, the value at 100 %")
+            first = to_house(channel.unit, unit) if unit else Linear(1.0)
+        else:
+            share = to_house("%", unit or PERCENT)
+            first = Linear(share.scale * of_full, share.offset * of_full)
+        return Linear(self.scale * first.scale, self.scale * first.offset + self.offset)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class SentenceField(Conversion):
+    """A field of an NMEA 0183 sentence, counted from 1 after the comma, as manuals do.
+
+    ``sentence`` is what follows the talker, of a maker's own the whole tag (``PSXN``). ``when`` says what other
+    fields have to hold, ``time`` which field tells the time of day (hhmmss).
+    """
+
+    sentence: Annotated[str, StringConstraints(pattern=r"^([A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,})$")]
+    field: PositiveInt
+    when: dict[Annotated[str, StringConstraints(pattern=r"^[1-9]\d?$")], tuple[str, ...] | str] = Field(
+        default_factory=dict
+    )
+    time: PositiveInt | None = None
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class Transducer(Conversion):
+    """A transducer in XDR sentences, by its name there; its unit is the one that the sentence tells."""
+
+    transducer: str
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class GroupField(Conversion):
+    """A field of a parameter group of NMEA 2000 or J1939, by its name in canboat's database or by its place.
+
+    A place is ``"first bit:number of bits"``, with the ``step`` of a number and whether it is ``signed``. ``where``
+    says what other fields, of lookups and codes, have to hold; ``address`` who has to send it.
+    """
+
+    group: Annotated[int, Field(ge=0, le=0x3FFFF)]
+    field: str
+    where: dict[str, int] = Field(default_factory=dict)
+    address: Annotated[int, Field(ge=0, le=253)] | None = None
+    step: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    signed: bool = False
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class MavlinkField(Conversion):
+    """A field of a MAVLink message; ``index`` of an array's element; ``where`` as in :class:`GroupField`."""
+
+    message: Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9_]*$")]
+    field: str
+    index: Annotated[int, Field(ge=0)] | None = None
+    where: dict[str, int] = Field(default_factory=dict)
+
+
+Origin = SentenceField | Transducer | GroupField | MavlinkField
+
+
+def _kind_of(given: Any) -> str | None:
+    """The key that tells what kind of origin this is."""
+    kinds = ("sentence", "transducer", "group", "message")
+    return next((key for key in kinds if isinstance(given, dict) and key in given), None)
+
+
+_AnyOrigin = Annotated[
+    Annotated[SentenceField, Tag("sentence")]
+    | Annotated[Transducer, Tag("transducer")]
+    | Annotated[GroupField, Tag("group")]
+    | Annotated[MavlinkField, Tag("message")],
+    Discriminator(
+        _kind_of,
+        custom_error_type="no_origin",
+        custom_error_message="says none of sentence, transducer, group and message",
+    ),
+]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class ChannelSection:
+    """A channel: its name, which ends in its unit, the unit, the range of values that are possible, its origins.
+
+    A ``state`` is a code or a count, which holds until it is told anew. Of a channel that is known anyway only its
+    name and its origins are given.
+    """
+
+    name: str
+    unit: str | None = None
+    range: tuple[Finite, Finite] | None = None
+    meaning: Annotated[str, StringConstraints(max_length=200)] = ""
+    state: bool = False
+    origins: tuple[_AnyOrigin, ...] = Field(default=(), alias="from")
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class PackSection:
+    """A pack of channels that a file takes in: its name or its file, and the names of what it is about ``each``."""
+
+    name: str
+    each: tuple[Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")], ...] = Field(
+        default=("main",), min_length=1
+    )
+
+
+@dataclass(frozen=True, config=STRICT)
+class _Pack:
+    channel: tuple[ChannelSection, ...] = ()
+
+
+@plain_dataclass(frozen=True, slots=True)
+class DeclaredChannel:
+    """A channel and where it comes from; one that is known anyway has further origins."""
+
+    channel: Channel
+    origins: tuple[Origin, ...] = ()
+
+
+Declarations = tuple[DeclaredChannel, ...]
+"""The channels that a configuration declares, or gives further origins to."""
+
+
+@plain_dataclass(frozen=True, slots=True)
+class PackFile:
+    """A pack as it was read: what it is called in the file that takes it in, where it is, its text."""
+
+    name: str
+    path: Path
+    text: str
+
+
+def find_pack(name: str, folder: Path) -> Path:
+    """The file of a pack, by its name or by its path from ``folder``. Raises :class:`ConfigurationError`."""
+    for path in (folder / name, folder / f"{name}.toml", PACKS / f"{name}.toml"):
+        if path.is_file():
+            return path
+    known = ", ".join(sorted(each.stem for each in PACKS.glob("*.toml")))
+    raise ConfigurationError(f"pack {name!r} is not there", fix=f"name a file, or one of {known}")
+
+
+def read_packs(
+    packs: Iterable[PackSection], folder: Path, carried: Mapping[str, str], text: str, path: Path | str
+) -> tuple[PackFile, ...]:
+    """The packs' files; ``carried`` by name are texts that stand in for them, as a recording carries them.
+
+    ``text`` and ``path`` are of the file that names them. Raises :class:`ConfigurationError`.
+    """
+    files = []
+    for number, each in enumerate(packs):
+        if each.name in carried:
+            files.append(PackFile(each.name, Path(each.name), carried[each.name]))
+            continue
+        try:
+            found = find_pack(each.name, folder)
+        except ConfigurationError as error:
+            raise error.at(f"{path}, line {line_of(text, ['pack', number, 'name'])}") from error
+        files.append(PackFile(each.name, found, read_text(found)))
+    return tuple(files)
+
+
+def declarations_of(
+    sections: tuple[ChannelSection, ...],
+    packs: tuple[PackSection, ...],
+    files: tuple[PackFile, ...],
+    known: Mapping[str, Channel],
+    text: str,
+    path: Path | str,
+) -> Declarations:
+    """What a file and its packs declare, the file's own before a pack's of the same name.
+
+    ``known`` are the ship's channels. Raises :class:`ConfigurationError` naming the file and the line.
+    """
+    _refuse_twins(sections, text, path)
+    said = [(each, path, text, number) for number, each in enumerate(sections)]
+    for pack, file in zip(packs, files, strict=True):
+        said += [(each, file.path, file.text, number) for each, number in _of_pack(pack, file)]
+    found: dict[str, DeclaredChannel] = {}
+    for section, where, of, number in said:
+        if section.name not in found:
+            try:
+                found[section.name] = _declared(section, known)
+            except ConfigurationError as error:
+                raise error.at(f"{where}, line {line_of(of, ['channel', number, 'name'])}") from error
+    return tuple(found.values())
+
+
+def _refuse_twins(sections: tuple[ChannelSection, ...], text: str, path: Path | str) -> None:
+    twice = [name for name, count in Counter(each.name for each in sections).items() if count > 1]
+    if twice:
+        raise ConfigurationError(
+            f"channel {twice[0]} is declared twice", where=f"{path}, line {line_of(text, ['channel'])}",
+            fix="list all it comes from in one `from`",
+        )  # fmt: skip
+
+
+def _of_pack(pack: PackSection, file: PackFile) -> Iterator[tuple[ChannelSection, int]]:
+    """A pack's channels with their number in its file, those of ``{each}`` once for each that is named."""
+    raw = parse_toml(file.text, file.path)
+    for place, name in enumerate(pack.each):
+        filled = validate(_filled(raw, name, place), file.text, file.path, _Pack).channel
+        for number, section in enumerate(filled):
+            if place == 0 or "{each}" in raw["channel"][number]["name"]:
+                yield section, number
+
+
+def _filled(given: Any, each: str, number: int) -> Any:
+    """A declaration with the name and the number of one of several equal things put in."""
+    if isinstance(given, dict):
+        return {key: _filled(value, each, number) for key, value in given.items()}
+    if isinstance(given, list):
+        return [_filled(value, each, number) for value in given]
+    if not isinstance(given, str):
+        return given
+    return number if given == "{number}" else given.replace("{each}", each).replace("{number}", str(number))
+
+
+def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> DeclaredChannel:
+    name = section.name
+    if name in known:
+        if section.unit is not None or section.range is not None or section.state or section.meaning:
+            raise ConfigurationError(
+                f"{name} is a channel of the ship already",
+                fix="give its name and `from` alone, or choose another name",
+            )
+        channel = known[name]
+    elif section.unit is None or section.range is None:
+        raise ConfigurationError(
+            f"channel {name} has no {'unit' if section.unit is None else 'range'}", fix="add it"
+        )
+    else:
+        channel = declare(name, section.unit, *section.range, section.meaning, section.state)
+    for origin in section.origins:
+        if origin.unit is not None or origin.full_scale is not None:
+            origin.step_to(channel)
+    return DeclaredChannel(channel, section.origins)
+
+
+def carried_by(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
+    """The channels and origins of one kind, of those that are listed for a source."""
+    wanted = frozenset(channels)
+    return [
+        (each.channel, origin)
+        for each in declared
+        if each.channel.name in wanted
+        for origin in each.origins
+        if isinstance(origin, kind)
+    ]

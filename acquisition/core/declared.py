@@ -1,0 +1,63 @@
+"""Channels that a user declares, beside those that every trial has: checked, and as a recording carries them.
+
+A declared channel is recorded, checked, resampled, exported and drawn like the others; what it is travels with the
+recording, as nothing else knows it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+
+from acquisition.core.channel import Channel
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.units import canonical, ending_of
+
+_NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+_MOST_LETTERS = 60
+_TURN_DEG = 360.0
+
+Declared = tuple[Channel, ...]
+"""The channels that a trial declares."""
+
+
+def declare(name: str, unit: str, low: float, high: float, meaning: str = "", state: bool = False) -> Channel:
+    """A channel by what a user says of it; an angle whose range is one turn, from 0 or from -180, is circular.
+
+    Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, and
+    for a range that is none.
+    """
+    unit = canonical(unit)
+    ending = ending_of(unit)
+    if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
+        raise ConfigurationError(
+            f"channel name {name!r} cannot be part of a topic", why=f"it has other than small letters, digits and"
+            f" single _, or more than {_MOST_LETTERS} letters", fix="write it like fuel_rate_lph",
+        )  # fmt: skip
+    if not name.endswith(ending):
+        raise ConfigurationError(f"channel {name} is in {unit}", fix=f"let its name end in {ending}")
+    if not low < high:
+        raise ConfigurationError(f"range {low:g} to {high:g} of channel {name} holds nothing", fix="correct it")
+    circular = unit == "deg" and high - low == _TURN_DEG and low in (0.0, -180.0) and not state
+    return Channel(name, unit, low, high, "declared", meaning or name.replace("_", " "), circular, state)
+
+
+def as_text(channels: Iterable[Channel]) -> str:
+    """Declared channels as a recording's metadata says them, as JSON; empty for none."""
+    said = [
+        {"name": each.name, "unit": each.unit, "low": each.low, "high": each.high, "meaning": each.meaning,
+         "state": each.state}
+        for each in channels
+    ]  # fmt: skip
+    return json.dumps(said) if said else ""
+
+
+@lru_cache(maxsize=64)
+def declared_from_text(text: str) -> Declared:
+    """The inverse of :func:`as_text`; what is no list of channels, somebody else's word, declares none."""
+    try:
+        return tuple(declare(**each) for each in json.loads(text)) if text else ()
+    except (ValueError, TypeError):
+        return ()
