@@ -53,6 +53,11 @@ def parameter_group(identifier: int) -> tuple[int, int]:
     return group, identifier & 0xFF
 
 
+def _nothing(_: Message) -> Reading:
+    """Of a group that only declared channels are in."""
+    return Reading([])
+
+
 class Nmea2000Decoder:
     """One bus."""
 
@@ -86,7 +91,7 @@ class Nmea2000Decoder:
             return []
         group, address, message = found
         device = self.devices.label(address)
-        reading = self._readers[group](message) if group in self._readers else Reading([])
+        reading = self._readers.get(group, _nothing)(message)
         told_ns = None
         if group in _CLOCKS:
             told_ns = group_time(message)
@@ -98,8 +103,10 @@ class Nmea2000Decoder:
             meaning = f" {reading.meaning}" if reading.meaning else ""
             values = self._admitted(device, reading.values)
             groups = self.clock.group(frame, source + meaning, values, told_ns, reading.quality)
-        declared = self._admitted(device, self._declared.read(group, address, message))
-        return groups + self.clock.group(frame, source, declared, told_ns)
+        if group in self._declared:
+            declared = self._admitted(device, self._declared.read(group, address, message))
+            groups += self.clock.group(frame, source, declared, told_ns)
+        return groups
 
     def message(self, frame: Frame) -> tuple[int, int, Message] | None:
         """The message that is whole with this frame, with its group and the sender's address.

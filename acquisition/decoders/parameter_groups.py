@@ -79,7 +79,8 @@ class Message:
         self._bits = 8 * len(payload)
 
     def __getitem__(self, name: str) -> Value:
-        return self.read(self._fields[name])
+        known = self._fields[name]
+        return known.read(self.raw) if known.start + known.bits <= self._bits else NOT_AVAILABLE
 
     def read(self, known: Field) -> Value:
         """A field's value, or the reason why there is none."""

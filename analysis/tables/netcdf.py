@@ -22,7 +22,7 @@ from pymap3d import ned2geodetic
 from scipy.io import netcdf_file
 
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import find_channel
+from acquisition.core.channels import find_channel, known_channels
 from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial, software_version
@@ -54,7 +54,7 @@ WISHED = ("creator_name", "creator_email", "institution", "project", "license")
 """What data centres ask for and only people know; a recording's trial or the user says it."""
 
 _UNITS = {"deg": "degree", "deg/s": "degree s-1", "deg/s2": "degree s-2", "m/s": "m s-1", "m/s2": "m s-2",
-          "%": "percent"}  # fmt: skip
+          "%": "percent", "degC": "degree_Celsius", "l/h": "L h-1", "Nm": "N m", "kNm": "kN m"}  # fmt: skip
 """Units as UDUNITS writes them; it takes others, such as rpm, as they are."""
 
 _MEANINGS = {Quality.GOOD: "pass", Quality.NOT_EVALUATED: "not_evaluated", Quality.SUSPECT: "suspect",
@@ -153,7 +153,7 @@ def _attributes(
     if name.endswith(FLAG_SUFFIX):
         return _flag_attributes(name.removesuffix(FLAG_SUFFIX), _coordinates(table, places))
     of = name.removesuffix(SIGMA_SUFFIX)
-    channel, standard = find_channel(of), STANDARD_NAMES.get(of)
+    channel, standard = find_channel(of, known_channels(table.attrs)), STANDARD_NAMES.get(of)
     meaning = channel.meaning if channel else of.replace("_", " ").capitalize()
     beside = [each for each in (name + FLAG_SUFFIX, name + SIGMA_SUFFIX) if each in table.columns]
     said = {

@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nmea2000 import backend
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from scipy.io import loadmat
+from scipy.io import loadmat, netcdf_file
 
 from acquisition.config.configuration import TrialConfig, load_config, parse_config
 from acquisition.core.actuators import DEFAULT
@@ -417,12 +417,17 @@ def test_a_state_is_not_held_across_a_gap() -> None:
     assert found.iloc[30:].tolist() == [3.0, 3.0]
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat", "nc"])
 def test_an_export_has_its_unit_and_comes_back(recorded: Path, tmp_path: Path, kind: str) -> None:
     table = resample(read_table(recorded))
     path, *beside = export_table(table, tmp_path / f"t.{kind}")
     if kind == "csv":
         units = json.loads(beside[0].read_text())["units"]
+    elif kind == "nc":
+        with netcdf_file(path, mmap=False) as file:
+            units = {name: getattr(each, "units", b"").decode() for name, each in file.variables.items()}
+        assert units.pop("crane_slew_deg") == "degree"
+        units["crane_slew_deg"] = "deg"
     elif kind == "mat":
         units = loadmat(path, simplify_cells=True)["units"]
     else:

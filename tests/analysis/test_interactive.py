@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.channels import CIRCULAR, NAMES
+from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from analysis.manoeuvres import Manoeuvre
 from analysis.report.interactive import (
@@ -112,8 +112,8 @@ def test_lines_are_lifted_at_the_wrap_at_holes_and_nowhere_else() -> None:
 
 
 def test_rounded_angles_stay_inside_their_turn() -> None:
-    assert round_values("heading_deg", np.array([359.999, 0.004])).tolist() == [0.0, 0.0]
-    assert round_values("port_angle_deg", np.array([-179.999, 180.0])).tolist() == [180.0, 180.0]
+    assert round_values(BY_NAME["heading_deg"], np.array([359.999, 0.004])).tolist() == [0.0, 0.0]
+    assert round_values(BY_NAME["port_angle_deg"], np.array([-179.999, 180.0])).tolist() == [180.0, 180.0]
 
 
 def test_missing_values_are_null() -> None:
