@@ -7,20 +7,19 @@ are followed slowly; a step is told, and the next part of the recording takes th
 
 from __future__ import annotations
 
-import ctypes
 import time
 from collections.abc import Callable
 
 from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Frame, now_ns
 from acquisition.logger.health import SILENT_NS, Health
+from acquisition.logger.host_clock import kernel_state
 from acquisition.recording.parts import RecordingParts
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 NEW_PART_NS = 1_000_000_000
 _FOLLOW_SHARE = 500e-6  # the fastest that a kernel's clock is slewed
 _TOLERANCE_NS = 1_000_000
-_UNSYNCHRONISED = 5  # TIME_ERROR of adjtimex(2)
 TICK_S = 0.05
 """How late the recorder may look at the clock; flush and sync come so much earlier."""
 _HEALTH_EVERY_S = 1.0
@@ -74,20 +73,11 @@ class Timescale:
         self.offset_ns = self._wall_offset_ns
 
 
-def host_clock_state() -> str:
-    """Whether the system says that something keeps its clock right: "kept by NTP or PTP", "free-running"."""
-    try:
-        state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(512))  # zeros: read only
-    except (OSError, AttributeError):
-        return "unknown"
-    return "free-running" if state in (_UNSYNCHRONISED, -1) else "kept by NTP or PTP"
-
-
 def clock_metadata(scale: Timescale) -> dict[str, str]:
     """Which clock a part's times come from."""
     return {
         "times": "host clock when the part began, carried on by the monotonic clock",
-        "host_clock": host_clock_state(),
+        "host_clock": kernel_state(),
         "utc_minus_monotonic_ns": str(scale.offset_ns),
     }
 

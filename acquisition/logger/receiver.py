@@ -23,8 +23,7 @@ _TELL_STILL_S = 0.2
 _SAVED_S = 10.0
 _RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
 _LEISURE_S = 0.01
-_NO_ROOM = "the system had no room for"
-_OVER_BUDGET = "over its budget of {:,.0f} kB/s by"
+_OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
 Tell = Callable[[str, str], None]
 """Somebody who puts (level, text) into the recording's event log; called from any thread."""
@@ -98,7 +97,7 @@ class Receiver:
         health.state = "opening"
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = 0
-        self._untold: Counter[str] = Counter()  # frames that were lost otherwise, by what it was
+        self._untold: Counter[str] = Counter()
         self._told_s: dict[str, float] = {}
         self._opened_s = 0.0
         self._ended_s = float("inf")  # of the last read
@@ -131,7 +130,7 @@ class Receiver:
             if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
                 self._back(self._health.failed_ns)
             if self.source.lost > self._lost_before:
-                self._count_lost(_NO_ROOM, self.source.lost - self._lost_before)
+                self._count_lost(self.source.loss, self.source.lost - self._lost_before)
                 self._lost_before = self.source.lost
         self.close()
 
@@ -214,12 +213,12 @@ class Receiver:
             self._dropped_before = self._health.dropped
 
     def _count_lost(self, why: str, count: int) -> None:
-        """Frames that never came to the queue: as bad as a drop of our own; told in sums."""
+        """What never came to the queue, as ``why`` says: as bad as a drop of our own; told in sums."""
         self._health.dropped += count
         self._dropped_before += count
         self._untold[why] += count
         if time.monotonic() - self._told_s.get(why, float("-inf")) > _TELL_EVERY_S:
-            self._tell("error", f"{self._health.name}: {why} {self._untold.pop(why):,} frames")
+            self._tell("error", f"{self._health.name}: {why.format(self._untold.pop(why))}")
             self._told_s[why] = time.monotonic()
 
     def _failed(self, error: SourceError) -> None:

@@ -32,12 +32,13 @@ _CLASSES = {
 class Source(ABC):
     """One transport, as the pipeline asks for it; heirs say how it is opened and read.
 
-    ``lost`` is how much the system had no room for, as far as it tells: datagrams, frames. ``exact`` tells whether
-    all that was read last is stamped with when it came, by the system or a driver, not with when it was read.
-    ``behind`` tells whether more was waiting than was read.
+    ``lost`` is how much the system had no room for, as far as it tells, and ``loss`` says what that is. ``exact``
+    tells whether all that was read last is stamped with when it came, by the system or a driver, not with when it
+    was read. ``behind`` tells whether more was waiting than was read.
     """
 
     lost = 0
+    loss = "the system had no room for {:,} frames"
     exact = False
     behind = False
 

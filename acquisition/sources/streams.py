@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import ipaddress
 import socket
 import struct
+import termios
 from abc import abstractmethod
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -32,6 +34,8 @@ _DATAGRAM_BYTES = 65_535
 _MOST_DATAGRAMS = 100
 _BUFFER_BYTES = 4 * 1024 * 1024
 _CONNECT_TIMEOUT_S = 3.0
+
+_ICOUNT_BYTES, _OVERRUN = 80, (7, 10)  # struct serial_icounter_struct: overrun, buf_overrun
 
 _GREETINGS = {
     "actisense": b"\x10\x02\xa1\x03\x11\x02\x00\x49\x10\x03",  # operating mode: pass on all that is heard
@@ -103,6 +107,17 @@ class _Stream(Source):
         return self._lines.push(received)
 
 
+def overruns(descriptor: int) -> int:
+    """How often a serial line has had no room for a byte, in its chip or its driver; 0 where it does not tell."""
+    counts = bytearray(_ICOUNT_BYTES)
+    try:
+        fcntl.ioctl(descriptor, termios.TIOCGICOUNT, counts)
+    except OSError:  # a pseudo-terminal, or a driver that does not count
+        return 0
+    numbers = struct.unpack(f"@{_ICOUNT_BYTES // 4}i", counts)
+    return sum(numbers[place] for place in _OVERRUN)
+
+
 def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
     """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
     import serial
@@ -119,10 +134,24 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
 
 
 class SerialPort(_Stream):
-    """One serial port: a line of NMEA 0183, a telemetry radio, or the autopilot's own port."""
+    """One serial port: a line of NMEA 0183, a telemetry radio, or the autopilot's own port.
+
+    ``lost`` counts overruns: the chip or the driver had no room for one byte or more.
+    """
+
+    _overruns = 0
+    loss = "the serial line has overrun {:,} times: bytes were lost"
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        frames = super()._receive(timeout_s)
+        now = overruns(self._link.fd)
+        self.lost += max(now - self._overruns, 0)
+        self._overruns = now
+        return frames
 
     def _connect(self) -> serial.Serial:
         port = open_port(self._config)
+        self._overruns = overruns(port.fd)
         if greeting := _GREETINGS.get(getattr(self._config, "form", "")):
             try:
                 port.write(greeting)

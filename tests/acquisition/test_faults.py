@@ -6,12 +6,15 @@ import os
 import random
 import re
 import socket
+import struct
+import termios
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import radians
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import can
@@ -34,6 +37,7 @@ from acquisition.recording.messages import frame_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
+from acquisition.sources import streams
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_running import say
@@ -405,3 +409,27 @@ def test_silence_is_told_and_so_is_its_end(tmp_path: Path, monkeypatch: pytest.M
     states = Counter((each["source"], each["state"]) for each in running.messages(HEALTH_TOPIC))
     assert states["line", "silent"] > 0
     assert states["line", "open"] > 0
+
+
+def test_overruns_of_a_serial_line_are_counted_and_told(
+    tmp_path: Path, cable: Cable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel's counts, as linux/serial.h has them; a pseudo-terminal has none, so they are put in here."""
+    counts = dict.fromkeys(
+        ["cts", "dsr", "rng", "dcd", "rx", "tx", "frame", "overrun", "parity", "brk", "buf_overrun"], 3
+    )
+
+    def ioctl(descriptor: int, request: int, answer: bytearray) -> None:
+        assert request == termios.TIOCGICOUNT
+        answer[: 4 * len(counts)] = struct.pack(f"@{len(counts)}i", *counts.values())
+
+    monkeypatch.setattr(streams, "fcntl", SimpleNamespace(ioctl=ioctl))  # pyserial has its own
+    with recording(
+        tmp_path, source("line", f'type = "serial"\ndevice = "{cable.path}"', ("heading_deg",))
+    ) as running:
+        counts.update(overrun=5, buf_overrun=4, parity=90)  # 2 and 1 more than when the line was opened
+        wait_for(lambda: running.sources["line"].dropped == 3)
+        cable.send(headings(range(5)))
+        running.wait_for_frames("line", 5)
+    assert running.sources["line"].dropped == 3
+    assert running.told("line: the serial line has overrun [1-3] times")

@@ -14,7 +14,7 @@ from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.frames import Frame
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import maintenance as housekeeping
-from acquisition.logger.maintenance import Timescale, host_clock_state
+from acquisition.logger.maintenance import Timescale
 from acquisition.logger.pipeline import Recorder
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
@@ -73,10 +73,6 @@ def test_a_frame_is_stamped_anew_only_when_its_time_is_another() -> None:
     scale.follow(NOW - 3600 * SECOND, 2 * SECOND)
     scale.adopt()
     assert scale.stamp(good).received_ns == NOW - 3601 * SECOND
-
-
-def test_the_system_says_whether_its_clock_is_kept() -> None:
-    assert host_clock_state() in ("free-running", "kept by NTP or PTP", "unknown")
 
 
 class SettableClock:
