@@ -24,6 +24,7 @@ from acquisition.config.declarations import (
 from acquisition.config.sections import (
     FILE_SOURCES,
     ActuatorSection,
+    AlarmSection,
     AnySource,
     CanFileSource,
     CanFrames,
@@ -40,6 +41,7 @@ from acquisition.config.sections import (
     RecordingSection,
     SerialSource,
     Ship,
+    StatusSection,
     TrialSection,
     UdpSource,
     parse_for_ship,
@@ -79,6 +81,8 @@ class _File:
     recording: RecordingSection = field(default_factory=RecordingSection)
     live: LiveSection | None = None
     copies: CopiesSection | None = None
+    status: StatusSection | None = None
+    alarm: tuple[AlarmSection, ...] = ()
     marks: MarkKeys = field(default_factory=dict)
 
 
@@ -93,6 +97,8 @@ class TrialConfig:
     path: Path
     live: LiveSection | None = None
     copies: CopiesSection | None = None
+    status: StatusSection | None = None
+    alarms: tuple[AlarmSection, ...] = ()
     marks: MarkKeys = field(default_factory=dict)
     magnetic_variation_deg: float | None = None
     declared: Declarations = ()
@@ -174,6 +180,8 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
         path=Path(path),
         live=file.live,
         copies=file.copies,
+        status=file.status,
+        alarms=file.alarm,
         marks=file.marks,
         magnetic_variation_deg=file.trial.magnetic_variation_deg,
         declared=ship.declared,

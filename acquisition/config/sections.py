@@ -488,6 +488,32 @@ class LiveSection:
     address: str = "127.0.0.1"
 
 
+@dataclass(frozen=True, config=STRICT)
+class StatusSection:
+    """The status page, for browsers and programs on this computer only."""
+
+    port: Port = 8088
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class AlarmSection:
+    """An alarm: one of the recorder's figures lies ``above`` or ``below`` a limit for so many seconds.
+
+    ``command`` is run when it is raised and when it is over; it gets the text on its standard input.
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=60)]
+    figure: str
+    above: FiniteFloat | None = None
+    below: FiniteFloat | None = None
+    for_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 2.0
+    command: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.above is None and self.below is None:
+            raise ValueError("an alarm needs a limit: above, below, or both")
+
+
 MarkKeys = dict[Annotated[str, Field(min_length=1, max_length=1)], Annotated[str, Field(min_length=1)]]
 """Keys of the display, and the text of the event mark that each sets."""
 

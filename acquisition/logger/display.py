@@ -47,9 +47,11 @@ class Picture:
         now_ns = time.monotonic_ns()
         yield _header(self.health, now_ns)
         yield _second_line(self.health, self.marks)
+        more = [*_clock_and_copies(self.health), *_alarms(self.health)]
+        yield from more
         yield _channel_table(self.health, self.expected, now_ns, options.max_width)
         yield _source_table(self.health, now_ns)
-        taken = 2 + 1 + len(self.health.names) + 1 + len(self.health.sources)
+        taken = 2 + len(more) + 1 + len(self.health.names) + 1 + len(self.health.sources)
         rows = (options.height or console.height) - taken - 1  # the cursor wants a line of its own
         yield from _events(self.health, rows)
 
@@ -79,6 +81,23 @@ def _second_line(health: Health, marks: Mapping[str, str]) -> Text:
         (keys, "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
     )
+
+
+def _alarms(health: Health) -> Iterator[Text]:
+    for text in tuple(health.alarms.values()):
+        yield _one_line((f"ALARM {text}", "bold white on red"))
+
+
+def _clock_and_copies(health: Health) -> Iterator[Text]:
+    """The computer's clock once it is known, and the copies where something is to be said of them."""
+    clock = "yellow" if health.clock.state == "free-running" else "dim"
+    parts = [] if health.clock.state == "unknown" else [(f"clock {health.clock}", clock)]
+    if health.copies.trouble:
+        parts.append((f"  no copies: {health.copies.trouble}", "bold red"))
+    elif health.copies.waiting:
+        parts.append((f"  {health.copies.waiting} parts to copy", "dim"))
+    if parts:
+        yield _one_line(*parts)
 
 
 def _disk(health: Health) -> tuple[tuple[str, str], ...]:

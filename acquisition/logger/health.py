@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from typing import Any, Literal
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.frames import Sample
+from acquisition.logger.host_clock import HostClock
 
 Grade = Literal["good", "slow", "silent", "none"]
 
@@ -148,7 +150,10 @@ class Health:
     part: str = ""  # the name of the file that is being written
     free_bytes: int | None = None
     bytes_per_s: float = 0.0  # what the recording grows by
+    worked_ns: int = field(default_factory=time.monotonic_ns)  # when the recorder's thread last came round
     copies: CopyState = field(default_factory=CopyState)
+    clock: HostClock = field(default_factory=HostClock)
+    alarms: dict[str, str] = field(default_factory=dict)  # those that are raised: what is wrong
 
     def __post_init__(self) -> None:
         self.channels = {name: ChannelHealth() for name in self.names} | self.channels
@@ -160,6 +165,36 @@ class Health:
         if channel is None:
             channel = self.channels[sample.quantity] = ChannelHealth()
         channel.count_in(sample)
+
+    def figures(self, now_ns: int) -> dict[str, float]:
+        """Everything that can be said in a number, by name, for alarms and programs; not a number: not known.
+
+        Ages count from the start of the recording until something comes.
+        """
+        since_ns = self.started_ns
+        left_s, free = self.seconds_left, self.free_bytes
+        found = {
+            "recorder.age_s": (now_ns - self.worked_ns) / 1e9,
+            "recorder.paused": float(bool(self.trouble)),
+            "recorder.bytes_per_s": self.bytes_per_s,
+            "disk.free_gb": math.nan if free is None else free / 1e9,
+            "disk.hours_left": math.nan if left_s is None else left_s / 3600.0,
+            "copies.waiting": float(self.copies.waiting),
+            "copies.failing": float(bool(self.copies.trouble)),
+            "clock.kept": math.nan if self.clock.state == "unknown" else float(self.clock.kept),
+            "clock.error_s": math.nan if self.clock.error_s is None else self.clock.error_s,
+            "clock.pps_offset_s": math.nan if self.clock.pps_offset_s is None else self.clock.pps_offset_s,
+        }
+        for name, source in self.sources.items():
+            found[f"source.{name}.age_s"] = (now_ns - (source.last_ns or since_ns)) / 1e9
+            found[f"source.{name}.failed"] = float(source.state == "failed")
+            for key in ("frames", "rejected", "dropped", "over_budget"):
+                found[f"source.{name}.{key}"] = float(getattr(source, key))
+        for name, channel in list(self.channels.items()):  # the recorder's thread may find another
+            found[name] = channel.value if channel.count else math.nan
+            found[f"{name}.rate_hz"] = channel.rate_hz(now_ns)
+            found[f"{name}.age_s"] = channel.age_s(now_ns) if channel.count else (now_ns - since_ns) / 1e9
+        return found
 
     @property
     def seconds_left(self) -> float | None:

@@ -32,6 +32,8 @@ def health_of(config: TrialConfig) -> Health:
     """Nothing seen yet, of the sources and channels of a configuration."""
     sources = {each.name: SourceHealth(each.name) for each in config.sources}
     health = Health(sources, config.watched_channels, config.known_channels)
+    for name in config.expected_channels:
+        health.channels.setdefault(name, ChannelHealth())
     for source in reversed(config.sources):
         for name, rate_hz in source.rates_hz.items():
             health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz
@@ -67,7 +69,6 @@ class Recorder:
         self._failure: Exception | None = None
         self._threads: list[threading.Thread] = []
         self._worker = threading.Thread(target=self._work, name="recorder", daemon=True)
-        self._chores_s = time.monotonic()
         parts.tell = self.tell
 
     def start(self) -> None:
@@ -104,7 +105,7 @@ class Recorder:
     @property
     def alive(self) -> bool:
         """Whether the recorder's thread has done its chores of late: what a watchdog wants to know."""
-        return time.monotonic() - self._chores_s < _LONGEST_CHORE_S
+        return time.monotonic_ns() - self.health.worked_ns < _LONGEST_CHORE_S * 1e9
 
     def stop(self) -> None:
         """Stop receiving, record what was received, and raise what broke the recording, if anything did."""
@@ -153,7 +154,7 @@ class Recorder:
             self._note_texts()
             self._note_predictions()
             chores.due()
-            self._chores_s = time.monotonic()
+            self.health.worked_ns = time.monotonic_ns()
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
                 chores.report_sources()

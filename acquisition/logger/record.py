@@ -19,6 +19,7 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
 from acquisition.core.frames import Frame, iso
+from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
 from acquisition.logger.display import Picture, mark_on_keys, status
 from acquisition.logger.health import Health
@@ -27,6 +28,7 @@ from acquisition.logger.maintenance import Timescale, clock_metadata
 from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.requests import RecorderState, RequestServer
+from acquisition.logger.status_page import StatusPage
 from acquisition.logger.supervision import LOG, LogFormat, log_to, notify
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source
@@ -70,6 +72,7 @@ def _record_live(
 ) -> tuple[list[Path], Health]:
     if config.copies is not None:
         require_other_folder(config.copies, folder)
+    check_alarms(config.alarms, health_of(config))
     scale = Timescale.of_now()
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
@@ -100,7 +103,13 @@ def _record_live(
             if _with(stack, view, recorder):
                 parts.listeners.append(view.publish)
                 LOG.info("live view at %s", view.address)
-        stack.enter_context(_display(config, recorder))
+        picture = Picture(recorder.health, config.expected_channels, config.marks)
+        if config.status is not None:
+            shown = StatusPage(config.status, picture, config.trial.name)
+            if _with(stack, shown, recorder):
+                LOG.info("status page at %s", shown.address)
+        stack.enter_context(Alarms(config.alarms, recorder.health, recorder.tell))
+        stack.enter_context(_display(picture, recorder))
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)
@@ -162,7 +171,7 @@ def _with(stack: ExitStack, extra: AbstractContextManager[object], recorder: Rec
 
 
 @contextmanager
-def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
+def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     """The live table, on a terminal."""
     if not sys.stderr.isatty():
         yield
@@ -170,9 +179,8 @@ def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
     from rich.console import Console
     from rich.live import Live
 
-    picture = Picture(recorder.health, config.expected_channels, config.marks)
     with (
-        mark_on_keys(recorder.mark, config.marks),
+        mark_on_keys(recorder.mark, picture.marks),
         Live(
             picture,
             console=Console(stderr=True),

@@ -1,0 +1,109 @@
+"""Alarms by rule: raised and over after the time that is asked for, told everywhere, and a command is run."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.config.configuration import parse_config
+from acquisition.config.sections import AlarmSection
+from acquisition.core.errors import ConfigurationError
+from acquisition.logger.alarms import Alarm, Alarms
+from acquisition.logger.health import Health, SourceHealth
+from acquisition.logger.record import record
+from acquisition.recording.reader import read_recording
+from tests.acquisition.conftest import config_text, free_port, wait_for
+
+
+def rule(**more: object) -> AlarmSection:
+    return AlarmSection(**{"name": "wind", "figure": "wind_speed_mps", "above": 20.0, **more})  # type: ignore[arg-type]
+
+
+@given(st.lists(st.floats(0, 40) | st.just(math.nan), max_size=60), st.integers(0, 5))
+def test_an_alarm_stands_for_what_has_lasted(values: list[float], for_s: int) -> None:
+    """Looked at once a second: its state is that of the last values that agreed for so long, unknown ones aside."""
+    alarm, told, lasting = Alarm(rule(for_s=float(for_s))), [], list[bool]()
+    for second, value in enumerate(values):
+        told.append(alarm.look(value, float(second)))
+        lasting = [] if math.isnan(value) else [*lasting, value > 20.0]
+        recent = lasting[-(for_s + 1) :]
+        if len(recent) == for_s + 1 and len(set(recent)) == 1:
+            assert alarm.raised == recent[0]
+        if told[-1]:
+            assert set(recent) == {alarm.raised}
+    changes = sum(told)
+    assert alarm.raised == bool(changes % 2)
+
+
+def test_what_is_told() -> None:
+    told, health = list[str](), Health({"gps": SourceHealth("gps")})
+    alarms = Alarms([rule(for_s=0.0, below=2.0)], health, lambda level, text: told.append(f"{level}: {text}"))
+    for second, value in enumerate((10.0, 25.0, 26.0, 10.0, 1.0)):
+        alarms.look({"wind_speed_mps": value}, float(second))
+    assert told == [
+        "error: ALARM wind: wind_speed_mps is 25, above 20 or below 2",
+        "warning: alarm over: wind: wind_speed_mps is 10, no more above 20 or below 2",
+        "error: ALARM wind: wind_speed_mps is 1, above 20 or below 2",
+    ]
+    assert list(health.alarms) == ["wind"]
+
+
+def script(folder: Path, text: str) -> tuple[str, ...]:
+    (folder / "command.py").write_text(text)
+    return sys.executable, str(folder / "command.py")
+
+
+def test_the_recording_tells_its_alarms_and_runs_their_command(tmp_path: Path) -> None:
+    """A source that says nothing: half a second of silence is too much."""
+    said = tmp_path / "said.txt"
+    words = "os.environ['SEATRIAL_ALARM'] + os.environ['SEATRIAL_STATE'] + input()"
+    command = script(tmp_path, f"import os, sys\nopen({str(said)!r}, 'w').write({words})\nsys.exit(3)")
+    text = (
+        config_text(f'type = "udp"\nport = {free_port()}\n')
+        + f"""
+[[alarm]]
+name = "mute"
+figure = "source.line.age_s"
+above = 0.5
+for_s = 0
+command = {list(command)}
+[[alarm]]
+name = "nobody"
+figure = "heading_deg.rate_hz"
+below = 1
+for_s = 0
+command = ["/nowhere/to/be/found"]
+"""
+    )
+    paths, health = record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "out", duration_s=4.0)
+    assert set(health.alarms) == {"mute", "nobody"}
+    events = " | ".join(text for _, text in read_recording(paths[0]).events)
+    assert "ALARM mute: source.line.age_s is" in events
+    assert "alarm nobody: its command cannot be run: No such file" in events
+    wait_for(said.exists)
+    assert said.read_text().startswith("muteraisedmute: source.line.age_s is")
+    assert "alarm mute: its command ended with 3" in events
+
+
+@pytest.mark.parametrize(("section", "said"), [
+    ('name = "a"\nfigure = "heading_deg"', "needs a limit"),
+    ('name = "a"\nfigure = "heading_deg"\nabove = "x"', "above"),
+    ('name = "a"\nfigure = "heading_deg"\nabove = inf', "above"),
+])  # fmt: skip
+def test_a_rule_that_says_nothing_is_refused(section: str, said: str) -> None:
+    text = config_text(f'type = "udp"\nport = {free_port()}\n') + f"\n[[alarm]]\n{section}\n"
+    with pytest.raises(ConfigurationError, match=said):
+        parse_config(text, "trial.toml")
+
+
+def test_a_figure_that_there_is_not_is_told_before_anything_is_written(tmp_path: Path) -> None:
+    text = config_text(f'type = "udp"\nport = {free_port()}\n')
+    text += '\n[[alarm]]\nname = "a"\nfigure = "heading_deg.age"\nabove = 1\n'
+    with pytest.raises(ConfigurationError, match=r"say heading_deg.age_s"):
+        record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "out", duration_s=1.0)
+    assert not (tmp_path / "out").exists()
