@@ -13,7 +13,8 @@ from acquisition.config.sections import LiveSection
 from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.trial import Trial
-from acquisition.recording.schemas import RAW_PREFIX, schema_of
+from acquisition.recording.messages import ENCODING
+from acquisition.recording.schemas import RAW_PREFIX, channel_metadata, kind_of
 
 _BACKLOG = 256  # messages a viewer may lag behind: some seconds
 
@@ -70,8 +71,10 @@ class LiveView:
         channel.log(data, log_time=max(log_ns, 0))
 
     def _open(self, topic: str) -> Any:
-        name, text = schema_of(topic, self._known)
-        schema = self._sdk.Schema(name=name, encoding="jsonschema", data=text)
-        channel = self._sdk.Channel(topic, schema=schema, message_encoding="json", context=self._context)
+        kind = kind_of(topic)
+        schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
+        channel = self._sdk.Channel(
+            topic, schema=schema, message_encoding=ENCODING, metadata=channel_metadata(topic, self._known), context=self._context
+        )
         self._channels[topic] = channel
         return channel

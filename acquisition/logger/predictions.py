@@ -11,11 +11,10 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import orjson
-
 from acquisition.core.errors import InputError
 from acquisition.logger.health import Health
-from acquisition.recording.schemas import ARRAYS, PREDICTION
+from acquisition.recording.messages import encode
+from acquisition.recording.schemas import ARRAYS, PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
 
 MOST_PER_S = 2.0
 _MOST_AT_ONCE = 4  # after a pause; then no more than MOST_PER_S
@@ -83,8 +82,10 @@ def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
         text = text or f"geojson is no text of at most {_MOST_GEOJSON_LETTERS} letters"
     if text:
         raise InputError("is no prediction that can be recorded", why=text)
-    drawn = orjson.dumps({"geojson": geojson}) if geojson else b""
-    return RecordedPrediction(time.monotonic_ns(), round(body["start"] * 1e9), orjson.dumps(body), drawn)
+    drawn = encode(PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
+    return RecordedPrediction(
+        time.monotonic_ns(), round(body["start"] * 1e9), encode(PREDICTION_TOPIC, body), drawn
+    )
 
 
 def _misfit_of_track(track: Mapping[str, list[float]]) -> str:
@@ -106,7 +107,7 @@ class Predictions:
         """Take one in. Returns why not, or nothing; what is refused is counted."""
         try:
             foretold = parse_prediction(message)
-        except (InputError, TypeError) as error:  # the latter for halves of letters
+        except (InputError, ValueError) as error:  # the latter for halves of letters
             self._health.predictions_refused += 1
             return str(error)
         if not self._has_room():

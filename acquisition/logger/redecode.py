@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import orjson
-
 from acquisition.config.configuration import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
 from acquisition.config.sections import Carried
 from acquisition.core.actuators import from_text
@@ -24,7 +22,7 @@ from acquisition.core.trial import Trial
 from acquisition.logger.health import Health
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import DECODED, FrameProcessor
-from acquisition.recording.messages import frame_of
+from acquisition.recording.messages import encode
 from acquisition.recording.reader import Entry, MessageStream, read_trial
 from acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
 from acquisition.recording.writer import RecordingWriter
@@ -113,7 +111,7 @@ def _decode_all(
                 writer.write_raw(frame)
                 result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
         elif _is_kept(entry):
-            writer.write(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
+            writer.write(entry.topic, encode(entry.topic, entry.body()), entry.log_ns, entry.publish_ns)
     names = ", ".join(path.name for path in paths)
     processing.note(f"decoded again from {names}", last_ns)
     return result
@@ -122,7 +120,7 @@ def _decode_all(
 def _is_kept(entry: Entry) -> bool:
     """Whether a message was no product of decoding: what was noted, and what was foretold at the time."""
     if entry.topic == EVENT_TOPIC:
-        return bool(orjson.loads(entry.data).get("name") != DECODED)
+        return bool(entry.body().get("name") != DECODED)
     return entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
 
 
@@ -134,7 +132,7 @@ def _entries(paths: list[Path], progress: Progress) -> Iterator[Entry]:
 
 def _frame(entry: Entry, paths: list[Path]) -> Frame:
     try:
-        return frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
+        return entry.frame()
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"topic {entry.topic} holds a message that is no raw input of ours",

@@ -1,39 +1,38 @@
-"""The messages of a chunk all at once: a recording of a day has more than twenty million of them.
+"""The messages of chunks all at once: a recording of a day has more than twenty million of them.
 
-Where each record begins has to be found one after the other, for only its head says how long it is. All else is
-read from the heads together, and the JSON of all samples of a topic is parsed in one call.
+A compiled loop (:mod:`acquisition.recording.walk`) finds the records and puts samples of fixed layout in order.
+What another serialiser wrote, and what was recorded as JSON before, is decoded message by message.
 """
 
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import repeat
+from functools import lru_cache
+from itertools import accumulate
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import orjson
+from google.protobuf.message import DecodeError
 from mcap import records as mcap
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Series
+from acquisition.recording.messages import ENCODING, SOURCE_AT, decode
 from acquisition.recording.records import HEAD, RecordError, parse
+from acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
 
-_HEAD = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log", "<u8"),
-        ("publish", "<u8"),
-    ]
-)
-_WHOLE_HEAD = np.arange(_HEAD.itemsize)
-_FIXED_BYTES = _HEAD.itemsize - HEAD.size
-_MESSAGE_CODE = int(Opcode.MESSAGE)
-_LATEST_NS = 2**63 - 1
+_FAULTS = {1: "a message too short", 2: "a chunk with a cut record"}
+
+
+class Topic(NamedTuple):
+    """What a channel's number in a file stands for: a topic, and how its messages are encoded."""
+
+    name: str
+    encoding: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +70,13 @@ class Batch:
         """The undecoded data of each message."""
         return [self.plain[start:end] for start, end in zip(self.start.tolist(), self.end.tolist(), strict=True)]
 
+    def counts(self) -> dict[int, int]:
+        """How many messages there are of each channel number, in the order in which they come first."""
+        from acquisition.recording.walk import CHANNELS, first_of_each
+
+        counts = np.bincount(self.channel, minlength=CHANNELS)
+        return {number: int(counts[number]) for number in first_of_each(self.channel).tolist()}
+
     def messages(self) -> Iterator[mcap.Message]:
         """Each message by itself, as the library has them."""
         columns = (self.channel, self.log_ns, self.publish_ns, self.sequence)
@@ -80,58 +86,62 @@ class Batch:
 
     def of_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
-        chosen = np.flatnonzero(np.isin(self.channel, list(numbers)))
+        return self.at(np.flatnonzero(np.isin(self.channel, list(numbers))))
+
+    def at(self, chosen: NDArray[np.intp] | slice) -> Batch:
+        """Only the messages at these places."""
         columns = (self.channel[chosen], self.sequence[chosen], self.log_ns[chosen], self.publish_ns[chosen])
         return Batch(*columns, self.plain, self.start[chosen], self.end[chosen])
 
 
-def batches(chunk: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
-    """The messages in a chunk, those that follow each other together, and its schemas and channels.
+def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
+    """The messages in chunks, those that follow each other together, and their schemas and channels.
 
     Raises :class:`RecordError` where a record is not what it should be, after all that stands before it.
     """
-    plain, position = chunk.data, 0
-    while position < len(plain):
-        places, position, wrong = _messages_from(plain, position)
-        if places:
-            yield _messages_at(plain, places)
-        if wrong:
-            raise RecordError(wrong)
-        if position < len(plain):
-            opcode, length = HEAD.unpack_from(plain, position)
-            position += HEAD.size + length
-            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                record = parse(opcode, plain[position - length : position])
-                if record is not None:
-                    yield record
+    from acquisition.recording.walk import count_records
+
+    ends = list(accumulate(len(chunk.data) for chunk in chunks))
+    plain = chunks[0].data if len(chunks) == 1 else b"".join(chunk.data for chunk in chunks)
+    messages, others, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
+    yield from _in_order(*_read(plain, size, messages, others))
+    if fault:
+        raise RecordError(_FAULTS[fault], bisect_right(ends, size))
 
 
-def _messages_from(plain: bytes, position: int) -> tuple[list[int], int, str]:
-    """Where the messages from ``position`` on begin, where they end, and what is wrong with what follows."""
-    size, head_bytes, unpack = len(plain), HEAD.size, HEAD.unpack_from
-    places: list[int] = []
-    while position + head_bytes <= size:
-        opcode, length = unpack(plain, position)
-        after = position + head_bytes + length
-        if after > size:
-            break
-        if opcode != _MESSAGE_CODE:
-            return places, position, ""
-        if length < _FIXED_BYTES:
-            return places, position, "a message too short"
-        places.append(position)
-        position = after
-    return places, position, "a chunk with a cut record" if position < size else ""
+def _read(plain: bytes, size: int, messages: int, others: int) -> tuple[Batch, list[int]]:
+    """The messages of the first ``size`` bytes, and where the other records begin."""
+    from acquisition.recording.walk import read_heads
+
+    kinds = np.uint16, np.uint32, np.uint64, np.uint64, np.int64, np.int64
+    channel, sequence, log_ns, publish_ns, start, end = (np.empty(messages, kind) for kind in kinds)
+    places = np.empty(others, np.int64)
+    read_heads(np.frombuffer(plain, np.uint8, size), channel, sequence, log_ns, publish_ns, start, end, places)
+    return Batch(channel, sequence, log_ns, publish_ns, plain, start, end), places.tolist()
 
 
-def _messages_at(plain: bytes, places: list[int]) -> Batch:
-    """The messages whose records begin at ``places``."""
-    begin = np.array(places)
-    heads = np.frombuffer(plain, np.uint8)[begin[:, None] + _WHOLE_HEAD].view(_HEAD)[:, 0]
-    end = begin + (HEAD.size + heads["length"].astype(np.int64))
-    return Batch(
-        heads["channel"], heads["sequence"], heads["log"], heads["publish"], plain, begin + _HEAD.itemsize, end
-    )
+def _in_order(batch: Batch, others: list[int]) -> Iterator[Batch | mcap.McapRecord]:
+    """Messages and definitions as they stand in the file: a number may mean something else from a place on."""
+    done = 0
+    for place in others:
+        until = int(np.searchsorted(batch.start, place))
+        if until > done:
+            yield batch.at(slice(done, until))
+        done = until
+        opcode, length = HEAD.unpack_from(batch.plain, place)
+        begin = place + HEAD.size
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            record = parse(opcode, batch.plain[begin : begin + length])
+            if record is not None:
+                yield record
+    if done < len(batch):
+        yield batch.at(slice(done, None))
+
+
+Samples: TypeAlias = tuple[
+    NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.uint8], list[str], NDArray[np.int64]
+]
+"""What :meth:`SeriesBuilder.extend` takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +158,24 @@ class SeriesBuilder:
     source: array[int] = field(default_factory=lambda: array("i"))
     sources: dict[str, int] = field(default_factory=dict)
 
+    def extend(
+        self,
+        measured_ns: NDArray[np.int64],
+        received_ns: NDArray[np.int64],
+        value: NDArray[np.float64],
+        quality: NDArray[np.uint8],
+        sources: list[str],
+        rows: NDArray[np.int64],
+    ) -> None:
+        """Add samples; each of ``sources`` is theirs from the one at its place in ``rows`` on."""
+        self.measured_ns.frombytes(measured_ns.tobytes())
+        self.received_ns.frombytes(received_ns.tobytes())
+        self.value.frombytes(value.tobytes())
+        self.quality.frombytes(quality.tobytes())
+        numbers = [self.sources.setdefault(each, len(self.sources)) for each in sources]
+        lengths = np.diff(rows, append=value.size)
+        self.source.frombytes(np.repeat(np.array(numbers, np.int32), lengths).tobytes())
+
     def series(self) -> Series:
         """The samples so far, without a copy; nothing can be added to them any more."""
         return Series(
@@ -160,52 +188,81 @@ class SeriesBuilder:
         )
 
 
-def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, str]) -> None:
-    """Put a batch of samples where they belong, all of them or none; ``topics`` are those of the channel numbers.
+def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic]) -> None:
+    """Put the samples of a batch where they belong, all of them or none; ``topics`` are those of channel numbers.
 
     Raises KeyError, TypeError, ValueError or OverflowError if one of them is no sample of ours.
     """
-    values, flags, names = _decoded(batch.data())
-    value, quality = np.frombuffer(values, np.float64), np.frombuffer(flags, np.uint8)
-    if max(batch.log_ns.max(), batch.publish_ns.max()) > _LATEST_NS:
-        raise OverflowError("a time beyond the year 2262")
-    measured_ns, received_ns = batch.publish_ns.astype(np.int64), batch.log_ns.astype(np.int64)
-    first = names[0] if names.count(names[0]) == len(names) else None
-    for topic, places in _places(batch.channel, topics).items():
-        samples = by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())
-        samples.measured_ns.frombytes(measured_ns[places].tobytes())
-        samples.received_ns.frombytes(received_ns[places].tobytes())
-        samples.value.frombytes(value[places].tobytes())
-        samples.quality.frombytes(quality[places].tobytes())
-        known = samples.sources
-        if first is not None:
-            samples.source.extend(repeat(known.setdefault(first, len(known)), places.size))
-        else:
-            samples.source.extend(known.setdefault(names[place], len(known)) for place in places.tolist())
+    counts = {number: each for number, each in batch.counts().items() if _is_channel(topics[number])}
+    if not counts:
+        return
+    fixed = all(topics[number].encoding == ENCODING for number in counts)
+    found = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
+    for topic, samples in found.items():
+        (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(*samples)
 
 
-def _decoded(data: list[bytes]) -> tuple[array[float], array[int], list[str]]:
-    """Values, flags and sources of samples."""
-    bodies = orjson.loads(b"[" + b",\n".join(data) + b"]")
-    if len(bodies) != len(data):
-        raise ValueError("a message that is not one JSON value")
-    value, quality = [body["value"] for body in bodies], [body["quality"] for body in bodies]
-    names = [body["source"] for body in bodies]
-    dict.fromkeys(names)  # refuses what cannot be a name
+def _is_channel(topic: Topic) -> bool:
+    return topic.name.startswith(CHANNEL_PREFIX)
+
+
+def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Samples] | None:
+    """Samples with their numbers in fixed places, by topic; None if there is one of another layout."""
+    from acquisition.recording.walk import CHANNELS, sort_samples
+
+    ranks = {topic: rank for rank, topic in enumerate(dict.fromkeys(topics[number].name for number in counts))}
+    rank, sizes = np.full(CHANNELS, -1, np.int32), np.zeros(len(ranks), np.int64)
+    for number, count in counts.items():  # two of them may have one topic
+        rank[number] = ranks[topics[number].name]
+        sizes[rank[number]] += count
+    ends = np.cumsum(sizes)
+    columns = [np.empty(ends[-1], kind) for kind in (np.int64, np.int64, np.uint64, np.uint8)]
+    changes = np.empty((ends[-1], 2), np.int64)
+    heads = batch.channel, batch.log_ns, batch.publish_ns, batch.start, batch.end
+    found = sort_samples(np.frombuffer(batch.plain, np.uint8), *heads, rank, ends - sizes, *columns, changes)
+    if found < 0:
+        return None
+    rows, messages = changes[np.argsort(changes[:found, 0])].T
+    tails = [batch.plain[batch.start[each] + SOURCE_AT : batch.end[each]] for each in messages]
+    sources = [_source_in(tail) for tail in tails]
+    if None in sources:
+        return None
+    borders = np.searchsorted(rows, [0, *ends])
+    samples = {}
+    for topic, place in ranks.items():
+        begin, which = ends[place] - sizes[place], slice(borders[place], borders[place + 1])
+        measured_ns, received_ns, value, quality = (column[begin : ends[place]] for column in columns)
+        numbers = measured_ns, received_ns, value.view(np.float64), quality
+        samples[topic] = *numbers, [str(each) for each in sources[which]], rows[which] - begin
+    return samples
+
+
+@lru_cache(maxsize=1024)
+def _source_in(tail: bytes) -> str | None:
+    """The source in what follows a sample's numbers; None if there is more than source and clock."""
     try:
-        return array("d", value), array("B", quality), names
-    except TypeError:  # numbers in other clothes
-        return array("d", map(float, value)), array("B", map(int, quality)), names
+        said = SAMPLE.message.FromString(tail)
+    except DecodeError:
+        return None
+    return said.source if {each.name for each, _ in said.ListFields()} <= {"source", "source_clock"} else None
 
 
-def _places(channel: NDArray[np.uint16], topics: Mapping[int, str]) -> dict[str, NDArray[np.intp]]:
-    """Where in a batch the messages of each topic are, topics in the order in which they come first."""
-    numbers = dict.fromkeys(channel.tolist())
-    order: dict[str, int] = {}
-    rank = np.zeros(max(numbers) + 1, dtype=np.intp)
-    for number in numbers:
-        rank[number] = order.setdefault(topics[number], len(order))  # two channels may have one topic
-    ranks = rank[channel]
-    sorted_places = np.argsort(ranks, kind="stable")
-    ends = np.cumsum(np.bincount(ranks))
-    return dict(zip(order, np.split(sorted_places, ends[:-1]), strict=True))
+def _one_by_one(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Samples]:
+    """Samples by topic, of whatever layout and encoding."""
+    found: dict[str, list[tuple[int, int, float, int, str]]] = {}
+    times = batch.publish_ns.tolist(), batch.log_ns.tolist()
+    for number, publish_ns, log_ns, data in zip(batch.channel.tolist(), *times, batch.data(), strict=True):
+        if _is_channel(topics[number]):
+            name, encoding = topics[number]
+            body = decode(name, data, encoding)
+            if not isinstance(body["source"], str):
+                raise TypeError("the source is no text")
+            row = publish_ns, log_ns, float(body["value"]), int(body["quality"]), body["source"]
+            found.setdefault(name, []).append(row)
+    return {topic: _as_columns(rows) for topic, rows in found.items()}
+
+
+def _as_columns(samples: list[tuple[int, int, float, int, str]]) -> Samples:
+    measured_ns, received_ns, value, quality, source = zip(*samples, strict=True)
+    numbers = np.array(measured_ns, np.int64), np.array(received_ns, np.int64), np.array(value), bytes(quality)
+    return *numbers[:3], np.frombuffer(numbers[3], np.uint8), list(source), np.arange(len(samples))

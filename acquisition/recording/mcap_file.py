@@ -48,7 +48,7 @@ class McapFile:
 
     def __init__(self, stream: CommittedFile, library: str, chunk_bytes: int) -> None:
         self._stream, self._chunk_bytes = stream, chunk_bytes
-        self._compressor = zstandard.ZstdCompressor()
+        self._compressor = zstandard.ZstdCompressor(level=1)
         self._schemas: list[bytes] = []
         self._channels: list[bytes] = []
         self._repeat: list[bytes] = []
@@ -65,11 +65,13 @@ class McapFile:
         self._schemas.append(self._define(mcap.Schema(id=number, name=name, encoding=encoding, data=data)))
         return number
 
-    def register_channel(self, topic: str, message_encoding: str, schema_id: int) -> int:
+    def register_channel(
+        self, topic: str, message_encoding: str, schema_id: int, metadata: dict[str, str] | None = None
+    ) -> int:
         """Define a channel and return its number."""
         number = len(self._channels) + 1
         channel = mcap.Channel(
-            id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata={}
+            id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata=metadata or {}
         )
         self._channels.append(self._define(channel))
         self._counts[number] = 0

@@ -1,17 +1,22 @@
-"""What a recording says, message by message: samples, raw frames, fixes, events and health as JSON.
+"""What a recording says, message by message: samples, raw frames, fixes, events and health as protobuf.
 
-Everything that takes messages (one file, a recording in parts, a live view) is a :class:`MessageSink`.
+Everything that takes messages (one file, a recording in parts, a live view) is a :class:`MessageSink`. Recordings
+made before had the same in JSON, and are decoded to the same.
 """
 
 from __future__ import annotations
 
+import struct
 from abc import ABC, abstractmethod
+from functools import lru_cache
 from typing import Any
 
 import orjson
+from google.protobuf.message import DecodeError
 
 from acquisition.core.frames import NANO, Frame, FrameFlag, Sample
 from acquisition.core.trial import Trial
+from acquisition.recording.descriptors import plain
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
@@ -19,10 +24,75 @@ from acquisition.recording.schemas import (
     POSITION_TOPIC,
     PREDICTED_TRACK_TOPIC,
     PREDICTION_TOPIC,
+    RAW_PREFIX,
+    SAMPLE,
+    kind_of,
     raw_topic,
 )
 
+ENCODING = "protobuf"
+"""How messages are encoded, in MCAP's words."""
+ENCODING_BEFORE = "json"
+
+NOT_SAID = float("nan")
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
+_NUMBERS = struct.Struct("<BdBdBqBI")  # the first four fields of a sample, each behind its tag
+_VALUE, _SOURCE_TIME, _MONOTONIC, _QUALITY = 1 << 3 | 1, 2 << 3 | 1, 3 << 3 | 1, 4 << 3 | 5
+VALUE_AT, QUALITY_AT, SOURCE_AT = 1, 28, 32
+"""Where in a sample's message these begin."""
+SAMPLE_TAGS = (0, _VALUE), (9, _SOURCE_TIME), (18, _MONOTONIC), (27, _QUALITY)
+"""Where in a sample's message the tags of its numbers stand, and what they are."""
+
+
+def encode(topic: str, body: dict[str, Any]) -> bytes:
+    """The message of a topic of ours that says this. Raises TypeError, ValueError or KeyError if none does."""
+    if not topic.startswith(CHANNEL_PREFIX):
+        return bytes(kind_of(topic).message(**body).SerializeToString())
+    said = {"source_time": NOT_SAID, "monotonic_ns": 0, "source_clock": "", **body}
+    numbers = (float(said["value"]), said["source_time"], said["monotonic_ns"], int(said["quality"]))
+    return _numbers(*numbers) + _source(said["source"], said["source_clock"])
+
+
+def decode(topic: str, data: bytes, encoding: str) -> dict[str, Any]:
+    """What a message of a topic of ours says, also if it was made when messages were JSON.
+
+    Raises KeyError for another topic, ValueError if the message is none of its.
+    """
+    if encoding == ENCODING_BEFORE:
+        return _decode_json(topic, data)
+    try:
+        return plain(kind_of(topic).message.FromString(data))
+    except DecodeError as error:
+        raise ValueError(str(error)) from error
+
+
+def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
+    body = orjson.loads(data)
+    if not isinstance(body, dict):
+        raise ValueError("it is no JSON object")  # noqa: TRY004
+    if topic.startswith(RAW_PREFIX) and "data" in body:
+        body["data"] = bytes.fromhex(body["data"])
+    if topic in (POSITION_TOPIC, EVENT_TOPIC) and "timestamp" in body:
+        time = body["timestamp"]
+        body["timestamp"] = {"seconds": time["sec"], "nanos": time["nsec"]}
+    return body
+
+
+def encode_sample(sample: Sample) -> bytes:
+    """A sample's message, as the protobuf runtime would make it if it never left out a number that is 0."""
+    source_time = NOT_SAID if sample.source_ns is None else sample.source_ns / NANO
+    numbers = _numbers(sample.value, source_time, sample.monotonic_ns, sample.quality)
+    return numbers + _source(sample.source, sample.clock)
+
+
+def _numbers(value: float, source_time: float, monotonic_ns: int, quality: int) -> bytes:
+    return _NUMBERS.pack(_VALUE, value, _SOURCE_TIME, source_time, _MONOTONIC, monotonic_ns, _QUALITY, quality)
+
+
+@lru_cache(maxsize=1024)
+def _source(source: str, clock: str) -> bytes:
+    """The last two fields of a sample: thousands of samples have the same."""
+    return bytes(SAMPLE.message(source=source, source_clock=clock).SerializeToString())
 
 
 class MessageSink(ABC):
@@ -30,7 +100,7 @@ class MessageSink(ABC):
 
     @abstractmethod
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
-        """Take one message: JSON text, received at ``log_ns`` and measured at ``publish_ns``, UTC since 1970."""
+        """Take one message, encoded, received at ``log_ns`` and measured at ``publish_ns``, UTC since 1970."""
 
     @abstractmethod
     def write_trial(self, trial: Trial) -> None:
@@ -38,29 +108,21 @@ class MessageSink(ABC):
 
     def write_sample(self, sample: Sample) -> None:
         """Record one value on its channel's topic; ``value`` must be finite."""
-        body = {
-            "value": sample.value,
-            "source": sample.source,
-            "quality": int(sample.quality),
-            "source_clock": sample.clock,
-            "monotonic_ns": sample.monotonic_ns,
-        }
-        if sample.source_ns is not None:  # left out, for null is no number: some viewers know one type a field
-            body["source_time"] = sample.source_ns / NANO
-        self.write(CHANNEL_PREFIX + sample.quantity, orjson.dumps(body), sample.received_ns, sample.measured_ns)
+        self.write(CHANNEL_PREFIX + sample.quantity, encode_sample(sample), sample.received_ns, sample.measured_ns)
 
     def write_raw(self, frame: Frame) -> None:
         """Record a frame undecoded, so that a decoding mistake found later costs nothing."""
         body: dict[str, Any]
         if frame.protocol == "can":
-            body = {"id": frame.identifier, "flags": int(frame.flags), "data": frame.payload.hex()}
+            body = {"id": frame.identifier, "flags": int(frame.flags), "data": frame.payload}
         elif frame.protocol == "nmea0183":
             body = {"sentence": frame.payload.decode("latin-1")}
         else:
-            body = {"data": frame.payload.hex()}
+            body = {"data": frame.payload}
         body["monotonic_ns"] = frame.monotonic_ns
         stamp = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns
-        self.write(raw_topic(frame.protocol, frame.origin), orjson.dumps(body), frame.received_ns, stamp)
+        topic = raw_topic(frame.protocol, frame.origin)
+        self.write(topic, encode(topic, body), frame.received_ns, stamp)
 
     def write_position(self, latitude_deg: float, longitude_deg: float, received_ns: int, measured_ns: int) -> None:
         """Record a fix for the map panels of viewers."""
@@ -73,7 +135,7 @@ class MessageSink(ABC):
             "position_covariance": [0.0] * 9,
             "position_covariance_type": 0,
         }
-        self.write(POSITION_TOPIC, orjson.dumps(body), received_ns, measured_ns)
+        self.write(POSITION_TOPIC, encode(POSITION_TOPIC, body), received_ns, measured_ns)
 
     def write_event(self, message: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Record a message for people: an event mark, a source that failed, a switch of devices."""
@@ -85,11 +147,11 @@ class MessageSink(ABC):
             "file": "",
             "line": 0,
         }
-        self.write(EVENT_TOPIC, orjson.dumps(body), received_ns, received_ns)
+        self.write(EVENT_TOPIC, encode(EVENT_TOPIC, body), received_ns, received_ns)
 
     def write_health(self, health: dict[str, Any], received_ns: int) -> None:
         """Record the state of one source."""
-        self.write(HEALTH_TOPIC, orjson.dumps(health), received_ns, received_ns)
+        self.write(HEALTH_TOPIC, encode(HEALTH_TOPIC, health), received_ns, received_ns)
 
     def write_prediction(self, data: bytes, geojson: bytes, received_ns: int, start_ns: int) -> None:
         """Record what another program foretells from ``start_ns`` on, and what a map draws of it, if anything."""
@@ -99,23 +161,23 @@ class MessageSink(ABC):
 
 
 def _timestamp(time_ns: int) -> dict[str, int]:
-    return {"sec": time_ns // NANO, "nsec": time_ns % NANO}
+    return {"seconds": time_ns // NANO, "nanos": time_ns % NANO}
 
 
-def frame_of(topic: str, data: bytes, log_ns: int, publish_ns: int) -> Frame:
+def frame_of(topic: str, data: bytes, log_ns: int, publish_ns: int, encoding: str = ENCODING) -> Frame:
     """The frame that a raw message holds: the inverse of :meth:`MessageSink.write_raw`.
 
     Raises ValueError, KeyError or TypeError for what is no raw message of ours.
     """
     _, _, protocol, origin = topic.split("/", maxsplit=3)
-    body = orjson.loads(data)
+    body = decode(topic, data, encoding)
     stamped_ns = publish_ns if publish_ns != log_ns else None
     times = log_ns, int(body["monotonic_ns"])
     if protocol == "can":
         identifier, flags = int(body["id"]), FrameFlag(body["flags"])
-        return Frame(origin, "can", bytes.fromhex(body["data"]), *times, identifier, flags, stamped_ns)
+        return Frame(origin, "can", body["data"], *times, identifier, flags, stamped_ns)
     if protocol == "nmea0183":
         return Frame(origin, "nmea0183", body["sentence"].encode("latin-1"), *times, stamped_ns=stamped_ns)
     if protocol == "mavlink":
-        return Frame(origin, "mavlink", bytes.fromhex(body["data"]), *times, stamped_ns=stamped_ns)
+        return Frame(origin, "mavlink", body["data"], *times, stamped_ns=stamped_ns)
     raise ValueError(f"protocol {protocol!r} is not known")

@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-import orjson
 from mcap import records as mcap
 
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
-from acquisition.core.frames import iso
+from acquisition.core.frames import Frame, iso
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, Topic, add_samples, batches
+from acquisition.recording.messages import ENCODING, decode, frame_of
 from acquisition.recording.records import RecordError
-from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
+from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
@@ -32,6 +32,9 @@ from acquisition.recording.schemas import (
     RAW_PREFIX,
 )
 
+_ENOUGH_BYTES = (
+    4 * 1024 * 1024
+)  # of chunks that are unpacked together: many small ones cost no more than a large one
 REMEDY = "save what is intact with `seatrial recover`"
 
 
@@ -59,12 +62,21 @@ class Recording:
 
 
 class Entry(NamedTuple):
-    """One message: its topic, its two times [ns] and its undecoded data."""
+    """One message: its topic, its two times [ns], its undecoded data and how they are encoded."""
 
     topic: str
     log_ns: int
     publish_ns: int
     data: bytes
+    encoding: str = ENCODING
+
+    def body(self) -> dict[str, Any]:
+        """What a message on a topic of ours says. Raises ValueError if it is none, KeyError for another topic."""
+        return decode(self.topic, self.data, self.encoding)
+
+    def frame(self) -> Frame:
+        """The frame in a message of raw input. Raises ValueError, KeyError or TypeError if it is none of ours."""
+        return frame_of(*self)
 
 
 @dataclass(slots=True)
@@ -79,13 +91,14 @@ class MessageStream:
     trial: Trial = field(default_factory=Trial)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    topics: dict[int, str] = field(default_factory=dict)
+    topics: dict[int, Topic] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Entry]:
         for batch in self.batches():
             times = batch.log_ns.tolist(), batch.publish_ns.tolist()
             for number, log_ns, publish_ns, data in zip(batch.channel.tolist(), *times, batch.data(), strict=True):
-                yield Entry(self.topics[number], log_ns, publish_ns, data)
+                topic, encoding = self.topics[number]
+                yield Entry(topic, log_ns, publish_ns, data, encoding)
 
     def batches(self) -> Iterator[Batch]:
         """The same messages, those that follow each other in a chunk together."""
@@ -94,12 +107,13 @@ class MessageStream:
         messages = 0
         for record in self._records():
             if isinstance(record, Batch):
-                if not self.topics.keys() >= set(record.channel.tolist()):
+                if not self.topics.keys() >= record.counts().keys():
                     raise self._damaged("a message of no topic")
                 messages += len(record)
                 yield record
             elif isinstance(record, mcap.Channel):
-                if self.topics.setdefault(record.id, record.topic) != record.topic:
+                topic = Topic(record.topic, record.message_encoding)
+                if self.topics.setdefault(record.id, topic) != topic:
                     raise self._damaged("two topics of one number")
             elif isinstance(record, mcap.Statistics):
                 promised = record.message_count
@@ -130,21 +144,39 @@ class MessageStream:
 
     def _records(self) -> Iterator[Batch | mcap.McapRecord]:
         """Records, messages in batches, until the end or the cut; damage before the end is an InputError."""
+        chunks: list[tuple[int, mcap.Chunk]] = []
+        size_bytes = 0
         with open_recording(self.path) as stream:
             for found in scan(stream):
-                if isinstance(found, Damage):
-                    self.closed = False
-                    if not found.cut:
-                        raise self._damaged(found.why, f" near byte {found.start}")
-                elif isinstance(found.record, mcap.Chunk):
-                    try:
-                        yield from batches(found.record)
-                    except RecordError as error:
-                        raise self._damaged(str(error), f" near byte {found.start}") from error
-                elif isinstance(found.record, mcap.Message):
-                    yield Batch.of_message(found.record)
-                elif found.record is not None:
-                    yield found.record
+                if isinstance(found, Intact) and isinstance(found.record, mcap.Chunk):
+                    chunks.append((found.start, found.record))
+                    size_bytes += len(found.record.data)
+                    if size_bytes < _ENOUGH_BYTES:
+                        continue
+                if isinstance(found, Intact) and found.record is None:
+                    continue
+                yield from self._unpacked(chunks)
+                chunks.clear()
+                size_bytes = 0
+                yield from self._outside_chunks(found)
+            yield from self._unpacked(chunks)
+
+    def _outside_chunks(self, found: Intact | Damage) -> Iterator[Batch | mcap.McapRecord]:
+        if isinstance(found, Damage):
+            self.closed = False
+            if not found.cut:
+                raise self._damaged(found.why, f" near byte {found.start}")
+        elif isinstance(found.record, mcap.Message):
+            yield Batch.of_message(found.record)
+        elif found.record is not None and not isinstance(found.record, mcap.Chunk):
+            yield found.record
+
+    def _unpacked(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
+        """What is in chunks one after the other, with the places in the file at which they begin."""
+        try:
+            yield from batches(*(chunk for _, chunk in chunks))
+        except RecordError as error:
+            raise self._damaged(str(error), f" near byte {chunks[error.chunk][0]}") from error
 
     def _damaged(self, why: str, where: str = "") -> InputError:
         return InputError(f"is damaged{where}", where=str(self.path), why=why, fix=REMEDY)
@@ -184,39 +216,39 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     )
 
 
-def _events(batch: Batch, path: Path) -> list[tuple[int, str]]:
+def _bodies(batch: Batch, topic: Topic, path: Path, what: str) -> list[dict[str, Any]]:
+    """What the messages of a batch, all of one topic, say."""
     try:
-        texts = [str(orjson.loads(data)["message"]) for data in batch.data()]
-    except (KeyError, TypeError, ValueError) as error:
-        raise _foreign(path, EVENT_TOPIC, error, "event") from error
+        return [decode(topic.name, data, topic.encoding) for data in batch.data()]
+    except ValueError as error:
+        raise _foreign(path, topic.name, error, what) from error
+
+
+def _events(batch: Batch, topic: Topic, path: Path) -> list[tuple[int, str]]:
+    try:
+        texts = [str(body["message"]) for body in _bodies(batch, topic, path, "event")]
+    except KeyError as error:
+        raise _foreign(path, topic.name, error, "event") from error
     return list(zip(batch.log_ns.tolist(), texts, strict=True))
 
 
-def _health(batch: Batch, path: Path) -> dict[str, dict[str, Any]]:
+def _health(batch: Batch, topic: Topic, path: Path) -> dict[str, dict[str, Any]]:
     """The last word on each source in a batch of health messages."""
     try:
-        return {str(message["source"]): message for message in map(orjson.loads, batch.data())}
-    except (KeyError, TypeError, ValueError) as error:
-        raise _foreign(path, HEALTH_TOPIC, error, "state of a source") from error
+        return {str(body["source"]): body for body in _bodies(batch, topic, path, "state of a source")}
+    except KeyError as error:
+        raise _foreign(path, topic.name, error, "state of a source") from error
 
 
-def _numbers(batch: Batch, topics: Mapping[int, str]) -> dict[str, list[int]]:
-    """The channel numbers in a batch by topic, in the order in which they come first; two may have one topic."""
-    numbers: dict[str, list[int]] = {}
-    for number in dict.fromkeys(batch.channel.tolist()):
-        numbers.setdefault(topics[number], []).append(number)
-    return numbers
-
-
-def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, str], path: Path) -> None:
+def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
-    for topic, numbers in _numbers(batch, topics).items():
+    for number in batch.counts():
         try:
-            add_samples(samples, batch.of_channels(numbers), topics)
+            add_samples(samples, batch.of_channels([number]), topics)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise _foreign(path, topic, error, "sample") from error
+            raise _foreign(path, topics[number].name, error, "sample") from error
     return None
 
 
@@ -234,20 +266,17 @@ def read_recording(path: Path | str) -> Recording:
     for batch in stream.batches():
         messages += len(batch)
         start_ns, end_ns = min(start_ns, int(batch.log_ns.min())), max(end_ns, int(batch.log_ns.max()))
-        numbers = _numbers(batch, stream.topics)
-        sampled = [number for topic, each in numbers.items() if topic.startswith(CHANNEL_PREFIX) for number in each]
-        if sampled:
-            part = batch if len(sampled) == sum(map(len, numbers.values())) else batch.of_channels(sampled)
-            _add_samples(samples, part, stream.topics, stream.path)
-        for topic, each in numbers.items():
-            if topic.startswith(RAW_PREFIX):
-                raw[topic] += len(batch.of_channels(each))
-            elif topic == EVENT_TOPIC:
-                events += _events(batch.of_channels(each), stream.path)
-            elif topic == HEALTH_TOPIC:
-                health |= _health(batch.of_channels(each), stream.path)
-            elif topic == PREDICTION_TOPIC:
-                predictions += len(batch.of_channels(each))
+        _add_samples(samples, batch, stream.topics, stream.path)
+        for number, count in batch.counts().items():
+            topic = stream.topics[number]
+            if topic.name.startswith(RAW_PREFIX):
+                raw[topic.name] += count
+            elif topic.name == EVENT_TOPIC:
+                events += _events(batch.of_channels([number]), topic, stream.path)
+            elif topic.name == HEALTH_TOPIC:
+                health |= _health(batch.of_channels([number]), topic, stream.path)
+            elif topic.name == PREDICTION_TOPIC:
+                predictions += count
     return Recording(
         path=stream.path,
         trial=stream.trial,

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import io
 import struct
+import threading
 import zlib
 from collections.abc import Callable
-from dataclasses import replace
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
@@ -38,7 +38,6 @@ _PARSERS: dict[int, Callable[[ReadDataStream], mcap.McapRecord]] = {
     Opcode.FOOTER: mcap.Footer.read,
     Opcode.SCHEMA: mcap.Schema.read,
     Opcode.CHANNEL: mcap.Channel.read,
-    Opcode.CHUNK: mcap.Chunk.read,
     Opcode.CHUNK_INDEX: mcap.ChunkIndex.read,
     Opcode.ATTACHMENT: mcap.Attachment.read,
     Opcode.ATTACHMENT_INDEX: mcap.AttachmentIndex.read,
@@ -52,13 +51,30 @@ _FORMAT_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, Runt
 
 
 class RecordError(ValueError):
-    """Bytes are not the record that they should be. The text says why, the same text for the same cause."""
+    """Bytes are not the record that they should be. The text says why, the same text for the same cause.
+
+    ``chunk`` counts on from the first of those that were read together.
+    """
+
+    def __init__(self, why: str, chunk: int = 0) -> None:
+        super().__init__(why)
+        self.chunk = chunk
+
+
+class _OfThread(threading.local):
+    """What takes longer to make than to use, and serves one thread only."""
+
+    def __init__(self) -> None:
+        self.decompressor = zstandard.ZstdDecompressor(max_window_size=LARGEST_BYTES)
+
+
+_OF_THREAD = _OfThread()
 
 
 class _Fields(ReadDataStream):
     """A record's content; unlike the library's own stream it never gives less than was asked for."""
 
-    def __init__(self, content: bytes | memoryview) -> None:
+    def __init__(self, content: bytes) -> None:
         super().__init__(io.BytesIO())
         self._content = content
 
@@ -68,7 +84,7 @@ class _Fields(ReadDataStream):
             raise EndOfFile
         field = self._content[self._count : end]
         self._count = end
-        return field  # type: ignore[return-value]  # a view of a chunk, to spare a copy of up to 64 MiB
+        return field
 
 
 def is_private(opcode: int) -> bool:
@@ -97,12 +113,23 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
         return None
     if is_private(opcode):
         return None
-    record = _parse_fields(opcode, memoryview(content) if opcode == Opcode.CHUNK else content)
+    if opcode == Opcode.CHUNK:
+        return _parse_chunk(content)
+    record = _parse_fields(opcode, content)
     if isinstance(record, mcap.Attachment):
         _check_checksum(content[:-4], int.from_bytes(content[-4:], "little"), "an attachment")
-    if isinstance(record, mcap.Chunk):
-        return replace(record, compression="", data=_decompressed(record))
     return record
+
+
+def _parse_chunk(content: bytes) -> mcap.Chunk:
+    """A chunk, decompressed; by hand, as there are hundreds of thousands in the recording of a day."""
+    check_chunk_head(content, len(content))
+    start_ns, end_ns, size_bytes, crc, name_length = _CHUNK.unpack_from(content)
+    data_start = _CHUNK.size + name_length + 8
+    compression = content[_CHUNK.size : data_start - 8]
+    plain = _decompressed(compression, memoryview(content)[data_start:], size_bytes)
+    _check_checksum(plain, crc, "a chunk")
+    return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
 
 
 def check_chunk_head(fields: bytes, length: int) -> None:
@@ -120,7 +147,7 @@ def check_chunk_head(fields: bytes, length: int) -> None:
         raise RecordError(f"a chunk of more than {LARGEST_BYTES // 2**20} MiB")
 
 
-def _parse_fields(opcode: int, content: bytes | memoryview) -> mcap.McapRecord:
+def _parse_fields(opcode: int, content: bytes) -> mcap.McapRecord:
     fields = _Fields(content)
     try:
         record = _PARSERS[opcode](fields)
@@ -131,24 +158,30 @@ def _parse_fields(opcode: int, content: bytes | memoryview) -> mcap.McapRecord:
     return record
 
 
-def _decompressed(chunk: mcap.Chunk) -> bytes:
+def _decompressed(compression: bytes, data: memoryview, size_bytes: int) -> bytes:
     """A chunk's records, never more than it said that they are: what its data claim is not believed."""
-    enough = chunk.uncompressed_size + 1  # one more, to notice that there is more
+    enough = size_bytes + 1  # one more, to notice that there is more
     try:
-        if chunk.compression == "zstd":
-            decompressor = zstandard.ZstdDecompressor(max_window_size=LARGEST_BYTES)
-            with decompressor.stream_reader(chunk.data) as reader:
-                plain = reader.read(enough)
-        elif chunk.compression == "lz4":
-            plain = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=enough)
+        if compression == b"zstd":
+            plain = _unzstd(data, size_bytes, enough)
+        elif compression == b"lz4":
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=enough)
         else:
-            plain = bytes(chunk.data)
+            plain = bytes(data)
     except _FORMAT_ERRORS as error:
         raise RecordError("a chunk that cannot be decompressed") from error
-    if len(plain) != chunk.uncompressed_size:
+    if len(plain) != size_bytes:
         raise RecordError("a chunk of another size than it says")
-    _check_checksum(plain, chunk.uncompressed_crc, "a chunk")
     return plain
+
+
+def _unzstd(data: memoryview, size: int, enough: int) -> bytes:
+    """At once where the data say their size and it is the one that is expected, else as far as ``enough``."""
+    decompressor = _OF_THREAD.decompressor
+    if zstandard.get_frame_parameters(data).content_size == size:
+        return decompressor.decompress(data)
+    with decompressor.stream_reader(data) as reader:
+        return reader.read(enough)
 
 
 def _check_checksum(data: bytes, expected: int, whose: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -38,6 +39,9 @@ _CHUNK = re.compile(  # kind, length, two times, size, checksum, name of the com
     + _LENGTH
     + rb"[\x00-\xff]{4}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)"
 )
+_INDEX_HEAD = struct.Struct("<BQHI")  # kind, length, number of the channel, bytes of the entries
+_INDEX_FIXED_BYTES = 6
+_BLOCK_BYTES = 1024 * 1024  # read at once: there are hundreds of records in it
 _OVERLAP_BYTES = HEAD.size + CHUNK_HEAD_BYTES
 _MOST_FALSE_ALARMS = 20_000
 _FIRST_SEARCHED_BYTES, _SEARCHED_BYTES = 4 * 1024, 1024 * 1024
@@ -45,7 +49,7 @@ _FIRST_SEARCHED_BYTES, _SEARCHED_BYTES = 4 * 1024, 1024 * 1024
 
 @dataclass(frozen=True, slots=True)
 class Intact:
-    """A record and the bytes it takes.
+    """A record and the bytes it takes, or the indexes of messages that follow each other.
 
     ``record`` is None for magic bytes and for what :func:`parse` has no use for; of that, what an application put
     there is ``private``.
@@ -97,6 +101,7 @@ class _Records:
         self._stream = stream
         self.size_bytes = stream.seek(0, os.SEEK_END)
         self._checksum: int | None = 0  # of all bytes so far; unknown behind damage
+        self._block, self._block_start = b"", 0  # what was read last, more than was asked for
         self._chunked = False  # a chunk was met, intact or not
         self._amid_damage = False  # no chunk has been found intact since the last damage
         self._false_alarms = 0
@@ -117,6 +122,9 @@ class _Records:
             return Intact(offset, offset + len(MCAP_MAGIC), None)
         if offset == 0:  # the magic bytes are gone, so what is here must prove itself
             self._check_found(0)
+        if (end := self._end_of_indexes(offset)) > offset:
+            self._count_in(self._peek(offset, end - offset))
+            return Intact(offset, end, None)
         opcode, end = self._check_head(offset, head)
         content = self._content(offset, end)
         record = self._record(opcode, content, end)
@@ -140,6 +148,21 @@ class _Records:
         unfinished = len(head) < HEAD.size or claimed_end is not None or not any(head)
         cut = end == self.size_bytes and start > 0 and unfinished
         return Damage(start, end, why, chunks, chunks > 0 or not measured or head[0] == Opcode.MESSAGE, cut)
+
+    def _end_of_indexes(self, offset: int) -> int:
+        """Where the indexes of messages end that begin here, for there is one for each topic in a chunk.
+
+        The last of them is none of these where no record follows it: it is to be looked at by itself.
+        """
+        block, start = self._block, offset - self._block_start
+        before = place = start
+        while place + _INDEX_HEAD.size <= len(block):
+            opcode, length, _, entries = _INDEX_HEAD.unpack_from(block, place)
+            end = place + HEAD.size + length
+            if opcode != Opcode.MESSAGE_INDEX or entries + _INDEX_FIXED_BYTES != length or end > len(block):
+                break
+            before, place = place, end
+        return offset + (place if self._leads_on(offset + place - start) else before) - start
 
     def _check_head(self, offset: int, head: bytes) -> tuple[int, int]:
         """The opcode and the end of a record, of which nothing was read but its head."""
@@ -185,8 +208,12 @@ class _Records:
                 self._checksum = zlib.crc32(piece, self._checksum)
 
     def _peek(self, offset: int, length: int) -> bytes:
-        self._stream.seek(offset)
-        return self._stream.read(min(length, max(self.size_bytes - offset, 0)))
+        start = offset - self._block_start
+        if not 0 <= start <= start + length <= len(self._block):
+            self._stream.seek(offset)
+            self._block = self._stream.read(min(max(length, _BLOCK_BYTES), max(self.size_bytes - offset, 0)))
+            self._block_start, start = offset, 0
+        return self._block[start : start + length]
 
     def _content(self, offset: int, end: int) -> bytes:
         content = self._peek(offset + HEAD.size, end - offset - HEAD.size)

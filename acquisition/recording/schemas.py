@@ -1,17 +1,17 @@
-"""The JSON schemas of a recording's topics; every topic has one, or viewers skip it.
+"""What the messages of a recording's topics hold; every topic has a schema, or viewers skip it.
 
-That of ``/prediction`` is also what the recorder holds a prediction against before it takes it. What is not known
-is left out: Lichtblick reads no schema in which something has two types, be the second one null.
+The descriptions are in the words of JSON Schema, and become protobuf in :mod:`acquisition.recording.descriptors`.
+That of ``/prediction`` is also what the recorder holds a prediction, which comes as JSON, against before it takes
+it.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from typing import Any
 
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
+from acquisition.recording.descriptors import Kind, Schema
 
 RAW_PREFIX = "/raw/"
 CHANNEL_PREFIX = "/channel/"
@@ -24,11 +24,10 @@ PREDICTED_TRACK_TOPIC = "/prediction/track"
 MOST_SECONDS = 601
 _MOST_LETTERS = 200
 
-Schema = dict[str, Any]
 
-
-def _value(kind: str, description: str) -> Schema:
-    return {"type": kind, "description": description}
+def _value(kind: str, description: str, kind_of_protobuf: str = "") -> Schema:
+    form = {"format": kind_of_protobuf} if kind_of_protobuf else {}
+    return {"type": kind, "description": description, **form}
 
 
 def _text(description: str) -> Schema:
@@ -44,115 +43,137 @@ def _numbers(description: str) -> Schema:
     }
 
 
-def _topic(title: str, description: str, properties: dict[str, Schema]) -> Schema:
-    return {"title": title, "description": description, "type": "object", "properties": properties}
-
-
 def _object(description: str, properties: dict[str, Schema], unknown: tuple[str, ...] = ()) -> Schema:
     """An object; those of its properties that are named ``unknown`` may be left out."""
     required = [name for name in properties if name not in unknown]
     return {"type": "object", "description": description, "properties": properties, "required": required}
 
 
-def _channel_schema(channel: Channel) -> Schema:
-    interval = "one turn, half open" if channel.circular else "inclusive"
-    meaning = f"{channel.meaning} [{channel.unit}]"
-    return _topic(
-        f"seatrial.{channel.name}",
-        meaning,
+_RECEIVED = _value("integer", "When it was received, on the recorder's monotonic clock [ns]", "sfixed64")
+SAMPLE = Kind(
+    "seatrial.Sample",
+    _object(
+        "One value of a channel, whose unit and range its metadata say. The numbers are of fixed size, always "
+        "there, and first: they lie at the same places in every message",
         {
-            "value": _value("number", f"{meaning}, {channel.low:g} to {channel.high:g}, {interval}"),
-            "source": _value("string", "Which line, device and message it came from, or how it was derived"),
-            "quality": _value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"),
+            "value": _value("number", "In the channel's unit"),
             "source_time": _value(
-                "number", "When the source says it was measured, UTC since 1970 [s]; left out if it does not"
+                "number", "When the source says it was measured, UTC since 1970 [s]; not a number if it does not"
             ),
-            "source_clock": _value("string", "The clock of publish_time"),
-            "monotonic_ns": _value("integer", "When it was received, on the recorder's monotonic clock [ns]"),
-        },
-    )
-
-
-_RECEIVED = _value("integer", "Received, monotonic clock [ns]")
-_RAW = {
-    "can": _topic(
-        "seatrial.RawCan",
-        "One CAN frame as received",
-        {
-            "id": _value("integer", "Arbitration identifier"),
-            "flags": _value(
-                "integer", "1 standard identifier, 2 remote, 4 error, 8 put together by a gateway, 16 stamped late"
-            ),
-            "data": _value("string", "The data bytes, hexadecimal"),
             "monotonic_ns": _RECEIVED,
+            "quality": _value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing", "fixed32"),
+            "source": _value("string", "Which line, device and message it came from, or how it was derived"),
+            "source_clock": _value("string", "The clock of publish_time"),
         },
     ),
-    "nmea0183": _topic(
+)
+
+_RAW = {
+    "can": Kind(
+        "seatrial.RawCan",
+        _object(
+            "One CAN frame as received",
+            {
+                "id": _value("integer", "Arbitration identifier", "fixed32"),
+                "flags": _value(
+                    "integer",
+                    "1 standard identifier, 2 remote, 4 error, 8 put together by a gateway, 16 stamped late",
+                    "fixed32",
+                ),
+                "data": _value("string", "The data bytes", "bytes"),
+                "monotonic_ns": _RECEIVED,
+            },
+        ),
+    ),
+    "nmea0183": Kind(
         "seatrial.RawNmea0183",
-        "One line as received, without its line end",
-        {"sentence": _value("string", "The bytes of the line as Latin-1"), "monotonic_ns": _RECEIVED},
+        _object(
+            "One line as received, without its line end",
+            {"sentence": _value("string", "The bytes of the line as Latin-1"), "monotonic_ns": _RECEIVED},
+        ),
     ),
-    "mavlink": _topic(
+    "mavlink": Kind(
         "seatrial.RawMavlink",
-        "Bytes of a MAVLink stream as received",
-        {"data": _value("string", "The bytes, hexadecimal"), "monotonic_ns": _RECEIVED},
+        _object(
+            "Bytes of a MAVLink stream as received",
+            {"data": _value("string", "The bytes", "bytes"), "monotonic_ns": _RECEIVED},
+        ),
     ),
 }
 
-# Foxglove's well-known schemas, reduced to JSON Schema from their published field lists.
-_TIME = {
-    "type": "object",
-    "title": "time",
-    "properties": {"sec": {"type": "integer", "minimum": 0}, "nsec": {"type": "integer", "minimum": 0}},
-}
-_LOCATION_FIX = _topic(
+# Foxglove's well-known schemas: the fields that are used, under their published numbers.
+_TIME = {"type": "object", "title": "time"}
+_LOCATION_FIX = Kind(
     "foxglove.LocationFix",
-    "A navigation satellite fix",
-    {
-        "timestamp": _TIME,
-        "frame_id": {"type": "string"},
-        "latitude": _value("number", "[deg]"),
-        "longitude": _value("number", "[deg]"),
-        "altitude": _value("number", "[m]"),
-        "position_covariance": {"type": "array", "items": {"type": "number"}, "minItems": 9, "maxItems": 9},
-        "position_covariance_type": _value("integer", "0 unknown"),
-    },
+    _object(
+        "A navigation satellite fix",
+        {
+            "timestamp": {**_TIME, "number": 6},
+            "frame_id": {"type": "string", "number": 7},
+            "latitude": {**_value("number", "[deg]"), "number": 1},
+            "longitude": {**_value("number", "[deg]"), "number": 2},
+            "altitude": {**_value("number", "[m]; 0 where it is not known"), "number": 3},
+            "position_covariance": {
+                "type": "array",
+                "items": {"type": "number"},
+                "description": "Of east, north, up [m2], row by row",
+                "number": 4,
+            },
+            "position_covariance_type": {
+                "type": "integer",
+                "title": "PositionCovarianceType",
+                "names": ("UNKNOWN", "APPROXIMATED", "DIAGONAL_KNOWN", "KNOWN"),
+                "number": 5,
+            },
+        },
+    ),
 )
-_LOG = _topic(
+_LOG = Kind(
     "foxglove.Log",
-    "A message for people",
-    {
-        "timestamp": _TIME,
-        "level": _value("integer", "1 debug, 2 info, 3 warning, 4 error, 5 fatal"),
-        "message": {"type": "string"},
-        "name": {"type": "string"},
-        "file": {"type": "string"},
-        "line": {"type": "integer"},
-    },
+    _object(
+        "A message for people",
+        {
+            "timestamp": _TIME,
+            "level": {
+                "type": "integer",
+                "title": "Level",
+                "names": ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"),
+            },
+            "message": {"type": "string"},
+            "name": {"type": "string"},
+            "file": {"type": "string"},
+            "line": _value("integer", "", "fixed32"),
+        },
+    ),
 )
-_GEOJSON = _topic(
+_GEOJSON = Kind(
     "foxglove.GeoJSON",
-    "GeoJSON data for annotating maps",
-    {"geojson": _value("string", "GeoJSON data encoded as a UTF-8 string")},
+    _object(
+        "GeoJSON data for annotating maps",
+        {"geojson": _value("string", "GeoJSON data encoded as a UTF-8 string")},
+    ),
 )
 
-_HEALTH = _topic(
+_HEALTH = Kind(
     "seatrial.Health",
-    "The state of one source",
-    {
-        "source": {"type": "string"},
-        "state": _value("string", "opening, open, silent, failed or ended"),
-        "frames": _value("integer", "Received since the start"),
-        "rejected": _value("integer", "Frames and values that came and were not believed"),
-        "reasons": {
-            "type": "object",
-            "properties": {},
-            "additionalProperties": {"type": "integer"},
-            "description": "How many of them, by reason",
+    _object(
+        "The state of one source",
+        {
+            "source": {"type": "string"},
+            "state": _value("string", "opening, open, silent, failed or ended"),
+            "frames": _value("integer", "Received since the start"),
+            "rejected": _value("integer", "Frames and values that came and were not believed"),
+            "reasons": {
+                "type": "object",
+                "properties": {},
+                "additionalProperties": {"type": "integer"},
+                "description": "How many of them, by reason",
+            },
+            "dropped": _value("integer", "Frames lost because the queue was full"),
+            "age_s": _value("number", "Since the last frame [s]; left out if there was none"),
         },
-        "dropped": _value("integer", "Frames lost because the queue was full"),
-        "age_s": _value("number", "Since the last frame [s]; left out if there was none"),
-    },
+        unknown=("age_s",),
+    ),
 )
 
 ARRAYS = {
@@ -254,21 +275,32 @@ _WELL_KNOWN = {
     POSITION_TOPIC: _LOCATION_FIX,
     EVENT_TOPIC: _LOG,
     HEALTH_TOPIC: _HEALTH,
-    PREDICTION_TOPIC: PREDICTION,
+    PREDICTION_TOPIC: Kind(PREDICTION["title"], PREDICTION),
     PREDICTED_TRACK_TOPIC: _GEOJSON,
 }
 
 
-def schema_of(topic: str, known: Mapping[str, Channel] = BY_NAME) -> tuple[str, bytes]:
-    """The schema's name and its JSON text for a topic of ours; ``known`` are the channels. Raises KeyError for any
-    other topic."""
+def kind_of(topic: str) -> Kind:
+    """What the messages of a topic of ours are. Raises KeyError for any other topic."""
     if topic.startswith(CHANNEL_PREFIX):
-        schema = _channel_schema(known[topic.removeprefix(CHANNEL_PREFIX)])
-    elif topic.startswith(RAW_PREFIX):
-        schema = _RAW[topic.split("/")[2]]
-    else:
-        schema = _WELL_KNOWN[topic]
-    return str(schema["title"]), json.dumps(schema).encode()
+        return SAMPLE
+    return _RAW[topic.split("/")[2]] if topic.startswith(RAW_PREFIX) else _WELL_KNOWN[topic]
+
+
+def channel_metadata(topic: str, known: Mapping[str, Channel] = BY_NAME) -> dict[str, str]:
+    """What a topic's record says of it: of a channel its unit, its meaning and the range of possible values.
+
+    ``known`` are the channels. Raises KeyError for another.
+    """
+    if not topic.startswith(CHANNEL_PREFIX):
+        return {}
+    channel = known[topic.removeprefix(CHANNEL_PREFIX)]
+    interval = "one turn, half open" if channel.circular else "inclusive"
+    return {
+        "unit": channel.unit,
+        "meaning": channel.meaning,
+        "range": f"{channel.low:g} to {channel.high:g}, {interval}",
+    }
 
 
 def raw_topic(protocol: str, origin: str) -> str:

@@ -12,14 +12,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, Topic, add_samples, batches
 from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import CHANNEL_PREFIX
@@ -54,7 +53,7 @@ class Tail:
         self.ended = self.cut = False
         self.damaged = 0
         self._recent_ns = None if recent_s is None else round(recent_s * 1e9)
-        self._topics: dict[int, str] = {}
+        self._topics: dict[int, Topic] = {}
         self._offset = len(MCAP_MAGIC)
         self._doubted = -1  # where a record was met that could not be read, the last time
         try:
@@ -137,13 +136,9 @@ class Tail:
 
     def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
-            numbers = [
-                each for each in np.unique(record.channel).tolist() if self._topics[each].startswith(CHANNEL_PREFIX)
-            ]
-            if numbers:
-                add_samples(samples, record.of_channels(numbers), self._topics)
+            add_samples(samples, record, self._topics)
         elif isinstance(record, mcap.Channel):
-            self._topics[record.id] = record.topic
+            self._topics[record.id] = Topic(record.topic, record.message_encoding)
         elif isinstance(record, mcap.Metadata) and record.name == "trial":
             self.trial = Trial.from_metadata(record.metadata)
         elif isinstance(record, mcap.Metadata):

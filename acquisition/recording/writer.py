@@ -15,11 +15,11 @@ from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import StorageError, storage_error
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.mcap_file import McapFile, end_without_index
-from acquisition.recording.messages import MessageSink
-from acquisition.recording.schemas import schema_of
+from acquisition.recording.messages import ENCODING, MessageSink
+from acquisition.recording.schemas import channel_metadata, kind_of
 from acquisition.recording.storage import CommittedFile, sync_folder
 
-_CHUNK_BYTES = 64 * 1024
+_CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1
 _MEDIA_TYPES = {".toml": "application/toml"}
 
@@ -37,6 +37,7 @@ class RecordingWriter(MessageSink):
         self.messages = 0
         self._known = channels_known_to(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
+        self._schemas: dict[str, int] = {}
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = CommittedFile(self.path)
@@ -132,9 +133,11 @@ class RecordingWriter(MessageSink):
         self._file.flush()
 
     def _register(self, topic: str) -> list[int]:
-        name, text = schema_of(topic, self._known)
-        schema_id = self._mcap.register_schema(name, "jsonschema", text)
-        self._topics[topic] = [self._mcap.register_channel(topic, "json", schema_id), 0]
+        kind, metadata = kind_of(topic), channel_metadata(topic, self._known)
+        if kind.title not in self._schemas:
+            self._schemas[kind.title] = self._mcap.register_schema(kind.title, ENCODING, kind.descriptors)
+        number = self._mcap.register_channel(topic, ENCODING, self._schemas[kind.title], metadata)
+        self._topics[topic] = [number, 0]
         return self._topics[topic]
 
     def _guarded(self, call: Callable[[], Answer]) -> Answer:
