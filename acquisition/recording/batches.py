@@ -37,61 +37,46 @@ class Topic(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Messages that follow each other, in file order: numbers of channel and sequence, times [ns], all [n].
+    """Messages that follow each other, in file order: their heads [n], and the bytes in which their data are.
 
-    Their data are ``plain[start:end]``.
+    What a head says is in ``HEAD`` of :mod:`acquisition.recording.walk`.
     """
 
-    channel: NDArray[np.uint16]
-    sequence: NDArray[np.uint32]
-    log_ns: NDArray[np.uint64]
-    publish_ns: NDArray[np.uint64]
+    heads: NDArray[np.void]
     plain: bytes
-    start: NDArray[np.int64]
-    end: NDArray[np.int64]
 
     @classmethod
     def of_message(cls, message: mcap.Message) -> Batch:
         """A message that stands outside of all chunks."""
-        return cls(
-            np.array([message.channel_id], np.uint16),
-            np.array([message.sequence], np.uint32),
-            np.array([message.log_time], np.uint64),
-            np.array([message.publish_time], np.uint64),
-            message.data,
-            np.array([0]),
-            np.array([len(message.data)]),
-        )
+        from acquisition.recording.walk import HEAD
+
+        times = message.log_time, message.publish_time
+        head = (message.channel_id, message.sequence, *times, 0, len(message.data))
+        return cls(np.array([head], HEAD), message.data)
 
     def __len__(self) -> int:
-        return int(self.channel.size)
+        return int(self.heads.size)
 
     def data(self) -> list[bytes]:
         """The undecoded data of each message."""
-        return [self.plain[start:end] for start, end in zip(self.start.tolist(), self.end.tolist(), strict=True)]
+        places = zip(self.heads["start"].tolist(), self.heads["end"].tolist(), strict=True)
+        return [self.plain[start:end] for start, end in places]
 
     def counts(self) -> dict[int, int]:
         """How many messages there are of each channel number, in the order in which they come first."""
         from acquisition.recording.walk import CHANNELS, first_of_each
 
-        counts = np.bincount(self.channel, minlength=CHANNELS)
-        return {number: int(counts[number]) for number in first_of_each(self.channel).tolist()}
+        counts = np.bincount(self.heads["channel"], minlength=CHANNELS)
+        return {number: int(counts[number]) for number in first_of_each(self.heads).tolist()}
 
     def messages(self) -> Iterator[mcap.Message]:
         """Each message by itself, as the library has them."""
-        columns = (self.channel, self.log_ns, self.publish_ns, self.sequence)
-        rows = zip(*(column.tolist() for column in columns), self.data(), strict=True)
-        for channel, log_ns, publish_ns, sequence, data in rows:
+        for (channel, sequence, log_ns, publish_ns, *_), data in zip(self.heads.tolist(), self.data(), strict=True):
             yield mcap.Message(channel, log_ns, data, publish_ns, sequence)
 
     def of_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
-        return self.at(np.flatnonzero(np.isin(self.channel, list(numbers))))
-
-    def at(self, chosen: NDArray[np.intp] | slice) -> Batch:
-        """Only the messages at these places."""
-        columns = (self.channel[chosen], self.sequence[chosen], self.log_ns[chosen], self.publish_ns[chosen])
-        return Batch(*columns, self.plain, self.start[chosen], self.end[chosen])
+        return Batch(self.heads[np.isin(self.heads["channel"], list(numbers))], self.plain)
 
 
 def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
@@ -111,22 +96,21 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
 
 def _read(plain: bytes, size: int, messages: int, others: int) -> tuple[Batch, list[int]]:
     """The messages of the first ``size`` bytes, and where the other records begin."""
+    from acquisition.recording.walk import HEAD as OF_MESSAGE
     from acquisition.recording.walk import read_heads
 
-    kinds = np.uint16, np.uint32, np.uint64, np.uint64, np.int64, np.int64
-    channel, sequence, log_ns, publish_ns, start, end = (np.empty(messages, kind) for kind in kinds)
-    places = np.empty(others, np.int64)
-    read_heads(np.frombuffer(plain, np.uint8, size), channel, sequence, log_ns, publish_ns, start, end, places)
-    return Batch(channel, sequence, log_ns, publish_ns, plain, start, end), places.tolist()
+    heads, places = np.empty(messages, OF_MESSAGE), np.empty(others, np.int64)
+    read_heads(np.frombuffer(plain, np.uint8, size), heads, places)
+    return Batch(heads, plain), places.tolist()
 
 
 def _in_order(batch: Batch, others: list[int]) -> Iterator[Batch | mcap.McapRecord]:
     """Messages and definitions as they stand in the file: a number may mean something else from a place on."""
     done = 0
     for place in others:
-        until = int(np.searchsorted(batch.start, place))
+        until = int(np.searchsorted(batch.heads["start"], place))
         if until > done:
-            yield batch.at(slice(done, until))
+            yield Batch(batch.heads[done:until], batch.plain)
         done = until
         opcode, length = HEAD.unpack_from(batch.plain, place)
         begin = place + HEAD.size
@@ -135,7 +119,7 @@ def _in_order(batch: Batch, others: list[int]) -> Iterator[Batch | mcap.McapReco
             if record is not None:
                 yield record
     if done < len(batch):
-        yield batch.at(slice(done, None))
+        yield Batch(batch.heads[done:], batch.plain)
 
 
 Samples: TypeAlias = tuple[
@@ -218,13 +202,12 @@ def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, 
     ends = np.cumsum(sizes)
     columns = [np.empty(ends[-1], kind) for kind in (np.int64, np.int64, np.uint64, np.uint8)]
     changes = np.empty((ends[-1], 2), np.int64)
-    heads = batch.channel, batch.log_ns, batch.publish_ns, batch.start, batch.end
-    found = sort_samples(np.frombuffer(batch.plain, np.uint8), *heads, rank, ends - sizes, *columns, changes)
+    plain = np.frombuffer(batch.plain, np.uint8)
+    found = sort_samples(plain, batch.heads, rank, ends - sizes, *columns, changes)
     if found < 0:
         return None
     rows, messages = changes[np.argsort(changes[:found, 0])].T
-    tails = [batch.plain[batch.start[each] + SOURCE_AT : batch.end[each]] for each in messages]
-    sources = [_source_in(tail) for tail in tails]
+    sources = [_source_in(data[SOURCE_AT:]) for data in Batch(batch.heads[messages], batch.plain).data()]
     if None in sources:
         return None
     borders = np.searchsorted(rows, [0, *ends])
@@ -250,15 +233,13 @@ def _source_in(tail: bytes) -> str | None:
 def _one_by_one(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Samples]:
     """Samples by topic, of whatever layout and encoding."""
     found: dict[str, list[tuple[int, int, float, int, str]]] = {}
-    times = batch.publish_ns.tolist(), batch.log_ns.tolist()
-    for number, publish_ns, log_ns, data in zip(batch.channel.tolist(), *times, batch.data(), strict=True):
+    for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
         if _is_channel(topics[number]):
-            name, encoding = topics[number]
-            body = decode(name, data, encoding)
+            body = decode(*topics[number], data)
             if not isinstance(body["source"], str):
                 raise TypeError("the source is no text")
             row = publish_ns, log_ns, float(body["value"]), int(body["quality"]), body["source"]
-            found.setdefault(name, []).append(row)
+            found.setdefault(topics[number].name, []).append(row)
     return {topic: _as_columns(rows) for topic, rows in found.items()}
 
 

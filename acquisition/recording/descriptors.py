@@ -67,7 +67,7 @@ def _file_of(title: str, schema: Schema) -> descriptor_pb2.FileDescriptorProto:
 def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
     """Put the fields of an object into its descriptor, with their descriptions as comments."""
     comments.location.add(path=path, span=(0, 0, 0), leading_comments=schema.get("description", ""))
-    required = schema.get("required", schema["properties"])
+    required: Any = schema.get("required", schema["properties"])
     for index, (name, each) in enumerate(schema["properties"].items()):
         field = proto.field.add(name=name, number=each.get("number", index + 1), label=_FIELD.LABEL_OPTIONAL)
         if each["type"] == "array" or "additionalProperties" in each:

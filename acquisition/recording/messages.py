@@ -53,7 +53,7 @@ def encode(topic: str, body: dict[str, Any]) -> bytes:
     return _numbers(*numbers) + _source(said["source"], said["source_clock"])
 
 
-def decode(topic: str, data: bytes, encoding: str) -> dict[str, Any]:
+def decode(topic: str, encoding: str, data: bytes) -> dict[str, Any]:
     """What a message of a topic of ours says, also if it was made when messages were JSON.
 
     Raises KeyError for another topic, ValueError if the message is none of its.
@@ -164,13 +164,13 @@ def _timestamp(time_ns: int) -> dict[str, int]:
     return {"seconds": time_ns // NANO, "nanos": time_ns % NANO}
 
 
-def frame_of(topic: str, data: bytes, log_ns: int, publish_ns: int, encoding: str = ENCODING) -> Frame:
+def frame_of(topic: str, log_ns: int, publish_ns: int, data: bytes, encoding: str = ENCODING) -> Frame:
     """The frame that a raw message holds: the inverse of :meth:`MessageSink.write_raw`.
 
     Raises ValueError, KeyError or TypeError for what is no raw message of ours.
     """
     _, _, protocol, origin = topic.split("/", maxsplit=3)
-    body = decode(topic, data, encoding)
+    body = decode(topic, encoding, data)
     stamped_ns = publish_ns if publish_ns != log_ns else None
     times = log_ns, int(body["monotonic_ns"])
     if protocol == "can":

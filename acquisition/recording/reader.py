@@ -72,7 +72,7 @@ class Entry(NamedTuple):
 
     def body(self) -> dict[str, Any]:
         """What a message on a topic of ours says. Raises ValueError if it is none, KeyError for another topic."""
-        return decode(self.topic, self.data, self.encoding)
+        return decode(self.topic, self.encoding, self.data)
 
     def frame(self) -> Frame:
         """The frame in a message of raw input. Raises ValueError, KeyError or TypeError if it is none of ours."""
@@ -95,8 +95,7 @@ class MessageStream:
 
     def __iter__(self) -> Iterator[Entry]:
         for batch in self.batches():
-            times = batch.log_ns.tolist(), batch.publish_ns.tolist()
-            for number, log_ns, publish_ns, data in zip(batch.channel.tolist(), *times, batch.data(), strict=True):
+            for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
                 topic, encoding = self.topics[number]
                 yield Entry(topic, log_ns, publish_ns, data, encoding)
 
@@ -219,7 +218,7 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
 def _bodies(batch: Batch, topic: Topic, path: Path, what: str) -> list[dict[str, Any]]:
     """What the messages of a batch, all of one topic, say."""
     try:
-        return [decode(topic.name, data, topic.encoding) for data in batch.data()]
+        return [decode(*topic, data) for data in batch.data()]
     except ValueError as error:
         raise _foreign(path, topic.name, error, what) from error
 
@@ -229,7 +228,7 @@ def _events(batch: Batch, topic: Topic, path: Path) -> list[tuple[int, str]]:
         texts = [str(body["message"]) for body in _bodies(batch, topic, path, "event")]
     except KeyError as error:
         raise _foreign(path, topic.name, error, "event") from error
-    return list(zip(batch.log_ns.tolist(), texts, strict=True))
+    return list(zip(batch.heads["log_ns"].tolist(), texts, strict=True))
 
 
 def _health(batch: Batch, topic: Topic, path: Path) -> dict[str, dict[str, Any]]:
@@ -265,7 +264,10 @@ def read_recording(path: Path | str) -> Recording:
     start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
         messages += len(batch)
-        start_ns, end_ns = min(start_ns, int(batch.log_ns.min())), max(end_ns, int(batch.log_ns.max()))
+        start_ns, end_ns = (
+            min(start_ns, int(batch.heads["log_ns"].min())),
+            max(end_ns, int(batch.heads["log_ns"].max())),
+        )
         _add_samples(samples, batch, stream.topics, stream.path)
         for number, count in batch.counts().items():
             topic = stream.topics[number]

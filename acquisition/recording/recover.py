@@ -138,7 +138,7 @@ def verify(partial: Path, target: Path, saved: Digest) -> None:
     try:
         written = MessageStream(partial)
         for entry in written:
-            ours.add(*entry)
+            ours.add(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
         with partial.open("rb") as stream:
             for topic, message in _by_index(stream):
                 theirs.add(topic, message.log_time, message.publish_time, message.data)

@@ -41,6 +41,7 @@ _CHUNK = re.compile(  # kind, length, two times, size, checksum, name of the com
 )
 _INDEX_HEAD = struct.Struct("<BQHI")  # kind, length, number of the channel, bytes of the entries
 _INDEX_FIXED_BYTES = 6
+_GUARDED = (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.DATA_END, Opcode.FOOTER)  # by a checksum, or what follows
 _BLOCK_BYTES = 1024 * 1024  # read at once: there are hundreds of records in it
 _OVERLAP_BYTES = HEAD.size + CHUNK_HEAD_BYTES
 _MOST_FALSE_ALARMS = 20_000
@@ -128,6 +129,8 @@ class _Records:
         opcode, end = self._check_head(offset, head)
         content = self._content(offset, end)
         record = self._record(opcode, content, end)
+        if opcode not in _GUARDED and not self._seems_record(end) and self._next_intact(offset + 1)[0] < end:
+            raise RecordError("a record of which bytes are missing")  # what it says is its end is in another
         self._account(record, head, content)
         return Intact(offset, end, record, is_private(opcode))
 
@@ -140,6 +143,8 @@ class _Records:
         self._amid_damage = True
         claimed_end = end = _claimed_end(start, head)
         measured = end is not None and end <= self.size_bytes and self._leads_on(end)
+        if measured and head[0] != Opcode.ATTACHMENT:  # which may hold a recording; else bytes are missing
+            measured = self._next_intact(start + 1, only_chunks=True)[0] >= (end or 0)
         if end is not None and self._ends_within_magic(end):
             end = self.size_bytes
         elif end is None or not measured:
@@ -152,7 +157,7 @@ class _Records:
     def _end_of_indexes(self, offset: int) -> int:
         """Where the indexes of messages end that begin here, for there is one for each topic in a chunk.
 
-        The last of them is none of these where no record follows it: it is to be looked at by itself.
+        The last of them is left out where no record seems to follow: it is to be looked at by itself.
         """
         block, start = self._block, offset - self._block_start
         before = place = start
@@ -162,7 +167,7 @@ class _Records:
             if opcode != Opcode.MESSAGE_INDEX or entries + _INDEX_FIXED_BYTES != length or end > len(block):
                 break
             before, place = place, end
-        return offset + (place if self._leads_on(offset + place - start) else before) - start
+        return offset + (place if self._seems_record(offset + place - start) else before) - start
 
     def _check_head(self, offset: int, head: bytes) -> tuple[int, int]:
         """The opcode and the end of a record, of which nothing was read but its head."""
@@ -230,6 +235,17 @@ class _Records:
             return False
         return True
 
+    def _seems_record(self, offset: int) -> bool:
+        """Whether the head of a record and what else can be told at a glance is there, and room for the whole."""
+        head = self._peek(offset, _INDEX_HEAD.size)
+        end = _claimed_end(offset, head[: HEAD.size])
+        if end is None or end > self.size_bytes or len(head) < _INDEX_HEAD.size:
+            return False
+        if head[0] == Opcode.MESSAGE_INDEX:
+            _, length, _, entries = _INDEX_HEAD.unpack(head)
+            return bool(entries + _INDEX_FIXED_BYTES == length)
+        return not is_private(head[0]) and (head[0] != Opcode.CHUNK or self._seems_chunk(offset))
+
     def _leads_on(self, offset: int) -> bool:
         """Whether the file ends here or something begins that looks like a record."""
         head = self._peek(offset, HEAD.size)
@@ -240,10 +256,10 @@ class _Records:
         left = self.size_bytes - offset
         return 0 < left < len(MCAP_MAGIC) and self._peek(offset, left) == MCAP_MAGIC[:left]
 
-    def _next_intact(self, start: int) -> tuple[int, int]:
+    def _next_intact(self, start: int, *, only_chunks: bool = False) -> tuple[int, int]:
         """Where the next intact record begins, or the end of the file; and the damaged chunks on the way."""
         chunks = 0
-        for candidate in self._candidates(start):
+        for candidate in self._candidates(start, only_chunks):
             if self._search_budget_bytes < 0:
                 break
             try:
@@ -267,7 +283,7 @@ class _Records:
         self._search_budget_bytes -= end - offset
         self._record(opcode, self._content(offset, end), end)
 
-    def _candidates(self, start: int) -> Iterator[int]:
+    def _candidates(self, start: int, only_chunks: bool) -> Iterator[int]:
         """Every place from ``start`` on where a record may begin.
 
         There are hardly any in noise, and any number in a table of small integers: after too many false alarms only
@@ -277,7 +293,7 @@ class _Records:
         while start < self.size_bytes:
             block = self._peek(start, span_bytes + _OVERLAP_BYTES)
             place = -1
-            while found := self._pattern().search(block, place + 1):
+            while found := self._pattern(only_chunks).search(block, place + 1):
                 place = found.start()
                 if place >= span_bytes:
                     break
@@ -286,8 +302,8 @@ class _Records:
             start += span_bytes
             span_bytes = min(2 * span_bytes, _SEARCHED_BYTES)
 
-    def _pattern(self) -> re.Pattern[bytes]:
-        return _RECORD if self._false_alarms < _MOST_FALSE_ALARMS else _CHUNK
+    def _pattern(self, only_chunks: bool) -> re.Pattern[bytes]:
+        return _CHUNK if only_chunks or self._false_alarms >= _MOST_FALSE_ALARMS else _RECORD
 
 
 def _claimed_end(offset: int, head: bytes) -> int | None:

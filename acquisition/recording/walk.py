@@ -18,6 +18,14 @@ from acquisition.recording.messages import QUALITY_AT, SAMPLE_TAGS, SOURCE_AT, V
 _MESSAGE = int(Opcode.MESSAGE)
 _HEAD_BYTES, _FIXED_BYTES = 9, 22
 CHANNELS = 1 << 16
+HEAD = np.dtype(
+    [
+        ("channel", np.uint16), ("sequence", np.uint32), ("log_ns", np.uint64), ("publish_ns", np.uint64),
+        ("start", np.int64), ("end", np.int64),
+    ],
+    align=True,
+)  # fmt: skip
+"""A message: the numbers of its channel and sequence, its times [ns], and where its data start and end."""
 TOO_SHORT, CUT = 1, 2
 _LATEST = np.uint64(2**63 - 1)
 _TAGS = np.frombuffer(bytes(tag for _, tag in SAMPLE_TAGS), np.uint8)
@@ -34,12 +42,13 @@ def _number(data: Any, place: int, size: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def count_records(data: Any, ends: Any) -> tuple[int, int, int, int]:
+def count_records(data: Any, ends: Any) -> tuple[int, int, Any, int]:
     """How many messages and other records there are in chunks one after the other, which end at ``ends``.
 
     Then where the last good record ends, and what is wrong with the next: 0, :data:`TOO_SHORT` or :data:`CUT`.
     """
-    messages = others = place = 0
+    messages = others = 0
+    place = np.int64(0)
     for end in ends:
         while place < end:
             left = end - place - _HEAD_BYTES
@@ -59,20 +68,18 @@ def count_records(data: Any, ends: Any) -> tuple[int, int, int, int]:
 
 
 @njit(cache=True, nogil=True)
-def read_heads(
-    data: Any, channel: Any, sequence: Any, log_ns: Any, publish_ns: Any, start: Any, end: Any, others: Any
-) -> None:
-    """Fill in the heads of all messages, where their data start and end, and where other records begin."""
-    place = index = other = 0
+def read_heads(data: Any, heads: Any, others: Any) -> None:
+    """Fill in the :data:`HEAD` of all messages, and where other records begin."""
+    index = other = 0
+    place = np.int64(0)
     while place < data.size:
         after = place + _HEAD_BYTES + np.int64(_number(data, place + 1, 8))
         if data[place] == _MESSAGE:
             fields = place + _HEAD_BYTES
-            channel[index] = _number(data, fields, 2)
-            sequence[index] = _number(data, fields + 2, 4)
-            log_ns[index] = _number(data, fields + 6, 8)
-            publish_ns[index] = _number(data, fields + 14, 8)
-            start[index], end[index] = fields + _FIXED_BYTES, after
+            head = heads[index]
+            head.channel, head.sequence = _number(data, fields, 2), _number(data, fields + 2, 4)
+            head.log_ns, head.publish_ns = _number(data, fields + 6, 8), _number(data, fields + 14, 8)
+            head.start, head.end = fields + _FIXED_BYTES, after
             index += 1
         else:
             others[other] = place
@@ -81,21 +88,21 @@ def read_heads(
 
 
 @njit(cache=True, nogil=True)
-def first_of_each(channel: Any) -> Any:
+def first_of_each(heads: Any) -> Any:
     """The channel numbers that occur, in the order in which they come first."""
     seen = np.zeros(CHANNELS, np.bool_)
-    order = np.empty(min(channel.size, CHANNELS), np.uint16)
+    order = np.empty(min(heads.size, CHANNELS), np.uint16)
     count = 0
-    for number in channel:
-        if not seen[number]:
-            seen[number] = True
-            order[count] = number
+    for head in heads:
+        if not seen[head.channel]:
+            seen[head.channel] = True
+            order[count] = head.channel
             count += 1
     return order[:count]
 
 
 @njit(inline="always")
-def _is_sample(data: Any, start: int, end: int) -> bool:
+def _is_sample(data: Any, start: Any, end: Any) -> Any:
     """Whether a message has the numbers of a sample in their places."""
     if end - start < SOURCE_AT:
         return False
@@ -106,7 +113,7 @@ def _is_sample(data: Any, start: int, end: int) -> bool:
 
 
 @njit(inline="always")
-def _same(data: Any, one: int, other: int, size: int) -> bool:
+def _same(data: Any, one: Any, other: Any, size: Any) -> Any:
     """Whether the same bytes stand in two places."""
     index = 0
     while index + 8 <= size:
@@ -122,8 +129,8 @@ def _same(data: Any, one: int, other: int, size: int) -> bool:
 
 @njit(cache=True, nogil=True)
 def sort_samples(
-    data: Any, channel: Any, log_ns: Any, publish_ns: Any, start: Any, end: Any, rank: Any, place: Any,
-    measured_ns: Any, received_ns: Any, value: Any, quality: Any, changes: Any,
+    data: Any, heads: Any, rank: Any, place: Any, measured_ns: Any, received_ns: Any, value: Any, quality: Any,
+    changes: Any,
 ) -> int:  # fmt: skip
     """Samples into columns, those of a topic together; the number of places at which the source changes.
 
@@ -132,28 +139,22 @@ def sort_samples(
     the message there, whose source is another than that of the topic's sample before. Returns -1 if a message is no
     sample whose numbers are where they should be.
     """
-    last = np.full(place.size, -1)
+    last_start, last_size = np.zeros(place.size, np.int64), np.full(place.size, -1)
     found = 0
-    for index in range(channel.size):
-        topic = rank[channel[index]]
+    for index in range(heads.size):
+        head = heads[index]
+        topic = rank[head.channel]
         if topic < 0:
             continue
-        here = start[index]
-        if not _is_sample(data, here, end[index]) or log_ns[index] > _LATEST or publish_ns[index] > _LATEST:
+        if not _is_sample(data, head.start, head.end) or head.log_ns > _LATEST or head.publish_ns > _LATEST:
             return -1
         row = place[topic]
         place[topic] += 1
-        measured_ns[row] = publish_ns[index]
-        received_ns[row] = log_ns[index]
-        value[row] = _number(data, here + VALUE_AT, 8)
-        quality[row] = data[here + QUALITY_AT]
-        before, size = last[topic], end[index] - here - SOURCE_AT
-        if (
-            before < 0
-            or end[before] - start[before] - SOURCE_AT != size
-            or not _same(data, start[before] + SOURCE_AT, here + SOURCE_AT, size)
-        ):
+        measured_ns[row], received_ns[row] = head.publish_ns, head.log_ns
+        value[row], quality[row] = _number(data, head.start + VALUE_AT, 8), data[head.start + QUALITY_AT]
+        start, size = head.start + SOURCE_AT, head.end - head.start - SOURCE_AT
+        if size != last_size[topic] or not _same(data, last_start[topic], start, size):
             changes[found, 0], changes[found, 1] = row, index
             found += 1
-        last[topic] = index
+        last_start[topic], last_size[topic] = start, size
     return found

@@ -10,7 +10,6 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-import orjson
 import pandas as pd
 import pytest
 
@@ -143,7 +142,7 @@ def open_sources(folder: Path) -> set[str]:
     health = []
     for path in folder.glob("*.mcap"):
         with suppress(InputError):
-            health += [orjson.loads(each.data) for each in MessageStream(path) if each.topic == HEALTH_TOPIC]
+            health += [each.body() for each in MessageStream(path) if each.topic == HEALTH_TOPIC]
     return {each["source"] for each in health if each["state"] in ("open", "silent")}
 
 

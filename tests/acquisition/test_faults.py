@@ -18,7 +18,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import can
-import orjson
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -33,7 +32,6 @@ from acquisition.logger import health
 from acquisition.logger import maintenance as housekeeping
 from acquisition.logger.pipeline import Recorder
 from acquisition.logger.receiver import Inbox
-from acquisition.recording.messages import frame_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
@@ -74,7 +72,7 @@ class Running:
         return read_recording(self.parts.path)
 
     def messages(self, topic: str) -> list[dict[str, Any]]:
-        return [orjson.loads(entry.data) for entry in MessageStream(self.parts.path) if entry.topic == topic]
+        return [entry.body() for entry in MessageStream(self.parts.path) if entry.topic == topic]
 
     @property
     def events(self) -> list[str]:
@@ -86,7 +84,7 @@ class Running:
 
     def raw(self, name: str) -> list[Frame]:
         return [
-            frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
+            entry.frame()
             for entry in MessageStream(self.parts.path)
             if entry.topic.startswith(RAW_PREFIX) and entry.topic.endswith(f"/{name}")
         ]

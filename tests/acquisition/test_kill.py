@@ -16,7 +16,6 @@ from pathlib import Path
 import pytest
 
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port
@@ -75,7 +74,7 @@ class Aftermath:
                 continue
             for entry in MessageStream(path):
                 if entry.topic == RAW_TOPIC:
-                    frame = frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
+                    frame = entry.frame()
                     number = numbers[frame.payload]
                     assert number not in self.received_ns, "a message is there twice"
                     self.received_ns[number] = frame.monotonic_ns

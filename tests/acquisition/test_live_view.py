@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import socket
 import struct
@@ -18,10 +19,11 @@ from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.trial import Trial
 from acquisition.logger.live_view import LiveView
 from acquisition.logger.requests import running_recorders, send_prediction
+from acquisition.recording.messages import ENCODING, decode
 from acquisition.recording.reader import read_recording
-from acquisition.recording.schemas import schema_of
+from acquisition.recording.schemas import kind_of
 from tests.acquisition.conftest import PATIENCE_S, free_port, recorded_count, wait_for
-from tests.acquisition.test_predictions import BODY, GEOJSON, Recording
+from tests.acquisition.test_predictions import BODY, GEOJSON, RECORDED, Recording
 
 websockets = pytest.importorskip("websockets.sync.client")
 LAYOUT = Path(__file__).parents[2] / "trials" / "foxglove_layout.json"
@@ -69,7 +71,7 @@ def test_a_viewer_sees_channels_with_schemas_and_values(recording: Watched) -> N
             if isinstance(said, str):
                 for channel in json.loads(said).get("channels", []):
                     topics[channel["id"]] = channel["topic"]
-                    assert json.loads(channel["schema"]) == json.loads(schema_of(channel["topic"])[1])
+                    assert base64.b64decode(channel["schema"]) == kind_of(channel["topic"]).descriptors
                     viewer.send(
                         json.dumps(
                             {
@@ -82,7 +84,7 @@ def test_a_viewer_sees_channels_with_schemas_and_values(recording: Watched) -> N
                 number, time_ns = struct.unpack("<IQ", said[1:13])
                 assert abs(time_ns - time.time_ns()) < 60e9
                 if topics[number] == "/channel/heading_deg":
-                    values.append(json.loads(said[13:])["value"])
+                    values.append(decode("/channel/heading_deg", ENCODING, said[13:])["value"])
     assert set(values) == {0.0}
     assert not any(topic.startswith("/raw") for topic in topics.values())
 
@@ -114,9 +116,9 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
                 with suppress(TimeoutError):
                     said = viewer.recv(timeout=0.7)
                     if not isinstance(said, str) and said[0] == MESSAGE_DATA:
-                        found[struct.unpack("<I", said[1:5])[0]] = json.loads(said[13:])
-            assert found[channels["/prediction"]["id"]] == BODY
-            assert found[channels["/prediction/track"]["id"]] == {"geojson": GEOJSON}
+                        found[struct.unpack("<I", said[1:5])[0]] = said[13:]
+            told = {topic: decode(topic, ENCODING, found[each["id"]]) for topic, each in channels.items()}
+            assert told == {"/prediction": RECORDED, "/prediction/track": {"geojson": GEOJSON}}
     finally:
         running.stop.set()
         running.thread.join()
@@ -169,11 +171,11 @@ def test_the_layout_shows_what_a_recording_holds() -> None:
     paths = [text for text in _strings(layout["configById"]) if text.startswith("/")]
     for path in paths:
         topic, *fields = path.removesuffix("[:]").split(".")
-        schema = json.loads(schema_of(topic)[1])
-        for field in fields:
-            assert field in schema["properties"], path
-            schema = schema["properties"][field]
-        assert path.endswith("[:]") == (bool(fields) and schema["type"] == "array"), path
+        message, field = kind_of(topic).message.DESCRIPTOR, None
+        for name in fields:
+            field = message.fields_by_name[name]
+            message = field.message_type
+        assert path.endswith("[:]") == (field is not None and field.is_repeated), path
     shown = {path.partition(".")[0] for path in paths}
     from acquisition.core.channels import CHANNELS
 

@@ -18,7 +18,6 @@ from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.frames import Frame
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.record import record
-from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
 from acquisition.sources import logfile
@@ -86,7 +85,7 @@ def test_the_recording_is_in_the_order_of_the_logs_times(tmp_path: Path) -> None
     said, sent = write_logs(tmp_path)
     (path,), _ = record(config_of(tmp_path, CANDUMP, TAGGED), tmp_path / "out")
     entries = [entry for entry in MessageStream(path) if entry.topic.startswith(RAW_PREFIX)]
-    frames = [frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns) for entry in entries]
+    frames = [entry.frame() for entry in entries]
     assert [frame.received_ns for frame in frames] == sorted(said + sent)
     assert [frame.monotonic_ns for frame in frames] == sorted(said + sent)
     events = read_recording(path).events
@@ -272,7 +271,7 @@ def test_a_real_log_keeps_every_frame(shared_data: Path, tmp_path: Path) -> None
     lines = re.findall(r"^<0x([0-9a-f]{8})> \[\d\] ((?:[0-9a-f]{2} ?)*)", log.read_text(), re.MULTILINE)
     (path,), _ = record(config_of(tmp_path, f'type = "can_file"\npath = "{log}"\n'), tmp_path / "out")
     entries = [entry for entry in MessageStream(path) if entry.topic.startswith(RAW_PREFIX)]
-    frames = [frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns) for entry in entries]
+    frames = [entry.frame() for entry in entries]
     assert len(frames) > 1_000
     assert [(frame.identifier, frame.payload) for frame in frames] == [
         (int(identifier, 16), bytes.fromhex(data)) for identifier, data in lines

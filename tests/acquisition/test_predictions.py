@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 from typer.testing import CliRunner
 
 from acquisition.config.configuration import load_config
@@ -31,9 +32,10 @@ from acquisition.logger.requests import (
     send_mark,
     send_prediction,
 )
+from acquisition.recording.messages import ENCODING, decode
 from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.recover import recover
-from acquisition.recording.schemas import PREDICTION
+from acquisition.recording.schemas import PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
 from seatrial import app
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, free_port, wait_for
 
@@ -47,6 +49,8 @@ BODY: dict[str, Any] = {
     },
     "running": {"over_s": 300.0, "predictions": 0, "left_out": 0},
 }  # fmt: skip
+RECORDED = {**BODY, "planned_channels": []}
+"""As it is read again: a list that was left out is empty."""
 WHO = RecorderState("bay", "/bay.toml", "/out/bay.mcap", False, 7, 0, 0)
 GEOJSON = '{"type":"LineString","coordinates":[[10.0,63.0],[10.00001,63.00002]]}'
 
@@ -107,8 +111,8 @@ def test_who_does_not_know_the_question_is_no_recorder_to_follow(tmp_path: Path)
 def test_what_fits_is_taken_in(ear: Ear) -> None:
     assert send_prediction(ear.hearing.path, BODY, GEOJSON) == ""
     (foretold,) = ear.predictions.take()
-    assert json.loads(foretold.data) == BODY
-    assert json.loads(foretold.geojson) == {"geojson": GEOJSON}
+    assert decode(PREDICTION_TOPIC, ENCODING, foretold.data) == RECORDED
+    assert decode(PREDICTED_TRACK_TOPIC, ENCODING, foretold.geojson) == {"geojson": GEOJSON}
     assert foretold.start_ns == 1_790_000_000_000_000_000
 
 
@@ -275,12 +279,16 @@ def test_predictions_are_in_the_recording_and_every_reader_copes(
         assert read_recording(each).predictions == 1
         assert "1 predictions made beside the recorder" in CliRunner().invoke(app, ["info", str(each)]).output
         (said,) = [entry for entry in MessageStream(each) if entry.topic == "/prediction"]
-        assert json.loads(said.data) == BODY
+        assert said.body() == RECORDED
         assert before_ns - 5e6 <= said.log_ns <= after_ns + 5e6
         assert said.publish_ns == 1_790_000_000_000_000_000
     with recording.open("rb") as stream:  # as other programs see it
-        found = {schema.name: message.data for schema, channel, message in make_reader(stream).iter_messages(
-            topics=["/prediction", "/prediction/track"]
-        ) if schema is not None and schema.encoding == "jsonschema"}  # fmt: skip
+        found = {
+            schema.name: message
+            for schema, _, _, message in make_reader(
+                stream, decoder_factories=[DecoderFactory()]
+            ).iter_decoded_messages(topics=["/prediction", "/prediction/track"])
+            if schema is not None
+        }
     assert found.keys() == {"seatrial.Prediction", "foxglove.GeoJSON"}
-    assert json.loads(json.loads(found["foxglove.GeoJSON"])["geojson"])["type"] == "LineString"
+    assert json.loads(found["foxglove.GeoJSON"].geojson)["type"] == "LineString"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import orjson
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -38,7 +37,7 @@ def one_by_one(path: Path) -> dict[str, list[tuple[int, int, float, int, str]]]:
     found: dict[str, list[tuple[int, int, float, int, str]]] = {}
     for entry in MessageStream(path):
         if entry.topic.startswith(CHANNEL_PREFIX):
-            body = orjson.loads(entry.data)
+            body = entry.body()
             row = (entry.publish_ns, entry.log_ns, float(body["value"]), int(body["quality"]), body["source"])
             found.setdefault(entry.topic.removeprefix(CHANNEL_PREFIX), []).append(row)
     return found

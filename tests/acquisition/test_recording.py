@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
+from google.protobuf import descriptor_pb2
+from google.protobuf.unknown_fields import UnknownFieldSet
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
+from mcap.records import Channel, Message, Schema
+from mcap_protobuf.decoder import DecoderFactory
 
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import InputError, StorageError
 from acquisition.core.frames import Frame, FrameFlag, Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.logger.health import SourceHealth
+from acquisition.recording.messages import ENCODING, decode, encode, encode_sample
 from acquisition.recording.reader import MessageStream, describe, read_recording
-from acquisition.recording.schemas import schema_of
+from acquisition.recording.schemas import kind_of
 from acquisition.recording.tables import write_table
 from acquisition.recording.writer import RecordingWriter
 from tests.acquisition.conftest import write_voyage
@@ -55,80 +58,102 @@ def test_missing_values_are_not_written(tmp_path: Path) -> None:
     assert recording.trial == FULL_TRIAL
 
 
+TOPICS = {
+    "/channel/heading_deg", "/raw/can/bus", "/raw/nmea0183/gyro", "/raw/mavlink/pilot", "/position", "/event",
+    "/health", "/prediction", "/prediction/track",
+}  # fmt: skip
+
+
+def decoded(path: Path) -> dict[str, tuple[Schema, Channel, Message, Any]]:
+    """The last message of each topic as the library's own reader of protobuf has it, by the schema in the file."""
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        found = {}
+        for schema, channel, message, body in reader.iter_decoded_messages():
+            assert schema is not None
+            found[channel.topic] = schema, channel, message, body
+    return found
+
+
 def test_a_plain_reader_opens_it_with_schemas_and_topics(tmp_path: Path) -> None:
-    """Viewers skip a topic without a schema, so every topic has one, and JSON that fits it."""
+    """Viewers skip a topic without a schema, so every topic has one, and nothing is known that it does not say."""
     path = tmp_path / "all.mcap"
     with RecordingWriter(path, FULL_TRIAL, {"configuration.toml": b"[trial]"}) as writer:
-        writer.write_sample(Sample("heading_deg", 12.5, "gyro/HE:HDT", 5, 1, 4, 3, "gps", Quality.GOOD))
+        writer.write_sample(Sample("heading_deg", 12.5, "gyro/HE:HDT", 5, 1, 4, 3_500_000_000, "gps", Quality.GOOD))
         writer.write_raw(Frame("bus", "can", b"\x01\xff", 6, 2, 0x09F11223, FrameFlag.NONE))
         writer.write_raw(Frame("gyro", "nmea0183", b"$HEHDT,\xff", 6, 2))
         writer.write_raw(Frame("pilot", "mavlink", b"\xfd\x00", 6, 2))
-        writer.write_position(63.4, 10.4, 7, 7)
+        writer.write_position(63.4, 10.4, 7, 7_000_000_001)
         writer.write_event("start 20/20", 8)
-        writer.write_health({"source": "gyro", "state": "open"}, 9)
+        writer.write_health(SourceHealth("gyro", last_ns=1_000_000_000).as_message(3_500_000_000), 9)
     with path.open("rb") as stream:
         reader = make_reader(stream)
-        found = {channel.topic: (schema, message) for schema, channel, message in reader.iter_messages()}
         assert {record.name for record in reader.iter_metadata()} == {"trial"}
         assert [attachment.data for attachment in reader.iter_attachments()] == [b"[trial]"]
-    assert set(found) == {
-        "/channel/heading_deg", "/raw/can/bus", "/raw/nmea0183/gyro", "/raw/mavlink/pilot", "/position",
-        "/event", "/health",
-    }  # fmt: skip
-    for schema, message in found.values():
-        assert schema is not None
-        properties = json.loads(schema.data)
-        assert properties["type"] == "object"
-        assert schema.encoding == "jsonschema"
-        assert set(json.loads(message.data)) <= set(properties["properties"])
-    heading = found["/channel/heading_deg"][1]
-    assert (heading.log_time, heading.publish_time) == (5, 4)
-    assert json.loads(heading.data)["value"] == 12.5
-    assert found["/position"][0].name == "foxglove.LocationFix"
-    assert found["/event"][0].name == "foxglove.Log"
+    found = decoded(path)
+    assert found.keys() == TOPICS - {"/prediction", "/prediction/track"}
+    for schema, channel, _, body in found.values():
+        assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+        assert not len(UnknownFieldSet(body))
+    _, channel, message, heading = found["/channel/heading_deg"]
+    assert (message.log_time, message.publish_time) == (5, 4)
+    assert (heading.value, heading.quality, heading.monotonic_ns) == (12.5, Quality.GOOD, 1)
+    assert (heading.source, heading.source_time, heading.source_clock) == ("gyro/HE:HDT", 3.5, "gps")
+    assert channel.metadata["unit"] == "deg"
+    assert found["/raw/can/bus"][3].data == b"\x01\xff"
+    assert found["/raw/nmea0183/gyro"][3].sentence == "$HEHDT,ÿ"
+    assert (found["/position"][0].name, found["/event"][0].name) == ("foxglove.LocationFix", "foxglove.Log")
+    assert (found["/position"][3].latitude, found["/position"][3].timestamp.nanos) == (63.4, 1)
+    assert (found["/event"][3].level, found["/event"][3].message) == (2, "start 20/20")
+    assert (found["/health"][3].source, found["/health"][3].age_s) == ("gyro", 2.5)
 
 
-@pytest.mark.parametrize(
-    "topic",
-    ["/channel/heading_deg", "/raw/can/bus", "/raw/nmea0183/gyro", "/raw/mavlink/pilot", "/position", "/event",
-     "/health", "/prediction", "/prediction/track"],
+@pytest.mark.parametrize("name", ["LocationFix", "Log", "GeoJson"])
+def test_well_known_messages_have_the_published_fields(name: str) -> None:
+    """Number, type and multiplicity of every field that is used, against the package of those who publish them."""
+    messages = pytest.importorskip("foxglove.messages")
+    published = getattr(messages, name).get_schema()
+    files = descriptor_pb2.FileDescriptorSet.FromString(published.data)
+    (theirs,) = [
+        each for file in files.file for each in file.message_type if each.name == published.name.split(".")[1]
+    ]
+    (kind,) = [kind for kind in map(kind_of, TOPICS) if kind.title == published.name]
+    ours = descriptor_pb2.DescriptorProto()
+    kind.message.DESCRIPTOR.CopyToProto(ours)
+    known = {field.name: (field.number, field.type, field.label, field.type_name) for field in theirs.field}
+    for field in ours.field:
+        assert known[field.name] == (field.number, field.type, field.label, field.type_name)
+    assert list(ours.enum_type) == list(theirs.enum_type)
+
+
+@given(
+    value=st.floats(), source_ns=st.none() | st.integers(0, 2**62), monotonic_ns=st.integers(-(2**63), 2**63 - 1),
+    quality=st.sampled_from(list(Quality)), source=st.text(max_size=20), clock=st.text(max_size=20),
 )  # fmt: skip
-def test_every_schema_can_be_read_by_every_viewer(topic: str) -> None:
-    """One type a field, and objects that name their properties: Lichtblick opens no topic with other schemas."""
-
-    def look(schema: dict[str, Any], name: str) -> None:
-        assert schema["type"] in ("object", "array", "number", "integer", "string", "boolean"), name
-        assert not {"$ref", "anyOf", "oneOf", "allOf"} & set(schema), name
-        if schema["type"] == "object":
-            for key, each in schema["properties"].items():
-                look(each, f"{name}.{key}")
-        elif schema["type"] == "array":
-            look(schema["items"], f"{name}[]")
-
-    look(json.loads(schema_of(topic)[1]), topic)
-
-
-@pytest.mark.parametrize("source_ns", [None, 3_500_000_000])
-def test_samples_and_states_are_what_their_schemas_say(source_ns: int | None, tmp_path: Path) -> None:
-    """With a source's time and without, with a last frame and before the first."""
-    sample = Sample("heading_deg", 12.5, "gyro", 5, 1, 4, source_ns)
-    path = tmp_path / "a.mcap"
-    with RecordingWriter(path, Trial(name="x")) as writer:
-        writer.write_sample(sample)
-        writer.write_health(SourceHealth("gyro", last_ns=source_ns).as_message(9_000_000_000), 9)
-    with path.open("rb") as stream:
-        for schema, _, message in make_reader(stream).iter_messages():
-            assert schema is not None
-            body = json.loads(message.data)
-            jsonschema.validate(body, json.loads(schema.data))
-            assert None not in body.values()
+def test_a_sample_is_laid_out_as_documented(
+    value: float, source_ns: int | None, monotonic_ns: int, quality: Quality, source: str, clock: str
+) -> None:
+    """The numbers are found at fixed places without a parser, and a parser finds the same."""
+    data = encode_sample(Sample("roll_deg", value, source, 0, monotonic_ns, 0, source_ns, clock, quality))
+    places = {"value": ("<f8", 1), "source_time": ("<f8", 10), "monotonic_ns": ("<i8", 19), "quality": ("<u4", 28)}
+    parsed = decode("/channel/roll_deg", ENCODING, data)
+    for name, (kind, place) in places.items():
+        found = np.frombuffer(data, kind, 1, place)[0]
+        assert found == parsed[name] or (math.isnan(found) and math.isnan(parsed[name]))
+    assert parsed["value"] == value or math.isnan(value)
+    assert math.isnan(parsed["source_time"]) == (source_ns is None)
+    assert (parsed["source"], parsed["source_clock"], parsed["quality"]) == (source, clock, quality)
+    assert encode("/channel/roll_deg", parsed) == data
 
 
-def test_schema_descriptions_carry_the_units() -> None:
+def test_channels_say_their_units(tmp_path: Path) -> None:
+    write_voyage(tmp_path / "voyage.mcap", duration_s=1.0)
+    found = decoded(tmp_path / "voyage.mcap")
     for name in NAMES:
-        title, text = schema_of(f"/channel/{name}")
-        assert title == f"seatrial.{name}"
-        assert f"[{BY_NAME[name].unit}]" in json.loads(text)["properties"]["value"]["description"]
+        schema, channel, _, _ = found[f"/channel/{name}"]
+        assert schema.name == "seatrial.Sample"
+        assert channel.metadata["unit"] == BY_NAME[name].unit
+        assert channel.metadata["meaning"] == BY_NAME[name].meaning
 
 
 def test_what_was_flushed_survives_a_kill(tmp_path: Path) -> None:

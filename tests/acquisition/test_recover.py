@@ -211,6 +211,19 @@ def test_every_bit_of_a_chunks_head_may_flip(tmp_path: Path, small: Original) ->
             assert messages in (expected, small.all), (place, bit)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_bytes_cut_out_behind_a_chunk_cost_no_chunk(tmp_path: Path, larger: Original, seed: int) -> None:
+    """The index of a chunk's messages then claims bytes of the next chunk, which is all there."""
+    chance = random.Random(seed)
+    for _ in range(60):
+        which = chance.randrange(len(larger.spans) - 1)
+        begin, end = larger.spans[which][1], larger.spans[which + 1][0]
+        place = chance.randrange(begin, end)
+        count = chance.randint(1, end - place)
+        _, messages = recovered(tmp_path, larger.data[:place] + larger.data[place + count :])
+        assert messages == larger.all, (place, count)
+
+
 @settings(max_examples=40, deadline=None)
 @given(places=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.integers(0, 7)), min_size=2, max_size=2))
 def test_two_flipped_bits_cost_at_most_two_chunks(

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import orjson
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -342,7 +341,7 @@ def test_the_samples_keep_all_three_times(tmp_path: Path, frames: list[Frame], r
     samples = [entry for entry in entries(path) if entry.topic == f"{CHANNEL_PREFIX}port_rpm"]
     assert len(samples) == 40
     for entry in samples:
-        body = orjson.loads(entry.data)
+        body = entry.body()
         assert entry.log_ns - entry.publish_ns == pytest.approx(DELAY_NS, abs=1_000_000)
         assert body["source_time"] == pytest.approx(entry.publish_ns / SECOND)
         assert body["monotonic_ns"] == (entry.log_ns - DELAY_NS) % BOOT_NS

@@ -106,7 +106,7 @@ def latencies_s(path: Path) -> list[float]:
     found = []
     for each in MessageStream(path):
         if each.topic == "/prediction":
-            body = json.loads(each.data)
+            body = each.body()
             found.append(each.log_ns / 1e9 - body["made_at"] + body["latency_s"])
     return found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import accumulate
@@ -20,7 +19,9 @@ from acquisition.core.trial import Trial
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
+from acquisition.recording.messages import ENCODING, decode
 from acquisition.recording.parts import RecordingParts
+from acquisition.recording.schemas import PREDICTION_TOPIC
 from hybrid.calibrators.predictor import Predictor
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.twin import twin as twin_module
@@ -57,7 +58,7 @@ class Recorder:
         self.parts.flush()
 
     def said(self) -> list[dict[str, Any]]:
-        return [json.loads(each.data) for each in self.predictions.take()]
+        return [decode(PREDICTION_TOPIC, ENCODING, each.data) for each in self.predictions.take()]
 
 
 @pytest.fixture

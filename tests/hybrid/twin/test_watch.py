@@ -98,7 +98,7 @@ def first_part(log: str) -> str:
 
 
 def predictions_in(path: Path) -> list[tuple[int, dict[str, Any]]]:
-    return [(each.log_ns, json.loads(each.data)) for each in MessageStream(path) if each.topic == "/prediction"]
+    return [(each.log_ns, each.body()) for each in MessageStream(path) if each.topic == "/prediction"]
 
 
 def recorded(paths: list[Path]) -> dict[str, int]:
