@@ -74,7 +74,7 @@ def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[
             field.label = _FIELD.LABEL_REPEATED
         _set_type(proto, field, each.get("items", each), full_name, comments, path)
         if name not in required and field.label != _FIELD.LABEL_REPEATED and field.type != _FIELD.TYPE_MESSAGE:
-            field.proto3_optional, field.oneof_index = True, len(proto.oneof_decl)
+            field.MergeFrom(_FIELD(proto3_optional=True, oneof_index=len(proto.oneof_decl)))
             proto.oneof_decl.add(name=f"_{name}")
         comments.location.add(
             path=[*path, _FIELDS, index], span=(0, 0, 0), leading_comments=each.get("description", "")
@@ -100,8 +100,7 @@ def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: 
             "type": "object",
             "properties": {"key": {"type": "string"}, "value": schema["additionalProperties"]},
         }
-        within = proto.nested_type.add(name=f"{own}Entry")
-        within.options.map_entry = True
+        within = proto.nested_type.add(name=f"{own}Entry", options=descriptor_pb2.MessageOptions(map_entry=True))
         _fill(within, entry, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
     else:
         field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{own}"
