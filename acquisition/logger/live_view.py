@@ -74,7 +74,11 @@ class LiveView:
         kind = kind_of(topic)
         schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
         channel = self._sdk.Channel(
-            topic, schema=schema, message_encoding=ENCODING, metadata=channel_metadata(topic, self._known), context=self._context
+            topic,
+            schema=schema,
+            message_encoding=ENCODING,
+            metadata=channel_metadata(topic, self._known),
+            context=self._context,
         )
         self._channels[topic] = channel
         return channel
