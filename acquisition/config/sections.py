@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import field, fields
 from difflib import get_close_matches
+from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
@@ -291,10 +292,12 @@ class _Source:
 class _CanFrames(_Source):
     """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file.
 
+    ``addresses`` are the source addresses on the bus that are believed; unless given, all are.
     NMEA 2000 tells the speed of engines only: it counts as that of their shaft with the ``reduction_ratios``.
     """
 
     devices: tuple[Device, ...] = ()
+    addresses: tuple[Annotated[int, Field(ge=0, le=255)], ...] = ()
     reduction_ratios: ReductionRatios = field(default_factory=dict)
     dbc: AbsolutePath | None = None
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
@@ -315,10 +318,14 @@ class CanSource(_CanFrames):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Port(_Source):
-    """A port of UDP or TCP: of this address, that datagrams are sent to or that we connect to."""
+    """A port of UDP or TCP: of this address, that datagrams are sent to or that we connect to.
+
+    ``senders`` are the addresses or networks whose input is taken; unless given, everybody's is.
+    """
 
     port: Port
     address: str = "127.0.0.1"
+    senders: tuple[IPv4Network | IPv6Network, ...] = ()
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -45,7 +45,8 @@ class Frame(NamedTuple):
 
     ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line without
     its line end, or one MAVLink datagram.
-    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is whoever sent it
+    over a network, by address.
     """
 
     origin: str
@@ -56,6 +57,7 @@ class Frame(NamedTuple):
     identifier: int = 0
     flags: FrameFlag = FrameFlag.NONE
     stamped_ns: int | None = None
+    sender: str = ""
 
 
 class Sample(NamedTuple):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections import ChainMap
-from dataclasses import dataclass, replace
+from collections import ChainMap, Counter
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 from acquisition.config.configuration import TrialConfig
+from acquisition.config.sections import CanFrames
 from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Frame, Group, Sample
+from acquisition.core.frames import Frame, FrameFlag, Group, Sample
 from acquisition.decoders import Decoder, decoders_by_protocol
 from acquisition.logger.derive import Derivation
 from acquisition.logger.health import Health
@@ -41,6 +42,22 @@ class _Allowance:
         return self.left >= 0
 
 
+@dataclass(slots=True)
+class _Addresses:
+    """The source addresses on a bus that are believed."""
+
+    believed: tuple[int, ...]
+    refused: Counter[str] = field(default_factory=Counter)
+
+    def admit(self, frame: Frame) -> bool:
+        """Whether a frame is of one of them, or tells no address."""
+        told = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
+        if told and frame.identifier & 0xFF not in self.believed:
+            self.refused["address that is not allowed"] += 1
+            return False
+        return True
+
+
 class FrameProcessor:
     """Frames into a recording; for one thread only."""
 
@@ -52,6 +69,10 @@ class FrameProcessor:
         self._decoders = {each.name: decoders_by_protocol(each, *ship) for each in config.sources}
         for name, decoders in self._decoders.items():
             health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
+        self._addresses = {each.name: _Addresses(each.addresses) for each in config.sources
+                           if isinstance(each, CanFrames) and each.addresses}  # fmt: skip
+        for name, addresses in self._addresses.items():
+            health.sources[name].refusals.append(addresses.refused)
         self._derivation = Derivation(
             config.trial,
             frozenset(each.name for each in config.sources if POSITION & set(each.channels)),
@@ -80,6 +101,8 @@ class FrameProcessor:
         self._writer.write_raw(frame)
         if self._in_storm:
             self._end_storm(frame)
+        if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
+            return
         health = self._health.sources[frame.origin]
         for decoder in self._decoders[frame.origin].get(frame.protocol, ()):
             for group in self._decoded(decoder, frame):

@@ -12,6 +12,7 @@ from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.health import SourceHealth
 from acquisition.sources import Source
+from acquisition.sources.senders import Senders
 
 _MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
 POLL_S = 0.1
@@ -95,6 +96,9 @@ class Receiver:
         self._budget = Budget(bytes_per_s, time.monotonic())
         self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
         health.state = "opening"
+        self._senders: Senders | None = getattr(source, "senders", None)
+        if self._senders is not None:
+            health.refusals.append(self._senders.refused)
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = 0
         self._untold: Counter[str] = Counter()
@@ -124,6 +128,9 @@ class Receiver:
             if frames is None:
                 self._health.state = "ended"
                 break
+            while self._senders is not None and self._senders.news:
+                level, text = self._senders.news.popleft()
+                self._tell(level, f"{self._health.name}: {text}")
             frames = self._marked(frames, began_s, time.monotonic())
             if frames:
                 self._pass_on(frames)

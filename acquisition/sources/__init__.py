@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 from acquisition.config.sections import AnySource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
+from acquisition.sources.senders import Senders
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
@@ -34,13 +35,14 @@ class Source(ABC):
 
     ``lost`` is how much the system had no room for, as far as it tells, and ``loss`` says what that is. ``exact``
     tells whether all that was read last is stamped with when it came, by the system or a driver, not with when it
-    was read. ``behind`` tells whether more was waiting than was read.
+    was read. ``behind`` tells whether more was waiting than was read. ``senders`` are those of a network's port.
     """
 
     lost = 0
     loss = "the system had no room for {:,} frames"
     exact = False
     behind = False
+    senders: Senders | None = None
 
     def __init__(self, config: AnySource) -> None:
         self.name = config.name

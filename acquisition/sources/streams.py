@@ -25,6 +25,7 @@ from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source
 from acquisition.sources.actisense import Cutter, is_message
 from acquisition.sources.line_forms import Entry, LineReader
+from acquisition.sources.senders import Senders
 from acquisition.sources.sockets import TIME_BYTES, Drops, arrival_ns, enlarge, received_at, stamp_arrivals
 
 if TYPE_CHECKING:
@@ -173,8 +174,22 @@ class SerialPort(_Stream):
 class TcpConnection(_Stream):
     """One connection to a server: a multiplexer, a gateway, a router, or a simulated autopilot."""
 
+    def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
+        super().__init__(config)
+        self.senders = Senders(config.senders)
+
     def _connect(self) -> socket.socket:
-        address = (self._config.address, self._config.port)
+        opened = self._connection((self._config.address, self._config.port))
+        self._peer = str(opened.getpeername()[0])
+        if not self.senders.admits(self._peer):
+            opened.close()
+            raise self.failure(f"{self._peer} answers, which may not", fix="correct `address` or `senders`")
+        return opened
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        return [frame._replace(sender=self._peer) for frame in super()._receive(timeout_s) or ()]
+
+    def _connection(self, address: tuple[str, int]) -> socket.socket:
         try:
             return socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
         except OSError as error:
@@ -205,6 +220,10 @@ class UdpPort(_Stream):
     ``lost`` counts the datagrams that the system had no room for.
     """
 
+    def __init__(self, config: UdpSource | MavlinkSource) -> None:
+        super().__init__(config)
+        self.senders = Senders(config.senders)
+
     def _connect(self) -> socket.socket:
         opened = _bind_udp(self._config)
         self._drops = Drops(opened)
@@ -227,16 +246,17 @@ class UdpPort(_Stream):
         return frames
 
     def _bytes(self, timeout_s: float) -> bytes:
-        data, more, *_ = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
+        data, more, _, (self._sender, _) = self._link.recvmsg(_DATAGRAM_BYTES, TIME_BYTES)
         self._times, stamped = received_at(arrival_ns(more))
         self.exact = self.exact and stamped
-        return bytes(data)
+        return bytes(data) if self.senders.admits(self._sender) else b""
 
     def _frames(self, datagram: bytes) -> list[Frame]:
         """The frames of a datagram, which never continues the one before it."""
-        if self._lines is not None:
-            return self._lines.push(datagram, self._times) + self._lines.end(self._times)
-        return [Frame(self.name, "mavlink", datagram, *self._times)] if datagram else []
+        if self._lines is None:
+            return [Frame(self.name, "mavlink", datagram, *self._times, sender=self._sender)] if datagram else []
+        frames = self._lines.push(datagram, self._times) + self._lines.end(self._times)
+        return [frame._replace(sender=self._sender) for frame in frames]
 
 
 def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:

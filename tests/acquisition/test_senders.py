@@ -1,0 +1,112 @@
+"""Who may send: networks at a port, source addresses on a bus; the others are counted and told, not believed."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from ipaddress import ip_network
+from pathlib import Path
+
+import pytest
+
+from acquisition.config.configuration import parse_config
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.frames import now_ns
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.pipeline import health_of
+from acquisition.logger.processing import FrameProcessor
+from acquisition.recording.parts import RecordingParts
+from acquisition.sources.senders import Senders
+from tests.acquisition.can_frames import can_frame
+from tests.acquisition.conftest import config_text, free_port, wait_for
+from tests.acquisition.test_faults import recording, udp
+
+RATE = 0x09F11300  # 127251, of the address that is added
+
+
+def say_from(address: str, port: int, text: str) -> None:
+    """A datagram from another address of this computer."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+        line.bind((address, 0))
+        line.sendto(sentence(text), ("127.0.0.1", port))
+
+
+def test_an_unknown_sender_is_counted_told_and_not_recorded(tmp_path: Path) -> None:
+    port = free_port()
+    with recording(
+        tmp_path, udp("line", port, "yaw_rate_dps") + 'senders = ["127.0.0.2", "10.0.0.0/8"]\n'
+    ) as running:
+        for number in range(5):
+            say_from("127.0.0.3", port, "TIROT,3000,A")
+            say_from("127.0.0.2", port, f"TIROT,{60 * number},A")
+        running.wait_for_frames("line", 5)
+        wait_for(lambda: running.sources["line"].rejected == 5)
+    assert running.recording.series["yaw_rate_dps"].value.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert running.sources["line"].reasons == {"sender that is not allowed": 5}
+    assert len(running.raw("line")) == 5
+    assert running.told(r"line: 127\.0\.0\.3 sends and may not") == 1
+    assert running.told(r"line: 127\.0\.0\.2 sends$") == 1
+
+
+def test_without_a_list_everybody_may_send_and_is_recorded_by_address(tmp_path: Path) -> None:
+    port = free_port()
+    with recording(tmp_path, udp("line", port, "yaw_rate_dps")) as running:
+        for last in (4, 5, 4):
+            say_from(f"127.0.0.{last}", port, "TIROT,60,A")
+        running.wait_for_frames("line", 3)
+    assert [each.sender for each in running.raw("line")] == ["127.0.0.4", "127.0.0.5", "127.0.0.4"]
+    assert running.sources["line"].rejected == 0
+
+
+@pytest.mark.parametrize(
+    ("senders", "may"), [("", True), ('senders = ["127.0.0.1"]', True), ('senders = ["::1"]', False)]
+)
+def test_a_server_that_answers_has_to_be_allowed(tmp_path: Path, senders: str, may: bool) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+
+        def serve() -> None:
+            client, _ = server.accept()
+            client.sendall(sentence("TIROT,60,A"))
+
+        threading.Thread(target=serve, daemon=True).start()
+        text = f'[[source]]\nname = "line"\ntype = "tcp"\nport = {port}\nchannels = ["yaw_rate_dps"]\n{senders}\n'
+        with recording(tmp_path, text + udp("other", free_port())) as running:
+            wait_for(lambda: bool(running.sources["line"].frames) or running.sources["line"].state == "failed")
+    assert ("yaw_rate_dps" in running.recording.series) is may
+    assert [each.sender for each in running.raw("line")] == ["127.0.0.1"] * may
+    assert running.told("127.0.0.1 answers, which may not") == (not may)
+
+
+def test_addresses_on_a_bus_that_are_not_allowed_are_kept_raw_and_not_believed(tmp_path: Path) -> None:
+    text = config_text(
+        'type = "can"\ninterface = "virtual"\nchannel = "x"\naddresses = [3, 35]\n', ("yaw_rate_dps",)
+    )
+    config = parse_config(text, tmp_path / "trial.toml")
+    health, parts = health_of(config), RecordingParts(tmp_path, config.trial, {}, config.recording)
+    processing = FrameProcessor(config, parts, health)
+    for address in (3, 35, 36, 3):
+        frame = can_frame(RATE + address, "00 00 00 00 00 FF FF FF", now_ns()[1] / 1e9)
+        processing.process(frame._replace(origin="line"))
+    parts.close()
+    assert health.channels["yaw_rate_dps"].count >= 2
+    assert health.channels["yaw_rate_dps"].source.startswith("line/3")
+    assert health.sources["line"].reasons == {"address that is not allowed": 1}
+
+
+def test_senders_without_end_are_not_all_remembered() -> None:
+    """Addresses of datagrams can be forged."""
+    senders = Senders([ip_network("10.0.0.0/8")])
+    admitted = sum(senders.admits(f"{first}.{second}.0.1") for first in range(8, 13) for second in range(200))
+    assert admitted == 200
+    assert senders.refused.total() == 800
+    assert len(senders.news) == 100
+    assert senders.admits("fe80::1%eth0") is False
+
+
+@pytest.mark.parametrize(
+    "wrong", ['senders = ["ship"]', 'senders = ["10.0.0.5/8"]', "addresses = [256]", "addresses = [-1]"]
+)
+def test_what_is_no_address_is_told(wrong: str) -> None:
+    with pytest.raises(ConfigurationError, match=wrong.partition(" ")[0]):
+        parse_config(config_text(f'type = "udp"\nport = 1\n{wrong}\n'), "trial.toml")
