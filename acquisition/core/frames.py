@@ -45,8 +45,8 @@ class Frame(NamedTuple):
 
     ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line without
     its line end, or one MAVLink datagram.
-    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is whoever sent it
-    over a network, by address.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is whoever
+    sent it over a network, by address.
     """
 
     origin: str

@@ -71,6 +71,7 @@ class SourceHealth:
             "rejected": self.rejected,
             "reasons": self.reasons,
             "dropped": self.dropped,
+            "over_budget": self.over_budget,
             **({} if self.last_ns is None else {"age_s": (now_ns - self.last_ns) / 1e9}),
         }
 

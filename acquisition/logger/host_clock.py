@@ -25,6 +25,8 @@ _KEEPERS = {
 """Programs that keep a clock, by their names in /proc, which are cut to 15 letters."""
 _SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
 _LATEST_PULSE_S = 2.5
+HOST_CLOCK = "host clock"
+"""The name of the computer's clock among the sources' states; no source can be called so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,12 @@ class HostClock:
     def kept(self) -> bool:
         """Whether the system says that it is kept right."""
         return self.state.startswith("kept")
+
+    def as_message(self) -> dict[str, Any]:
+        """The body of a ``/health`` message."""
+        known = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
+        said = {key: value for key, value in known.items() if value is not None}
+        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **said}
 
     def __str__(self) -> str:
         by = f" ({self.keeper})" if self.keeper else ""

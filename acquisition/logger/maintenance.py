@@ -138,6 +138,8 @@ class Maintenance:
             return
         for source in self._health.sources.values():
             self._parts.write_health(source.as_message(now), self._scale.utc_ns(now))
+        if self._health.clock.state != "unknown":
+            self._parts.write_health(self._health.clock.as_message(), self._scale.utc_ns(now))
 
     def _listen(self, now: int) -> None:
         """Say when a source falls silent and when it is heard again."""

@@ -119,7 +119,7 @@ class MessageSink(ABC):
             body = {"sentence": frame.payload.decode("latin-1")}
         else:
             body = {"data": frame.payload}
-        body["monotonic_ns"] = frame.monotonic_ns
+        body["monotonic_ns"], body["sender"] = frame.monotonic_ns, frame.sender
         stamp = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns
         topic = raw_topic(frame.protocol, frame.origin)
         self.write(topic, encode(topic, body), frame.received_ns, stamp)
@@ -173,11 +173,12 @@ def frame_of(topic: str, log_ns: int, publish_ns: int, data: bytes, encoding: st
     body = decode(topic, encoding, data)
     stamped_ns = publish_ns if publish_ns != log_ns else None
     times = log_ns, int(body["monotonic_ns"])
+    sent = {"stamped_ns": stamped_ns, "sender": body.get("sender", "")}
     if protocol == "can":
         identifier, flags = int(body["id"]), FrameFlag(body["flags"])
-        return Frame(origin, "can", body["data"], *times, identifier, flags, stamped_ns)
+        return Frame(origin, "can", body["data"], *times, identifier, flags, **sent)
     if protocol == "nmea0183":
-        return Frame(origin, "nmea0183", body["sentence"].encode("latin-1"), *times, stamped_ns=stamped_ns)
+        return Frame(origin, "nmea0183", body["sentence"].encode("latin-1"), *times, **sent)
     if protocol == "mavlink":
-        return Frame(origin, "mavlink", body["data"], *times, stamped_ns=stamped_ns)
+        return Frame(origin, "mavlink", body["data"], *times, **sent)
     raise ValueError(f"protocol {protocol!r} is not known")

@@ -68,6 +68,7 @@ SAMPLE = Kind(
     ),
 )
 
+_SENDER = _value("string", "Who sent it over a network, by address; else empty")
 _RAW = {
     "can": Kind(
         "seatrial.RawCan",
@@ -82,6 +83,7 @@ _RAW = {
                 ),
                 "data": _value("string", "The data bytes", "bytes"),
                 "monotonic_ns": _RECEIVED,
+                "sender": _SENDER,
             },
         ),
     ),
@@ -89,14 +91,18 @@ _RAW = {
         "seatrial.RawNmea0183",
         _object(
             "One line as received, without its line end",
-            {"sentence": _value("string", "The bytes of the line as Latin-1"), "monotonic_ns": _RECEIVED},
+            {
+                "sentence": _value("string", "The bytes of the line as Latin-1"),
+                "monotonic_ns": _RECEIVED,
+                "sender": _SENDER,
+            },
         ),
     ),
     "mavlink": Kind(
         "seatrial.RawMavlink",
         _object(
             "Bytes of a MAVLink stream as received",
-            {"data": _value("string", "The bytes", "bytes"), "monotonic_ns": _RECEIVED},
+            {"data": _value("string", "The bytes", "bytes"), "monotonic_ns": _RECEIVED, "sender": _SENDER},
         ),
     ),
 }
@@ -157,10 +163,13 @@ _GEOJSON = Kind(
 _HEALTH = Kind(
     "seatrial.Health",
     _object(
-        "The state of one source",
+        "The state of one source, or of the computer's clock",
         {
-            "source": {"type": "string"},
-            "state": _value("string", "opening, open, silent, failed or ended"),
+            "source": _value("string", "Its name; that of the clock is `host clock`"),
+            "state": _value(
+                "string",
+                "opening, open, silent, failed or ended; of the clock: kept by NTP or PTP, free-running, unknown",
+            ),
             "frames": _value("integer", "Received since the start"),
             "rejected": _value("integer", "Frames and values that came and were not believed"),
             "reasons": {
@@ -169,10 +178,14 @@ _HEALTH = Kind(
                 "additionalProperties": {"type": "integer"},
                 "description": "How many of them, by reason",
             },
-            "dropped": _value("integer", "Frames lost because the queue was full"),
+            "dropped": _value("integer", "Frames lost for want of room, here or in the system, or over the budget"),
             "age_s": _value("number", "Since the last frame [s]; left out if there was none"),
+            "over_budget": _value("integer", "Of those that were dropped, how many were over the source's budget"),
+            "keeper": _value("string", "Of the clock: the programs that keep it"),
+            "error_s": _value("number", "Of the clock: a bound of its error, as far as its keeper tells [s]"),
+            "pps_offset_s": _value("number", "Of the clock: how late the last pulse a second was by it [s]"),
         },
-        unknown=("age_s",),
+        unknown=("age_s", "error_s", "pps_offset_s"),
     ),
 )
 

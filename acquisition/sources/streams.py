@@ -174,6 +174,8 @@ class SerialPort(_Stream):
 class TcpConnection(_Stream):
     """One connection to a server: a multiplexer, a gateway, a router, or a simulated autopilot."""
 
+    senders: Senders
+
     def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
         super().__init__(config)
         self.senders = Senders(config.senders)
@@ -219,6 +221,8 @@ class UdpPort(_Stream):
 
     ``lost`` counts the datagrams that the system had no room for.
     """
+
+    senders: Senders
 
     def __init__(self, config: UdpSource | MavlinkSource) -> None:
         super().__init__(config)

@@ -15,6 +15,7 @@ from acquisition.config.sections import AlarmSection
 from acquisition.core.errors import ConfigurationError
 from acquisition.logger.alarms import Alarm, Alarms
 from acquisition.logger.health import Health, SourceHealth
+from acquisition.logger.host_clock import host_clock
 from acquisition.logger.record import record
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port, wait_for
@@ -88,6 +89,7 @@ command = ["/nowhere/to/be/found"]
     wait_for(said.exists)
     assert said.read_text().startswith("muteraisedmute: source.line.age_s is")
     assert "alarm mute: its command ended with 3" in events
+    assert read_recording(paths[0]).health["host clock"]["state"] == host_clock().state
 
 
 @pytest.mark.parametrize(("section", "said"), [

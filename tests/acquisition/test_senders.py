@@ -58,21 +58,26 @@ def test_without_a_list_everybody_may_send_and_is_recorded_by_address(tmp_path: 
     assert running.sources["line"].rejected == 0
 
 
-@pytest.mark.parametrize(
-    ("senders", "may"), [("", True), ('senders = ["127.0.0.1"]', True), ('senders = ["::1"]', False)]
-)
+ALLOWED = [("", True), ('senders = ["127.0.0.1"]', True), ('senders = ["::1"]', False)]
+
+
+@pytest.mark.parametrize(("senders", "may"), ALLOWED)
 def test_a_server_that_answers_has_to_be_allowed(tmp_path: Path, senders: str, may: bool) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
 
         def serve() -> None:
             client, _ = server.accept()
-            client.sendall(sentence("TIROT,60,A"))
+            with client:
+                client.sendall(sentence("TIROT,60,A"))
+                client.recv(1)  # until the recorder closes
 
-        threading.Thread(target=serve, daemon=True).start()
+        serving = threading.Thread(target=serve)
+        serving.start()
         text = f'[[source]]\nname = "line"\ntype = "tcp"\nport = {port}\nchannels = ["yaw_rate_dps"]\n{senders}\n'
         with recording(tmp_path, text + udp("other", free_port())) as running:
             wait_for(lambda: bool(running.sources["line"].frames) or running.sources["line"].state == "failed")
+        serving.join()
     assert ("yaw_rate_dps" in running.recording.series) is may
     assert [each.sender for each in running.raw("line")] == ["127.0.0.1"] * may
     assert running.told("127.0.0.1 answers, which may not") == (not may)
@@ -104,9 +109,10 @@ def test_senders_without_end_are_not_all_remembered() -> None:
     assert senders.admits("fe80::1%eth0") is False
 
 
-@pytest.mark.parametrize(
-    "wrong", ['senders = ["ship"]', 'senders = ["10.0.0.5/8"]', "addresses = [256]", "addresses = [-1]"]
-)
+WRONG = ['senders = ["ship"]', 'senders = ["10.0.0.5/8"]', "addresses = [256]", "addresses = [-1]"]
+
+
+@pytest.mark.parametrize("wrong", WRONG)
 def test_what_is_no_address_is_told(wrong: str) -> None:
     with pytest.raises(ConfigurationError, match=wrong.partition(" ")[0]):
         parse_config(config_text(f'type = "udp"\nport = 1\n{wrong}\n'), "trial.toml")
