@@ -14,8 +14,8 @@ Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 class Senders:
     """The senders that a source has heard. ``allowed`` are their networks; none: everybody may send.
 
-    ``refused`` counts what came from others, by reason; ``news`` are whom it has heard for the first time, as
-    (level, text), and is emptied by who tells them.
+    ``refused`` counts what came from others, by reason; ``news`` names each of these once, and where everybody may
+    send each but the first, as (level, text), and is emptied by who tells them.
     """
 
     def __init__(self, allowed: Sequence[Network]) -> None:
@@ -30,8 +30,11 @@ class Senders:
         if may is None:
             may = self._is_allowed(sender)
             if len(self._known) < _MOST_KNOWN:
+                if not may:
+                    self.news.append(("warning", f"{sender} sends and may not"))
+                elif self._known and not self._allowed:
+                    self.news.append(("info", f"{sender} sends, too"))
                 self._known[sender] = may
-                self.news.append(("info", f"{sender} sends") if may else ("warning", f"{sender} sends and may not"))
         if not may:
             self.refused["sender that is not allowed"] += 1
         return may
