@@ -1,4 +1,4 @@
-"""The commands aboard: record, emulate, import, info, recover. They parse, call and print; nothing else."""
+"""The commands aboard: discover, record, emulate, import, info, recover. They parse, call and print."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "soft_wrap": T
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line; their help is what they say of themselves."""
-    for command in (record, emulate, mark, redecode, recover):
+    for command in (discover, record, emulate, mark, redecode, recover):
         app.command(rich_help_panel=ABOARD)(command)
     app.command("import", rich_help_panel=RECORDINGS)(import_)
     app.command(rich_help_panel=RECORDINGS)(info)
@@ -94,7 +94,12 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
             typer.echo(f"error: {text}", err=True)
     silent = missing_channels(health, trial.expected_channels)
     if silent:
-        typer.echo(f"warning: nothing came of {', '.join(silent)}", err=True)
+        from acquisition.logger.missing import LOOKED_AT, by_reason, why_missing
+        from acquisition.logger.survey import survey_of_recording
+
+        survey = survey_of_recording(trial, paths, LOOKED_AT)
+        for names, reason in by_reason({name: why_missing(name, survey) for name in silent}).items():
+            typer.echo(f"warning: nothing came of {names}: {reason}", err=True)
 
 
 def _check_departure(
@@ -115,6 +120,64 @@ def _check_departure(
         typer.echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
         raise typer.Exit(1)
     typer.echo(f"ready: all {len(found.channels)} channels come", err=True)
+
+
+def discover(
+    inputs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="Where to listen: can0 or can:INTERFACE:CHANNEL, /dev/ttyUSB0, udp:PORT, tcp:ADDRESS:PORT, log"
+            " files, or a configuration's sources; without any, this computer's interfaces and the usual ports."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The configuration that records what was found.")
+    ] = None,
+    duration: Annotated[float, typer.Option(min=0.1, help="Listen for so many seconds.")] = 20.0,
+    vessel: Annotated[
+        str, typer.Option(help="Whose actuators the channels are: a vessel's name, or its file.")
+    ] = "",
+    dbc: Annotated[Path | None, typer.Option(help="The DBC file of the vessel's own CAN frames.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find out what buses and lines carry, and write a configuration that records it."""
+    with stop_on_signals() as stop:
+        from acquisition.core.errors import InputError, StorageError
+        from acquisition.core.progress import bar
+        from acquisition.discovery.discover import discover as run
+        from acquisition.discovery.picture import nothing_found, tables
+        from acquisition.discovery.places import parse_places, usual_places
+
+        if output is not None and output.exists():
+            raise StorageError("exists already", where=str(output), fix="name a file that does not, or delete it")
+        places = parse_places(inputs) if inputs else usual_places()
+        if any(place.type != "file" for place in places):
+            typer.echo(f"listening for {duration:g} s at {', '.join(each.text for each in places)}", err=True)
+        folder, name = (Path(), "discovered") if output is None else (output.parent, output.stem)
+        with bar("listening") as progress:
+            found = run(places, duration, name, vessel, dbc, folder, stop, progress)
+    if as_json:
+        typer.echo(json.dumps(found.as_json()))
+    elif found.survey is not None:
+        from rich.console import Console
+
+        console = Console()
+        for table in tables(found):
+            console.print(table)
+    if found.survey is None:
+        raise InputError(nothing_found(found))
+    if output is not None:
+        _write_configuration(output, found.configuration)
+
+
+def _write_configuration(path: Path, text: str) -> None:
+    from acquisition.core.errors import storage_error
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error
+    typer.echo(f"wrote {path}; `seatrial record {path} --check` says whether it still comes", err=True)
 
 
 def mark(
@@ -206,6 +269,8 @@ def info(
         return
     from rich.console import Console
 
+    from acquisition.logger.missing import by_reason, missing_in
+
     console = Console()
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
     state = "closed properly" if found["closed"] else unclosed
@@ -221,6 +286,8 @@ def info(
     if part.get("follows"):
         console.print(f"part {part['number']}, follows {part['follows']}: {part['reason']}", **_AS_IT_IS)
     console.print(_channel_table(found["channels"], found["trial"]))
+    for names, reason in by_reason(missing_in(file, recording.series)).items():
+        console.print(f"missing: {names}: {reason}", **_AS_IT_IS)
     for topic, count in found["raw"].items():
         console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)
     if recording.predictions:

@@ -22,7 +22,7 @@ from tests.conftest import SMALL_HORIZON_S, Command, Done, Simulated, few_epochs
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = (
-    "demo", "record", "mark", "emulate", "import", "info", "recover", "redecode", "export", "windows", "simulate",
+    "demo", "discover", "record", "mark", "emulate", "import", "info", "recover", "redecode", "export", "windows", "simulate",
     "train", "validate", "predict", "diagnose", "plan",
 )  # fmt: skip
 HEAVY = (

@@ -221,7 +221,7 @@ def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], t
 def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path: Path | str) -> None:
     """Refuse a channel that no message of the source can carry: it would stay silent all day."""
     for number, source in enumerate(sources):
-        possible = _channels_from(source, ship.actuators) | _declared_from(source, ship.declared)
+        possible = possible_channels(source, ship.actuators, ship.declared)
         for channel in source.channels:
             if channel not in possible:
                 raise ConfigurationError(
@@ -300,8 +300,12 @@ _NAUTICAL = frozenset({
 })  # fmt: skip
 
 
+def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:
+    """The channels that a source's protocol and its mapping can carry, of those that are ``declared``, too."""
+    return _channels_from(source, actuators) | _declared_from(source, declared)
+
+
 def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
-    """The channels that a source's protocol and its mapping can carry."""
     if isinstance(source, MavlinkLinks):
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))

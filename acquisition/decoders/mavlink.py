@@ -111,6 +111,11 @@ _CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # they give no samples but make
 _NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_WANTED, *_CONTEXT)}
 
 
+def is_read(message_id: int) -> bool:
+    """Whether messages of this number are read."""
+    return message_id in _NAMES
+
+
 class MavlinkDecoder:
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 

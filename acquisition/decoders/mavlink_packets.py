@@ -60,6 +60,11 @@ def header_of(packet: bytes) -> Header:
     return Header(packet[5], packet[6], int.from_bytes(packet[7:10], "little"))
 
 
+def is_known(packet: bytes) -> bool:
+    """Whether a whole packet's message is one of the dialect: of others no checksum can be proved."""
+    return header_of(packet).message_id in _CRC_EXTRA
+
+
 def extent(data: bytes, at: int) -> int:
     """How many bytes the packet that begins at ``at`` has; 0 where none can begin.
 

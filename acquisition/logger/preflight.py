@@ -17,7 +17,9 @@ from typing import Any
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import RecordingSection
 from acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
+from acquisition.logger.missing import what_comes, why_missing
 from acquisition.logger.pipeline import Recorder
+from acquisition.logger.survey import Survey, survey_of_recording
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.storage import free_bytes, shortage
 
@@ -81,9 +83,10 @@ def check_before_departure(
                 if (stop or threading.Event()).wait(0.05):
                     break
             now_ns = time.monotonic_ns()
-            channels = [_report(name, config, recorder.health, now_ns) for name in recorder.health.names]
             sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
             recorder.stop()
+            survey = survey_of_recording(config, parts.paths)
+            channels = [_report(name, survey, recorder.health, now_ns) for name in recorder.health.names]
         finally:
             parts.discard()
     events = [text for _, level, text in recorder.health.events if level != "info"]
@@ -107,33 +110,25 @@ def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, 
     return free, f"{folder}: {why}" if why else ""
 
 
-def _report(name: str, config: TrialConfig, health: Health, now_ns: int) -> ChannelReport:
+def _report(name: str, survey: Survey, health: Health, now_ns: int) -> ChannelReport:
     channel = health.channels[name]
     value = channel.value if channel.count else None
-    problem = _problem(name, config, health, now_ns)
+    problem = _problem(name, survey, health, now_ns)
     return ChannelReport(name, channel.rate_hz(now_ns), value, channel.source, problem, health.known[name].unit)
 
 
-def _problem(name: str, config: TrialConfig, health: Health, now_ns: int) -> str:
+def _problem(name: str, survey: Survey, health: Health, now_ns: int) -> str:
     channel = health.channels[name]
-    providers = [source.name for source in config.sources if name in source.channels]
-    if not providers:
-        return "no source provides it"
+    providers = [source.name for source in survey.config.sources if name in source.channels]
     if channel.count == 0:
-        return "; ".join(_why_silent(health, each) for each in providers)
+        failed = [each for each in providers if health.sources[each].state in ("opening", "failed")]
+        if failed:
+            return "; ".join(f"source {each!r} cannot be opened" for each in failed)
+        if providers:
+            return why_missing(name, survey)
+        return "; ".join(filter(None, ("no source provides it", what_comes(name, survey))))
     if channel.age_s(now_ns) * 1e9 > SILENT_NS:
         return f"fell silent {channel.age_s(now_ns):.0f} s ago"
     if channel.expected_hz is not None and channel.rate_hz(now_ns) < ENOUGH_RATE * channel.expected_hz:
         return f"comes {channel.rate_hz(now_ns):.1f} times a second instead of {channel.expected_hz:g}"
     return ""
-
-
-def _why_silent(health: Health, name: str) -> str:
-    source = health.sources[name]
-    if source.state in ("opening", "failed"):
-        return f"source {name!r} cannot be opened"
-    if source.frames == 0:
-        return f"nothing at all comes from {name!r}"
-    return (
-        f"{source.frames:,} frames came from {name!r}, {source.rejected:,} of them refused, none with this channel"
-    )

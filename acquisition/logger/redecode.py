@@ -50,7 +50,7 @@ def redecode(
     if target.exists():
         raise StorageError("exists already", where=str(target), fix="name a file that does not, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
-        config = config or _own_configuration(paths[0], Path(scratch))
+        config = config or own_configuration(paths[0], Path(scratch))
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_all(paths, config, writer, progress or (lambda share: None))
@@ -59,7 +59,7 @@ def redecode(
     return result
 
 
-def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
+def own_configuration(path: Path, scratch: Path) -> TrialConfig:
     """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
     stream = MessageStream(path)
     next(iter(stream), None)

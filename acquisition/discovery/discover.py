@@ -1,0 +1,142 @@
+"""``seatrial discover``: who speaks where, what it says, and a configuration that records it."""
+
+from __future__ import annotations
+
+import heapq
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from acquisition.core.frames import Frame
+from acquisition.core.progress import Progress, part_of
+from acquisition.discovery.listen import Heard, listen
+from acquisition.discovery.places import Place
+from acquisition.discovery.propose import configuration_text, everything
+from acquisition.logger.missing import missing_channels
+from acquisition.logger.survey import Kind, Survey, name_of_group, survey_of
+
+_TELL_EVERY = 5_000  # frames
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What was found: where was listened, what came there, and a configuration that records it.
+
+    ``configuration`` is empty, and ``survey`` None, where nothing was found; ``missing`` says why, by channel.
+    """
+
+    heard: list[Heard]
+    survey: Survey | None = None
+    missing: dict[str, str] = field(default_factory=dict)
+    configuration: str = ""
+
+    @property
+    def channels(self) -> dict[str, list[str]]:
+        """The channels that the configuration records, with the sources of each."""
+        return {} if self.survey is None else self.survey.channels
+
+    def as_json(self) -> dict[str, Any]:
+        """What was found as an object of JSON's kinds."""
+        return {
+            "places": [_place_json(each) for each in self.heard],
+            "devices": [] if self.survey is None else _devices_json(self.survey),
+            "messages": [] if self.survey is None else _messages_json(self.survey),
+            "channels": {} if self.survey is None else _channels_json(self.survey),
+            "missing": self.missing,
+            "events": [] if self.survey is None else self.survey.events,
+            "configuration": self.configuration,
+        }
+
+
+def discover(
+    places: Sequence[Place],
+    duration_s: float = 20.0,
+    name: str = "discovered",
+    vessel: str = "",
+    dbc: Path | None = None,
+    folder: Path | None = None,
+    stop: threading.Event | None = None,
+    progress: Progress | None = None,
+) -> Discovery:
+    """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
+
+    ``vessel`` is the ship's name or file, whose actuators the channels are; ``dbc`` describes her own CAN frames;
+    ``folder`` is where the configuration will lie. Raises :class:`ConfigurationError` for a vessel or a DBC file
+    at fault. What cannot be listened to is told in the result, and is no error.
+    """
+    progress = progress or (lambda share: None)
+    heard = listen(places, duration_s, stop, part_of(progress, 0, 2))
+    found = [each for each in heard if each.count and not each.problem]
+    if not found:
+        return Discovery(heard)
+    config = everything(found, vessel, dbc, (folder or Path()) / f"{name}.toml")
+    survey = survey_of(config, _counted(_merged(found), sum(each.count for each in found), part_of(progress, 1, 2)))
+    missing = missing_channels(survey)
+    return Discovery(heard, survey, missing, configuration_text(found, survey, missing, name, vessel))
+
+
+def _merged(found: Sequence[Heard]) -> Iterator[Frame]:
+    """All frames in the order in which they came."""
+    return heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
+
+
+def _counted(frames: Iterator[Frame], expected: int, progress: Progress) -> Iterator[Frame]:
+    for number, frame in enumerate(frames):
+        if number % _TELL_EVERY == 0:
+            progress(min(number / max(expected, 1), 1.0))
+        yield frame
+
+
+def _place_json(heard: Heard) -> dict[str, Any]:
+    place = heard.place
+    return {
+        "place": place.text or place.name,
+        "source": place.name,
+        "type": place.type,
+        **place.settings,
+        "frames": heard.count,
+        **({"problem": heard.problem} if heard.problem else {}),
+        **({"remarks": heard.remarks} if heard.remarks else {}),
+    }
+
+
+def _devices_json(survey: Survey) -> list[dict[str, Any]]:
+    order = sorted(survey.devices, key=lambda each: (each[0], int(each[1])))
+    return [{"source": each[0], "address": int(each[1]), **survey.devices[each]} for each in order]
+
+
+def _messages_json(survey: Survey) -> list[dict[str, Any]]:
+    return [
+        {
+            "source": kind.source,
+            "device": kind.device,
+            "message": kind.name,
+            "name": name_of_group(int(kind.name)) if kind.name.isdigit() else "",
+            "count": tally.count,
+            "rate_hz": tally.rate_hz,
+            "values": tally.values,
+            "refused": dict(tally.refused),
+        }
+        for kind, tally in sorted(survey.kinds.items(), key=lambda each: _order(each[0]))
+    ]
+
+
+def _order(kind: Kind) -> tuple[Any, ...]:
+    number = (0, int(kind.device)) if kind.device.isdigit() else (1, 0)
+    return kind.source, number, kind.device, kind.name
+
+
+def _channels_json(survey: Survey) -> dict[str, Any]:
+    span_s = max((survey.last_ns - survey.first_ns) / 1e9, 1e-9)
+    return {
+        name: {
+            "count": survey.health.channels[name].count,
+            "rate_hz": survey.health.channels[name].count / span_s,
+            "value": survey.health.channels[name].value,
+            "sources": sources,
+        }
+        for name, sources in survey.channels.items()
+    }

@@ -1,0 +1,246 @@
+"""Listening at many places at once, and what the bytes of each place are: lines, gateways' frames, or MAVLink."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from acquisition.config.sections import AnySource
+from acquisition.core.errors import SeatrialError, SourceError
+from acquisition.core.frames import Frame
+from acquisition.core.progress import Progress
+from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
+from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.discovery.places import Place
+from acquisition.sources import LogReader, Source, make_source
+from acquisition.sources.actisense import Cutter, is_message
+from acquisition.sources.line_forms import LINE_FORMS, LineReader
+from acquisition.sources.streams import LineAssembler
+
+BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
+"""Of serial lines, the usual ones first: NMEA 0183, its fast form, gateways and autopilots."""
+LOOK_S = 1.6
+"""For so long a line is listened to at each rate: instruments speak once a second."""
+_POLL_S = 0.1
+_MOST_FRAMES = 500_000  # of one place, some 200 MB: a quarter of an hour of a busy bus
+_RAW_TYPES = {"serial": "mavlink_serial", "udp": "mavlink", "tcp": "mavlink_tcp"}
+"""The sources that give bytes as they come, for each kind of line."""
+_HEAD_FRAMES = 5_000  # of a log, which show what it is
+
+
+@dataclass
+class Heard:
+    """What came at a place: its settings as far as they were found out, and its frames.
+
+    ``problem`` is why nothing could be heard there, or nothing be made of what came; empty where all is well.
+    """
+
+    place: Place
+    frames: Callable[[], Iterator[Frame]] = lambda: iter(())
+    count: int = 0
+    problem: str = ""
+    remarks: list[str] = field(default_factory=list)
+
+
+def listen(
+    places: Sequence[Place],
+    duration_s: float,
+    stop: threading.Event | None = None,
+    progress: Progress | None = None,
+) -> list[Heard]:
+    """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are looked into."""
+    stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
+    results: dict[str, Heard] = {}
+    live = [each for each in places if each.type != "file"]
+    threads = [
+        threading.Thread(target=_listen_at, args=(each, until_s, stop, results), daemon=True) for each in live
+    ]
+    for thread in threads:
+        thread.start()
+    results |= {each.name: look_into(each) for each in places if each.type == "file"}
+    while any(thread.is_alive() for thread in threads):
+        (progress or (lambda share: None))(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
+        time.sleep(_POLL_S)
+    return [results[each.name] for each in places]
+
+
+def section_of(place: Place, **more: Any) -> AnySource:
+    """The place as a section of a configuration."""
+    section = {"name": place.name, "type": place.type, "channels": (), **place.settings, **more}
+    source: AnySource = TypeAdapter(AnySource).validate_python(section)
+    return source
+
+
+def look_into(place: Place) -> Heard:
+    """A log file: what it is, and its frames, read anew each time that they are asked for."""
+    path = Path(place.settings["path"])
+    try:
+        with path.open("rb") as file:
+            head = file.read(9)
+        if head[:1] == b"\0" and head[8:9] in (b"\xfd", b"\xfe"):
+            place = replace(place, type="mavlink_file")
+        heard = Heard(
+            place, lambda: _frames_of_log(place), count=len(list(islice(_frames_of_log(place), _HEAD_FRAMES)))
+        )
+    except SourceError as error:
+        return Heard(place, problem=str(error))
+    except OSError as error:
+        return Heard(place, problem=f"cannot be read: {error.strerror}")
+    return _with_system(heard)
+
+
+def _frames_of_log(place: Place) -> Iterator[Frame]:
+    source = make_source(section_of(place))
+    assert isinstance(source, LogReader)
+    source.open()
+    try:
+        while (block := source.read(0.0)) is not None:
+            yield from block
+    finally:
+        source.close()
+
+
+def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dict[str, Heard]) -> None:
+    """One thread's work: it raises nothing."""
+    try:
+        found = _with_rate(place, until_s, stop) if place.type == "serial" else place
+        source = make_source(section_of(replace(found, type=_RAW_TYPES.get(found.type, found.type))))
+        frames = list(_received(source, until_s, stop))
+    except SeatrialError as error:
+        results[place.name] = Heard(place, problem=str(error))
+    except Exception as error:  # drivers raise what they like
+        results[place.name] = Heard(place, problem=f"{type(error).__name__} {error}")
+    else:
+        results[place.name] = interpret(found, frames)
+
+
+def _received(source: Source, until_s: float, stop: threading.Event) -> Iterator[Frame]:
+    count = 0
+    source.open()
+    try:
+        while time.monotonic() < until_s and not stop.is_set() and count < _MOST_FRAMES:
+            block = source.read(_POLL_S)
+            if block is None:
+                return
+            count += len(block)
+            yield from block
+    finally:
+        source.close()
+
+
+def _with_rate(place: Place, until_s: float, stop: threading.Event) -> Place:
+    """A serial line with its baud rate, found out where it is not given."""
+    if "baud_rate" in place.settings:
+        return place
+
+    def read_at(rate: int) -> bytes:
+        section = section_of(replace(place, type="mavlink_serial"), baud_rate=rate)
+        look_until_s = min(time.monotonic() + LOOK_S, until_s)
+        return b"".join(frame.payload for frame in _received(make_source(section), look_until_s, stop))
+
+    rate = find_baud_rate(read_at)
+    return replace(place, settings={**place.settings, "baud_rate": rate})
+
+
+def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_RATES) -> int:
+    """The rate at which what ``read_at`` gives makes the most sense; the first of all where none does.
+
+    Raises :class:`SourceError` where bytes come that make sense at no rate.
+    """
+    came = False
+    for rate in rates:
+        received = read_at(rate)
+        came = came or bool(received)
+        if max(_soundness([received])):
+            return rate
+    if came:
+        raise SourceError(
+            f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud",
+            fix="give the rate as /dev/ttyUSB0@RATE; see to plus and minus of the line",
+        )
+    return rates[0]
+
+
+def interpret(place: Place, received: Sequence[Frame]) -> Heard:
+    """What came at a place, as what it is. Bytes of a line that are nothing known are told as a problem."""
+    if place.type == "can":
+        return Heard(place, lambda: iter(received), len(received), "" if received else _SILENT)
+    if not received:
+        return Heard(place, problem=_SILENT)
+    lines, packets = _soundness([frame.payload for frame in received], whole=place.type == "udp")
+    if not lines and not packets:
+        beginning = received[0].payload[:24]
+        return Heard(place, problem=f"bytes come that are nothing known; they begin with {beginning!r}")
+    if packets > lines:
+        found = replace(place, type=_RAW_TYPES[place.type])
+        return _with_system(Heard(found, lambda: iter(received), len(received)))
+    assembler = LineAssembler(place.name)
+    frames = [each for frame in received for each in _lines_of(assembler, frame, whole=place.type == "udp")]
+    form = form_of(b"\n".join(frame.payload for frame in received[:_HEAD_FRAMES])) if place.type != "file" else ""
+    if form and any(frame.protocol == "can" for frame in frames):
+        place = replace(place, settings={**place.settings, "form": form})
+    return Heard(place, lambda: iter(frames), len(frames))
+
+
+_SILENT = "nothing comes"
+
+
+def _lines_of(assembler: LineAssembler, frame: Frame, *, whole: bool) -> list[Frame]:
+    """The lines in some bytes; ``whole`` says that they end where a line does (a datagram)."""
+    times = frame.received_ns, frame.monotonic_ns
+    return assembler.push(frame.payload, times) + (assembler.end(times) if whole else [])
+
+
+def _soundness(chunks: Sequence[bytes], *, whole: bool = False) -> tuple[int, int]:
+    """How many bytes of what came are of sound lines or gateways' messages, and how many of MAVLink's packets."""
+    assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(whole=False), 0, 0
+    for chunk in chunks:
+        frames = _lines_of(assembler, Frame("", "nmea0183", chunk, 0, 0), whole=whole)
+        lines += sum(len(frame.payload) for frame in frames if _is_sound(frame))
+        packets += sum(len(each) for each in cutter.push(chunk) if not isinstance(each, Fault) and is_known(each))
+    return lines, packets
+
+
+def _is_sound(frame: Frame) -> bool:
+    return frame.protocol == "can" or split_sentence(split_tag(frame.payload).sentence) is not None
+
+
+def form_of(received: bytes) -> str:
+    """The form in which a gateway sends NMEA 2000, by the lines that it has sent; empty where none fits."""
+    pieces = Cutter().push(received + b"\n")
+    readers = {name: LineReader(name) for name in LINE_FORMS}
+    fits: Counter[str] = Counter()
+    for piece in pieces[:200]:
+        fits["actisense"] += is_message(piece)
+        for name, reader in readers.items():
+            entry = reader.entry(piece)
+            fits[name] += entry is not None and entry.protocol == "can"
+    form, count = fits.most_common(1)[0] if fits else ("", 0)
+    return form if count else ""
+
+
+def _with_system(heard: Heard) -> Heard:
+    """A MAVLink link with the system that tells of the ship: the one most of whose messages are read."""
+    if not heard.place.type.startswith("mavlink"):
+        return heard
+    from acquisition.decoders.mavlink import is_read
+
+    cutter, systems = PacketCutter(whole=heard.place.type == "mavlink_file"), Counter[int]()
+    for frame in islice(heard.frames(), _HEAD_FRAMES):
+        headers = [header_of(each) for each in cutter.push(frame.payload) if not isinstance(each, Fault)]
+        systems.update(each.system_id for each in headers if is_read(each.message_id) and 0 < each.system_id < 256)
+    if not systems:
+        return replace(heard, problem="MAVLink comes, but none of the messages that are read")
+    system, _ = systems.most_common(1)[0]
+    if len(systems) > 1:
+        others = ", ".join(str(each) for each in sorted(systems) if each != system)
+        heard.remarks.append(f"system {others} speaks of itself, too; a source listens to one")
+    return replace(heard, place=replace(heard.place, settings={**heard.place.settings, "system_id": system}))

@@ -1,0 +1,174 @@
+"""Where can be listened: CAN interfaces, serial lines, ports of UDP and TCP, log files, by the words of a user."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl
+
+from acquisition.config.toml_file import parse_toml, read_text
+from acquisition.core.errors import ConfigurationError, InputError
+
+_CAN_NAME = re.compile(r"(?:v|sl)?can\d+")
+_SERIAL_NAME = re.compile(r"/dev/\S+|COM\d+")
+_USUAL_CAN = ("socketcan", "pcan", "kvaser", "vector", "ixxat", "gs_usb")
+_USUAL_UDP = (("0.0.0.0", 10110), ("0.0.0.0", 2000), ("0.0.0.0", 14550))
+"""NMEA 0183's registered port, that of most Wi-Fi gateways to NMEA 2000, MAVLink's."""
+_GROUPS = tuple((f"239.192.0.{number}", 60_000 + number) for number in range(1, 9))
+"""The transmission groups of IEC 61162-450."""
+_USUAL_TCP = (("127.0.0.1", 10110), ("127.0.0.1", 2000), ("127.0.0.1", 5760))
+_LINK_TYPES = {"mavlink": "udp", "mavlink_tcp": "tcp", "mavlink_serial": "serial"}
+KNOWN_FORMS = (
+    "a log file, a configuration (.toml) whose sources are listened to, can0 or can:INTERFACE:CHANNEL,"
+    " /dev/ttyUSB0 or /dev/ttyUSB0@38400, udp:PORT or udp:ADDRESS:PORT, tcp:ADDRESS:PORT"
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """One place to listen: the kind of transport and the settings of its section in a configuration.
+
+    ``type`` is can, serial, udp, tcp or file; ``text`` is what people call it. ``expected`` says that a user has
+    named it, so that silence there is worth a word.
+    """
+
+    name: str
+    type: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    text: str = ""
+    expected: bool = True
+
+
+def parse_places(inputs: Sequence[str]) -> list[Place]:
+    """The places that a user names, each with a name of its own.
+
+    Raises :class:`InputError` for what is no place, :class:`ConfigurationError` for a configuration at fault.
+    """
+    return _with_own_names(place for each in inputs for place in _parse(each))
+
+
+def _parse(text: str) -> list[Place]:
+    kind, _, rest = text.partition(":")
+    path = Path(text)
+    if kind in ("udp", "tcp") and rest:
+        return [_port(kind, rest, text)]
+    if kind == "can" and rest.count(":") >= 1:
+        interface, _, channel = rest.partition(":")
+        return [_can(interface, channel, text)]
+    if _CAN_NAME.fullmatch(text) and not path.exists():
+        return [_can("socketcan", text, text)]
+    if kind == "serial" or _SERIAL_NAME.fullmatch(text):
+        return [_serial(rest if kind == "serial" else text, text)]
+    if path.suffix == ".toml" and path.is_file():
+        return _of_configuration(path)
+    if path.is_file():
+        return [Place(path.stem, "file", {"path": str(path.absolute())}, text)]
+    raise InputError("is no place to listen", where=text, fix=f"name {KNOWN_FORMS}")
+
+
+def _can(interface: str, channel: str, text: str) -> Place:
+    """``udp_multicast:239.74.163.2?port=43113``: what follows the question mark are the interface's settings."""
+    channel, _, query = channel.partition("?")
+    options: dict[str, Any] = {key: _number(value) for key, value in parse_qsl(query)}
+    settings = {"interface": interface, "channel": channel, **({"options": options} if options else {})}
+    return Place(channel if channel[:1].isalpha() else "can", "can", settings, text)
+
+
+def _number(text: str) -> int | float | str:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
+
+
+def _serial(text: str, whole: str) -> Place:
+    device, _, rate = text.partition("@")
+    if rate and not rate.isdigit():
+        raise InputError(f"{rate!r} is no baud rate", where=whole, fix="write it as /dev/ttyUSB0@38400")
+    settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
+    name = Path(device).name
+    return Place(f"serial_{name}" if name.isdigit() else name, "serial", settings, whole)
+
+
+def _port(kind: str, rest: str, text: str) -> Place:
+    address, _, port = rest.rpartition(":")
+    if not port.isdigit() or not 0 < int(port) < 65_536:
+        raise InputError(f"{port!r} is no port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
+    if kind == "tcp" and not address:
+        raise InputError("names no address to connect to", where=text, fix="write it as tcp:ADDRESS:PORT")
+    return Place(f"{kind}_{port}", kind, {"address": address or "0.0.0.0", "port": int(port)}, text)
+
+
+def _of_configuration(path: Path) -> list[Place]:
+    """Where the sources of a configuration listen, with their names; what they expect there is not asked."""
+    sections = parse_toml(read_text(path), path).get("source", [])
+    if not isinstance(sections, list) or not sections:
+        raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
+    return [place for section in sections if isinstance(section, dict) and (place := _of_section(section, path))]
+
+
+def _of_section(section: dict[str, Any], path: Path) -> Place | None:
+    kind = str(section.get("type", ""))
+    kind = _LINK_TYPES.get(kind, "file" if kind.endswith("file") else kind)
+    keys = {
+        "can": ("interface", "channel", "options", "dbc"),
+        "serial": ("device", "baud_rate", "dbc"),
+        "udp": ("address", "port", "dbc"),
+        "tcp": ("address", "port", "dbc"),
+        "file": ("path", "dbc"),
+    }.get(kind)
+    if keys is None:
+        return None
+    settings = {key: section[key] for key in keys if key in section}
+    settings |= {key: str(path.absolute().parent / settings[key]) for key in ("path", "dbc") if key in settings}
+    if kind in ("udp", "tcp"):
+        settings = {"address": "127.0.0.1"} | settings
+    name = str(section.get("name", kind))
+    return Place(name, kind, settings, f"{path.name}: {name}")
+
+
+def usual_places() -> list[Place]:
+    """Where instruments are mostly heard on this computer: its CAN interfaces, serial lines and the usual ports."""
+    places = [*_can_interfaces(), *_serial_lines()]
+    places += [_port("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
+    places += [_port("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
+    places += [_port("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
+    return _with_own_names(replace(each, expected=False) for each in places)
+
+
+def _can_interfaces() -> list[Place]:
+    import logging
+
+    import can
+
+    logging.getLogger("can").setLevel(logging.ERROR)  # drivers that are not installed are no news
+    found = []
+    for interface in _USUAL_CAN:
+        with suppress(Exception):  # drivers raise what they like
+            found += can.detect_available_configs(interface)
+    return [
+        _can(each["interface"], str(each["channel"]), f"can:{each['interface']}:{each['channel']}")
+        for each in found
+    ]
+
+
+def _serial_lines() -> list[Place]:
+    from serial.tools.list_ports import comports
+
+    return [_serial(each.device, each.device) for each in comports() if each.hwid != "n/a"]
+
+
+def _with_own_names(places: Iterable[Place]) -> list[Place]:
+    """Names that can be part of a topic, none twice."""
+    named: dict[str, Place] = {}
+    for place in places:
+        base = re.sub(r"[^A-Za-z0-9_-]+", "_", place.name).strip("_") or place.type
+        number = 1
+        while (name := base if number == 1 else f"{base}_{number}") in named:
+            number += 1
+        named[name] = replace(place, name=name)
+    return list(named.values())

@@ -1,0 +1,243 @@
+"""Why a channel is missing, one reason each, and what to do: from a survey of what has come."""
+
+from __future__ import annotations
+
+import tempfile
+from collections import Counter
+from collections.abc import Container, Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from acquisition.config.sections import LineSource
+from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
+from acquisition.core.errors import SeatrialError
+from acquisition.core.frames import label_parts
+from acquisition.logger.redecode import own_configuration
+from acquisition.logger.survey import Kind, Survey, Tally, survey_of_recording
+
+LOOKED_AT = 20_000
+"""Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
+VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
+_OWN_SINGLE, _OWN_FAST = range(65_280, 65_536), range(130_816, 131_072)
+_MOST_NAMED = 6
+_FRESH_S = 1.5  # how old what others are derived with may be
+
+
+class _Recipe(NamedTuple):
+    """Channels that are derived from ``of``, if what they ``need`` besides is known."""
+
+    channels: tuple[str, ...]
+    of: str
+    needs: tuple[str, ...]
+
+
+_SPEEDS, _WIND = ("surge_mps", "sway_mps"), ("wind_direction_deg", "wind_speed_mps")
+_RECIPES = (
+    _Recipe(("heading_deg",), "heading_magnetic_deg", ("magnetic_variation_deg",)),
+    _Recipe(_SPEEDS, "velocity_north_mps", ("heading_deg",)),
+    _Recipe(_SPEEDS, "course_magnetic_deg", ("speed_over_ground_mps", "magnetic_variation_deg", "heading_deg")),
+    _Recipe(_SPEEDS, "course_over_ground_deg", ("speed_over_ground_mps", "heading_deg")),
+    _Recipe(_SPEEDS, "speed_over_ground_mps", ("course_over_ground_deg", "heading_deg")),
+    _Recipe(("wind_direction_deg",), "wind_direction_magnetic_deg", ("magnetic_variation_deg",)),
+    _Recipe(_WIND, "wind_angle_theoretical_deg", ("wind_speed_theoretical_mps", "heading_deg")),
+    _Recipe(_WIND, "wind_angle_apparent_deg", ("wind_speed_apparent_mps", "heading_deg", *_SPEEDS)),
+    _Recipe(_WIND, "wind_angle_water_deg",
+            ("wind_speed_water_mps", "heading_deg", *_SPEEDS, "speed_through_water_mps")),
+    _Recipe(("north_m", "east_m"), "latitude_deg", ("longitude_deg",)),
+)  # fmt: skip
+_POSITION = ("GGA", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
+_CARRIERS = {
+    **dict.fromkeys(("north_m", "east_m"), _POSITION),
+    "heading_deg": ("HDT", "THS", "HDG", "HDM", "127250", "ATTITUDE"),
+    **dict.fromkeys(_SPEEDS, ("VBW", "130578", "VTG", "RMC", "129026", "130577", "LOCAL_POSITION_NED")),
+    "yaw_rate_dps": ("ROT", "127251", "ATTITUDE"),
+    **dict.fromkeys(_WIND, ("MWD", "MWV", "VWR", "VWT", "130306", "WIND", "WIND_COV")),
+}
+"""The messages that can carry each channel of the motion, or what it is derived from."""
+_OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")
+_REMEDIES = {
+    "thruster in percent": "in percent: give rated_rpm",
+    "engine without a reduction ratio": "engine's speed: give reduction_ratios",
+    "engine rpm": "engine's speed: give reduction_ratios",
+    "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
+    "rpm of a single or unknown shaft": "of a shaft that the ship has not: list hers as [[actuator]]",
+    "another instance": "of one more than the ship has: list hers as [[actuator]]",
+    "heading without a reference": "without saying which north it counts from",
+    "wind without a reference": "without saying what it refers to",
+    "wind reference unknown": "without saying what it refers to",
+    "course without a reference": "without saying which north it counts from",
+    "not marked valid": "but is marked as not valid: see to the sensor",
+    "no fix": "but without a fix: see to the antenna",
+    "not available": "but its values are not available: see to the sensor",
+    "no value": "but its fields are empty: see to the sensor",
+    "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
+}
+_UNREAD = {
+    "127488": "engine's speed: give reduction_ratios",
+    "128006": "in percent of a thruster: it has no channel",
+}
+
+
+def missing_channels(survey: Survey) -> dict[str, str]:
+    """The channels of the trial that have not come, and the reason for each."""
+    names = trial_names(survey.config.actuators)
+    return {name: why_missing(name, survey) for name in names if not survey.health.channels[name].count}
+
+
+def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
+    """The channels of a recording's trial that are not ``present`` in it, and why, by its raw input.
+
+    Empty where it carries none, or no configuration that can be read today.
+    """
+    with tempfile.TemporaryDirectory(prefix="seatrial-info-") as scratch:
+        try:
+            config = own_configuration(path, Path(scratch))
+            absent = [name for name in trial_names(config.actuators) if name not in present]
+            survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
+        except SeatrialError:
+            return {}
+    if survey is None or not survey.kinds:
+        return {}
+    return {name: why_missing(name, survey) for name in absent}
+
+
+def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
+    """The reasons once each, by the channels that they hold for, as one text.
+
+    >>> by_reason({"surge_mps": "no heading", "sway_mps": "no heading"})
+    {'surge_mps, sway_mps': 'no heading'}
+    """
+    names: dict[str, list[str]] = {}
+    for name, reason in missing.items():
+        names.setdefault(reason, []).append(name)
+    return {", ".join(each): reason for reason, each in names.items()}
+
+
+def why_missing(name: str, survey: Survey) -> str:
+    """One reason why a channel has not come, and what to do about it."""
+    return what_comes(name, survey) or _nothing(name, survey)
+
+
+def what_comes(name: str, survey: Survey) -> str:
+    """What comes that a channel could be made of, and why it is not; empty where nothing does."""
+    return _not_listed(name, survey) or _not_derived(name, survey) or _refused(name, survey)
+
+
+def _not_listed(name: str, survey: Survey) -> str:
+    """It comes, on a line that is not to provide it."""
+    labels = survey.quantities.get(name, {})
+    if not labels:
+        return ""
+    line = label_parts(next(iter(labels)))[0]
+    return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
+
+
+def _not_derived(name: str, survey: Survey) -> str:
+    """What it would be derived from comes, but something else is missing."""
+    for recipe in _RECIPES:
+        labels = survey.quantities.get(recipe.of, {})
+        if name not in recipe.channels or not labels:
+            continue
+        lacking = [each for each in recipe.needs if not _comes(each, survey)]
+        if lacking:
+            return f"{_messages(labels)} comes, but no {_words(lacking[0])}: {_remedy(lacking[0], survey)}"
+        slowest = max(recipe.needs, key=lambda each: _interval_s(each, survey))
+        if _interval_s(slowest, survey) > _FRESH_S:
+            return (
+                f"{_messages(labels)} comes, but {_words(slowest)} only every {_interval_s(slowest, survey):.0f} s:"
+                f" at most {_FRESH_S} s old it serves"
+            )
+    return ""
+
+
+def _comes(quantity: str, survey: Survey) -> bool:
+    """Whether what others are derived with is known: of a line's own, of the ship's, or of the configuration."""
+    if quantity == "magnetic_variation_deg" and survey.config.magnetic_variation_deg is not None:
+        return True
+    if quantity in POSE_AND_VELOCITY and quantity != "heading_deg":
+        return bool(survey.health.channels[quantity].count)
+    return quantity in survey.quantities
+
+
+def _interval_s(quantity: str, survey: Survey) -> float:
+    rates_hz = [each.rate_hz for each in survey.quantities.get(quantity, {}).values() if each.rate_hz]
+    return 1.0 / max(rates_hz) if rates_hz and quantity != "magnetic_variation_deg" else 0.0
+
+
+def _remedy(quantity: str, survey: Survey) -> str:
+    if quantity == "magnetic_variation_deg":
+        return VARIATION_FIX
+    if quantity in trial_names(survey.config.actuators):
+        return why_missing(quantity, survey)
+    return "the sensor leaves it out"
+
+
+def _refused(name: str, survey: Survey) -> str:
+    """A message that could carry it comes, but there is nothing to take from it."""
+    could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind.name, name, survey)}
+    for kind, tally in sorted(could.items(), key=lambda each: -each[1].count):
+        reason = _reason(kind, tally)
+        if reason:
+            return (
+                f"{kind.name} comes, {reason}" if reason.startswith(("but", "without")) else f"{kind.name} {reason}"
+            )
+    return ""
+
+
+def _reason(kind: Kind, tally: Tally) -> str:
+    """Why a message gives nothing, in words; empty where it gives all that it says."""
+    if tally.refused:
+        reason, _ = tally.refused.most_common(1)[0]
+        return _REMEDIES.get(reason, f"but is refused: {reason}")
+    return "" if tally.values else _UNREAD.get(kind.name, "")
+
+
+def _can_carry(message: str, name: str, survey: Survey) -> bool:
+    """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
+    if name in _CARRIERS:
+        return message in _CARRIERS[name]
+    kind, _, number = message.partition(" ")
+    owners = [
+        thruster
+        for source in survey.config.sources
+        if isinstance(source, LineSource)
+        for thruster, known in source.thrusters.numbers.items()
+        if number == str(known)
+    ]
+    return kind in _OF_ACTUATORS and (not owners or any(name.startswith(f"{each}_") for each in owners))
+
+
+def _nothing(name: str, survey: Survey) -> str:
+    """Nothing that comes could carry it, or nothing comes at all."""
+    silent = [each.name for each in survey.health.sources.values() if not each.frames]
+    providers = [each.name for each in survey.config.sources if name in each.channels]
+    for provider in providers:
+        if provider in silent:
+            return f"nothing at all comes from {provider!r}"
+    carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
+    if carriers:
+        return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
+    own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_makers_own(kind.name)})[:_MOST_NAMED])
+    frames = f"the maker's own frames ({own})" if own else "the maker's own frames"
+    return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
+
+
+def _is_makers_own(name: str) -> bool:
+    """Whether a message is a proprietary group of NMEA 2000, or a frame of another bus."""
+    own = name.isdigit() and (int(name) in (61184, 126720) or int(name) in _OWN_SINGLE or int(name) in _OWN_FAST)
+    return own or name.startswith("0x")
+
+
+def _messages(labels: Iterable[str]) -> str:
+    """The messages in labels of sources, the most frequent first."""
+    return " and ".join(list(Counter(label_parts(each)[2][0] for each in labels))[:2])
+
+
+def _words(quantity: str) -> str:
+    """A quantity for people: ``magnetic_variation_deg`` is the variation."""
+    known = {
+        "magnetic_variation_deg": "variation",
+        "surge_mps": "speed over ground",
+        "sway_mps": "speed over ground",
+    }
+    return known.get(quantity, quantity.rpartition("_")[0].replace("_", " "))

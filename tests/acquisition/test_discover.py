@@ -1,0 +1,332 @@
+"""Discovery: the configuration that it writes records all that is there, and says why the rest is missing."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+import struct
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from acquisition.config.configuration import load_config, parse_config
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import SeatrialError, SourceError
+from acquisition.core.frames import Frame
+from acquisition.decoders.nmea0183 import split_sentence
+from acquisition.discovery.discover import Discovery, discover
+from acquisition.discovery.listen import find_baud_rate, form_of, interpret
+from acquisition.discovery.places import Place, parse_places
+from acquisition.emulator import NullModem, emulate
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.record import record
+from tests.acquisition.can_frames import identifier_of
+from tests.acquisition.conftest import DBC, SIGNALS, free_port, write_voyage
+from tests.conftest import Command
+
+VARIATION = "no variation: set magnetic_variation_deg or add a source of 127258"
+CAPTURES = [
+    "nmea0183/bundg_zeus_9.log", "nmea0183/pypilot.log", "nmea0183/rst39.log", "nmea0183/saab-r4.log",
+    "nmea2000/scx20.raw", "nmea2000/furuno-130842-figure8-fast.raw", "nmea2000/sleipner-slink-thruster.raw",
+    "nmea2000/furuno-fap7011c-autopilot-maneuvers.raw", "nmea2000/candumpSample1.txt", "mavlink/ardusub_small.tlog",
+]  # fmt: skip
+GOLDEN = ("actisense-format", "dms-format", "mixed-format", "pcan-view", "pgn-test-actisense", "short-frame")
+FIX = {"north_m", "east_m", "latitude_deg", "longitude_deg"}
+COURSE = {"speed_over_ground_mps", "course_over_ground_deg"}
+OF_GROUP = {
+    127250: ("heading", {"heading_deg"}),
+    127251: ("rate", {"yaw_rate_dps"}),
+    127257: ("roll", {"roll_deg", "pitch_deg"}),
+    127258: ("variation", {"magnetic_variation_deg"}),
+    128259: ("speedWaterReferenced", {"speed_through_water_mps"}),
+    129025: ("latitude", FIX),
+    129026: ("sog", COURSE),
+    130578: ("longitudinalSpeedGroundReferenced", {"surge_mps", "sway_mps"}),
+}
+"""By canboat's names, the field that tells whether a group says something, and the channels that it then makes."""
+OF_SENTENCE = {
+    "GGA": FIX, "HDT": {"heading_deg"}, "HDM": {"heading_magnetic_deg"}, "ROT": {"yaw_rate_dps"}, "VTG": COURSE,
+    "VHW": {"speed_through_water_mps"}, "MWD": {"wind_direction_deg", "wind_speed_mps"},
+}  # fmt: skip
+
+
+def recorded(found: Discovery, folder: Path, duration_s: float | None = None) -> set[str]:
+    """The channels that the configuration records, which was written for a recording that is made now."""
+    (folder / "found.toml").write_text(found.configuration)
+    _, health = record(load_config(folder / "found.toml"), folder / "recording", duration_s)
+    return {name for name, channel in health.channels.items() if channel.count}
+
+
+def channels_by_another_reader(path: Path) -> set[str]:
+    """The channels that must be there: by canboat's decoding beside a capture, by the sentences in a log."""
+    decoded = path.with_name(path.name + ".si.jsonl.gz")
+    if decoded.exists():
+        with gzip.open(decoded, "rt") as lines:
+            messages = [json.loads(line) for line in lines]
+        known = [
+            (OF_GROUP[each["pgn"]], each["fields"])
+            for each in messages
+            if each.get("pgn") in OF_GROUP and "fields" in each
+        ]
+        return {name for (field, names), fields in known if fields.get(field) is not None for name in names}
+    parts = [split_sentence(line.strip()) for line in path.read_bytes().splitlines()]
+    told = {each[0][-3:] for each in parts if each is not None and all(each[1][:1])}
+    return {name for kind in told for name in OF_SENTENCE.get(kind, ())}
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", [*CAPTURES, *(f"nmea2000/golden_pairs/{each}.in" for each in GOLDEN)])
+def test_of_every_capture_all_channels_are_recorded_at_first_try(
+    shared_data: Path, tmp_path: Path, name: str
+) -> None:
+    found = discover(parse_places([str(shared_data / name)]), folder=tmp_path)
+    assert recorded(found, tmp_path) == set(found.channels)
+    if "golden" not in name and not name.endswith(".tlog"):
+        assert channels_by_another_reader(shared_data / name) <= set(found.channels)
+    assert set(found.missing) == set(NAMES) - set(found.channels)
+    assert all(found.missing.values())
+
+
+BUSES = """
+[trial]
+name = "emulated"
+origin = {{ latitude_deg = 63.44, longitude_deg = 10.4 }}
+[[source]]
+name = "backbone"
+type = "can"
+interface = "virtual"
+channel = "discovered"
+clock = "source"
+channels = ["north_m", "east_m", "surge_mps", "sway_mps", "port_rpm", "port_angle_deg", "starboard_rpm",
+            "starboard_angle_deg"]
+dbc = "{dbc}"
+{signals}
+[[source]]
+name = "bridge"
+type = "serial"
+device = "{device}"
+clock = "source"
+channels = ["heading_deg", "yaw_rate_dps", "tunnel_rpm"]
+[[source]]
+name = "autopilot"
+type = "mavlink"
+port = {port}
+channels = ["wind_direction_deg", "wind_speed_mps"]
+"""
+
+
+@pytest.mark.slow
+def test_on_the_emulators_three_buses_all_13_channels_are_recorded_at_first_try(tmp_path: Path) -> None:
+    write_voyage(tmp_path / "voyage.mcap", 90.0)
+    port, signals = free_port(), "\n".join(row for row in SIGNALS.splitlines() if "tunnel" not in row)
+    with NullModem() as cable:
+        text = BUSES.format(dbc=DBC, signals=signals, device=cable.emulator_device, port=port)
+        buses = parse_config(text, tmp_path / "buses.toml")
+
+        def play() -> None:
+            with suppress(SourceError):  # nobody reads any more when the recorder has ended
+                emulate(tmp_path / "voyage.mcap", buses, 5.0)
+
+        player = threading.Thread(target=play)
+        player.start()
+        places = parse_places(["can:virtual:discovered", cable.logger_device, f"udp:127.0.0.1:{port}"])
+        found = discover(places, 5.0, folder=tmp_path)
+        assert found.missing == {}
+        assert recorded(found, tmp_path, 4.0) >= set(NAMES)
+        player.join()
+
+
+Log = Callable[..., Discovery]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Log:
+    """What is discovered in a log of these sentences, ten seconds of each."""
+
+    def discovered(*bodies: str) -> Discovery:
+        lines = [
+            f"2026-05-17T12:00:{second:02d}Z ".encode() + sentence(body) for second in range(10) for body in bodies
+        ]
+        (tmp_path / "log.txt").write_bytes(b"".join(lines))
+        return discover(parse_places([str(tmp_path / "log.txt")]), folder=tmp_path)
+
+    return discovered
+
+
+@pytest.mark.parametrize(
+    ("bodies", "channel", "reason"),
+    [
+        (["HCHDM,100.0,M"], "heading_deg", f"HDM comes, but {VARIATION}"),
+        (["GPVTG,230.5,T,229.1,M,5.6,N,10.4,K,A", "HCHDM,100.0,M"], "surge_mps",
+         f"VTG comes, but no heading: HDM comes, but {VARIATION}"),
+        (["WIMWV,57.5,R,13.0,N,A", "HEHDT,12.3,T"], "wind_speed_mps", "MWV comes, but no speed over ground: "),
+        (["RCTRD,2,60.0,P,,V,90.8"], "port_rpm", "TRD 2 in percent: give rated_rpm"),
+        (["RCTRD,7,60.0,R,,V,90.8"], "port_rpm", "TRD 7 of a number that no thruster has"),
+        (["ERRPM,E,1,900.0,,A"], "starboard_rpm", "RPM engine's speed: give reduction_ratios"),
+        (["TIROT,-30.0,V"], "yaw_rate_dps", "ROT comes, but is marked as not valid: see to the sensor"),
+        (["GPGGA,120000.00,,,,,0,,,,M,,M,,"], "north_m", "GGA comes, but is marked as not valid"),
+        (["HEHDT,,T"], "heading_deg", "HDT comes, but its fields are empty: see to the sensor"),
+        (["HEHDT,12.3,T"], "north_m", "nothing that comes carries it: GGA, RMC, GLL, 129025 or 129029 would"),
+    ],
+)  # fmt: skip
+def test_each_missing_channel_has_one_reason(log: Log, bodies: list[str], channel: str, reason: str) -> None:
+    found = log(*bodies)
+    assert found.missing[channel].startswith(reason)
+    assert found.missing[channel] in " ".join(found.configuration.replace("\n#   ", " ").split())
+
+
+def test_a_thrusters_sentence_is_no_reason_of_anothers(log: Log) -> None:
+    found = log("RCTRD,2,60.0,P,,V,90.8")
+    assert "TRD 2" not in found.missing["starboard_rpm"]
+    assert found.channels["port_angle_deg"] == ["log/RC:TRD"]
+
+
+def test_check_record_and_info_give_the_same_reasons(tmp_path: Path, command: Command) -> None:
+    (tmp_path / "log.txt").write_bytes(
+        b"".join(100 * [sentence("HCHDM,100.0,M"), sentence("RCTRD,2,60.0,P,,V,90.8")])
+    )
+    listed = 'channels = ["heading_deg", "heading_magnetic_deg", "port_rpm"]\n'
+    text = f'[trial]\nname = "x"\n[[source]]\nname = "log"\ntype = "file"\npath = "log.txt"\n{listed}'
+    (tmp_path / "x.toml").write_text(text)
+    checked = command("record", tmp_path / "x.toml", "--check", "--duration", "0.5", "--json")
+    problems = {each["name"]: each["problem"] for each in checked.json["channels"]}
+    done = command("record", tmp_path / "x.toml", "-o", tmp_path / "out")
+    shown = " ".join(command("info", done.out.strip()).out.split())
+    for name, reason in (
+        ("heading_deg", f"HDM comes, but {VARIATION}"),
+        ("port_rpm", "TRD 2 in percent: give rated_rpm"),
+    ):
+        assert problems[name] == reason
+        assert f"nothing came of {name}: {reason}" in done.err
+        assert f"missing: {name}: {reason}" in shown
+
+
+def test_a_variation_given_in_the_configuration_is_no_reason(tmp_path: Path, log: Log) -> None:
+    found = log("HCHDM,100.0,M")
+    assert "# magnetic_variation_deg = 0.0" in found.configuration
+    mended = found.configuration.replace("# magnetic_variation_deg = 0.0", "magnetic_variation_deg = 2.0").replace(
+        'channels = ["heading_magnetic_deg"]', 'channels = ["heading_magnetic_deg", "heading_deg"]'
+    )
+    (tmp_path / "mended.toml").write_text(mended)
+    _, health = record(load_config(tmp_path / "mended.toml"), tmp_path / "recording")
+    assert health.channels["heading_deg"].value == pytest.approx(102.0)
+
+
+@pytest.mark.parametrize("rate", [4_800, 38_400, 115_200])
+def test_the_baud_rate_is_that_at_which_sentences_are_sound(rate: int) -> None:
+    garbled = bytes(range(128, 256)) * 2
+
+    def read_at(tried: int) -> bytes:
+        return sentence("HEHDT,12.3,T") if tried == rate else garbled
+
+    assert find_baud_rate(read_at) == rate
+    with pytest.raises(SourceError, match="no sense at 4800"):
+        find_baud_rate(lambda tried: garbled)
+    assert find_baud_rate(lambda tried: b"") == 4_800
+
+
+def chunks(*payloads: bytes) -> list[Frame]:
+    return [Frame("line", "mavlink", each, number, number) for number, each in enumerate(payloads)]
+
+
+def test_what_a_line_carries_shows_in_its_bytes() -> None:
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    link = dialect.MAVLink(None, srcSystem=7)
+    packets = [bytes(link.attitude_encode(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0).pack(link)) for _ in range(5)]
+    place = Place("line", "tcp", {"address": "10.0.0.1", "port": 4001})
+    autopilot = interpret(place, chunks(*packets))
+    assert (autopilot.place.type, autopilot.place.settings["system_id"], autopilot.count) == ("mavlink_tcp", 7, 5)
+    cut = b"".join(20 * [sentence("HEHDT,12.3,T")])
+    line = interpret(place, chunks(cut[:31], cut[31:]))
+    assert (line.place.type, line.count) == ("tcp", 20)
+    gateway = interpret(place, chunks(b"17:33:21.107 R 09F11223 01 2F 30 70 00 2F 30 FC\r\n"))
+    assert gateway.place.settings["form"] == "yacht_devices"
+    assert [each.protocol for each in gateway.frames()] == ["can"]
+    assert "nothing known" in interpret(place, chunks(b"\x00\x01\x02")).problem
+    assert interpret(place, []).problem == "nothing comes"
+
+
+def test_the_form_of_a_gateway_shows_in_its_lines() -> None:
+    assert form_of(b"A173321.107 23FF7 1F513 012F3070002F30709F\n") == "n2k_ascii"
+    assert form_of(sentence("HEHDT,12.3,T")) == ""
+
+
+def test_devices_are_told_by_what_they_claim_and_those_that_compete_are_named(tmp_path: Path) -> None:
+    heading = struct.pack("<BHhhB", 1, round(math.radians(30.0) * 1e4), 0x7FFF, 0x7FFF, 0xFC)
+    name = (0xC0788C00E7E04312).to_bytes(8, "little")
+    rows = []
+    for tenth in range(50):
+        for address, group, data in ((36, 127250, heading), (7, 127250, heading), (7, 60928, name)):
+            rows.append(f"({1_779_019_200 + tenth / 10:.6f}) can0 {identifier_of(group, address):08X}#{data.hex()}")
+    (tmp_path / "bus.log").write_text("\n".join(rows))
+    found = discover(parse_places([str(tmp_path / "bus.log")]), folder=tmp_path)
+    (device,) = found.as_json()["devices"]
+    assert (device["address"], device["iso_name"], device["manufacturer"]) == (7, "c0788c00e7e04312", "Furuno")
+    assert 'iso_name = "c0788c00e7e04312" }, { name = "device_36", address = 36 }' in found.configuration
+    rates = {each["device"]: each["rate_hz"] for each in found.as_json()["messages"] if each["message"] == "127250"}
+    assert rates == pytest.approx({"7": 10.0, "36": 10.0}, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "settings"),
+    [
+        ("can0", "can", {"interface": "socketcan", "channel": "can0"}),
+        ("can:udp_multicast:239.74.163.2?port=43113&hop_limit=0", "can",
+         {"interface": "udp_multicast", "channel": "239.74.163.2", "options": {"port": 43113, "hop_limit": 0}}),
+        ("/dev/ttyUSB0@38400", "serial", {"device": "/dev/ttyUSB0", "baud_rate": 38400}),
+        ("udp:10110", "udp", {"address": "0.0.0.0", "port": 10110}),
+        ("udp:239.192.0.1:60001", "udp", {"address": "239.192.0.1", "port": 60001}),
+        ("tcp:10.0.0.7:2000", "tcp", {"address": "10.0.0.7", "port": 2000}),
+    ],
+)  # fmt: skip
+def test_places_are_named_as_people_say_them(text: str, kind: str, settings: dict[str, object]) -> None:
+    (place,) = parse_places([text])
+    assert (place.type, place.settings, place.text) == (kind, settings, text)
+
+
+@pytest.mark.parametrize("text", ["nowhere.log", "tcp:10110", "udp:x", "udp:70000", "/dev/ttyUSB0@fast"])
+def test_what_is_no_place_is_one_clear_error(text: str) -> None:
+    with pytest.raises(SeatrialError, match=r"no place to listen|no address|no port|no baud rate"):
+        parse_places([text])
+
+
+def test_places_of_a_configuration_are_its_sources(tmp_path: Path) -> None:
+    text = BUSES.format(dbc="thrusters.dbc", signals="", device="/dev/gyro", port=14551)
+    (tmp_path / "buses.toml").write_text(text)
+    places = parse_places([str(tmp_path / "buses.toml"), "udp:14551"])
+    assert [(each.name, each.type) for each in places] == [
+        ("backbone", "can"), ("bridge", "serial"), ("autopilot", "udp"), ("udp_14551", "udp"),
+    ]  # fmt: skip
+    assert places[0].settings["dbc"] == str(tmp_path / "thrusters.dbc")
+
+
+def test_the_command_writes_what_records_and_says_where_it_listened_in_vain(
+    tmp_path: Path, command: Command
+) -> None:
+    (tmp_path / "log.txt").write_bytes(b"".join(50 * [sentence("HEHDT,12.3,T")]))
+    done = command("discover", tmp_path / "log.txt", "-o", tmp_path / "found.toml", "--json")
+    assert done.code == 0
+    assert done.json["configuration"] == (tmp_path / "found.toml").read_text()
+    assert list(done.json["channels"]) == ["heading_deg"]
+    again = command("discover", tmp_path / "log.txt", "-o", tmp_path / "found.toml")
+    assert (again.code, again.err.count("\n")) == (1, 1)
+    assert "exists already" in again.err
+    port = free_port()
+    silent = command("discover", f"udp:127.0.0.1:{port}", "--duration", "0.2")
+    assert silent.code == 1
+    assert f"udp:127.0.0.1:{port}: nothing comes" in silent.err
+    assert "--duration" in silent.err
+
+
+def test_what_a_stranger_sends_does_not_reach_the_configuration(tmp_path: Path) -> None:
+    """A log's name and a device's words may hold anything; the configuration stays one."""
+    path = tmp_path / 'odd "name"\x1b[31m.txt'
+    path.write_bytes(b"".join(20 * [sentence("HEHDT,12.3,T")]))
+    found = discover(parse_places([str(path)]), folder=tmp_path)
+    assert recorded(found, tmp_path) == {"heading_deg"}
+    assert "\x1b" not in found.configuration
