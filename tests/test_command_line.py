@@ -22,8 +22,8 @@ from tests.conftest import SMALL_HORIZON_S, Command, Done, Simulated, few_epochs
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = (
-    "demo", "discover", "record", "mark", "emulate", "import", "info", "recover", "redecode", "export", "windows", "simulate",
-    "train", "validate", "predict", "diagnose", "plan",
+    "demo", "discover", "record", "mark", "emulate", "import", "info", "recover", "redecode", "export", "windows",
+    "simulate", "train", "validate", "predict", "diagnose", "plan",
 )  # fmt: skip
 HEAVY = (
     "torch",
