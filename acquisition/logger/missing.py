@@ -8,6 +8,7 @@ from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
 from acquisition.config.sections import LineSource
 from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
@@ -92,7 +93,7 @@ def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
     with tempfile.TemporaryDirectory(prefix="seatrial-info-") as scratch:
         try:
             config = own_configuration(path, Path(scratch))
-            absent = [name for name in trial_names(config.actuators) if name not in present]
+            absent = [name for name in config.watched_channels if name not in present]
             survey = survey_of_recording(config, [path], LOOKED_AT) if absent else None
         except SeatrialError:
             return {}
@@ -194,8 +195,9 @@ def _reason(kind: Kind, tally: Tally) -> str:
 
 def _can_carry(message: str, name: str, survey: Survey) -> bool:
     """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
-    if name in _CARRIERS:
-        return message in _CARRIERS[name]
+    origins = _origins(name, survey)
+    if name in _CARRIERS or origins:
+        return message in _CARRIERS.get(name, ()) or message in origins
     kind, _, number = message.partition(" ")
     owners = [
         thruster
@@ -217,9 +219,25 @@ def _nothing(name: str, survey: Survey) -> str:
     carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
+    if origins := _origins(name, survey):
+        return f"nothing that comes carries it: {', '.join(origins)} would"
     own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_makers_own(kind.name)})[:_MOST_NAMED])
     frames = f"the maker's own frames ({own})" if own else "the maker's own frames"
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
+
+
+def _origins(name: str, survey: Survey) -> list[str]:
+    """The messages that a declared channel may come from."""
+    origins = (origin for each in survey.config.declared if each.channel.name == name for origin in each.origins)
+    return list(dict.fromkeys(map(_message_of, origins)))
+
+
+def _message_of(origin: Origin) -> str:
+    if isinstance(origin, SentenceField):
+        return origin.sentence
+    if isinstance(origin, GroupField):
+        return str(origin.group)
+    return origin.message if isinstance(origin, MavlinkField) else "XDR"
 
 
 def _is_makers_own(name: str) -> bool:

@@ -25,7 +25,7 @@ from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import ADDRESS_CLAIM
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import FrameProcessor
-from acquisition.recording.messages import MessageSink, frame_of
+from acquisition.recording.messages import MessageSink
 from acquisition.recording.reader import MessageStream
 from acquisition.recording.schemas import RAW_PREFIX
 
@@ -218,8 +218,7 @@ def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames:
     """
     entries = chain.from_iterable(map(MessageStream, paths))
     raw = (each for each in entries if each.topic.startswith(RAW_PREFIX))
-    frames = (frame_of(each.topic, each.data, each.log_ns, each.publish_ns) for each in raw)
-    return survey_of(config, islice(frames, most_frames))
+    return survey_of(config, islice((each.frame() for each in raw), most_frames))
 
 
 def _is_later_part(frame: Frame) -> bool:
