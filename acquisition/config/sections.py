@@ -87,6 +87,13 @@ def _own_shaft(name: str, info: ValidationInfo) -> str:
     return name
 
 
+def _own_rotor(name: str, info: ValidationInfo) -> str:
+    turning = [each.name for each in _actuators(info) if each.channels[0].unit == "rpm"]
+    if name not in turning:
+        raise ValueError(f"turns nothing of the ship; what has rpm is {', '.join(turning) or 'nothing'}")
+    return name
+
+
 def _absolute(path: Path, info: ValidationInfo) -> Path:
     """A path as the file means that is being read, or what stands in for a source's DBC file."""
     context = info.context or {"folder": Path(), "dbc_files": {}}
@@ -99,6 +106,9 @@ ReductionRatios = dict[
     Annotated[str, AfterValidator(_own_shaft)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 ]
 """The turns of the engine for one of the shaft, by actuator."""
+
+RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]]
+"""The rpm at 100 %, by actuator."""
 
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
@@ -334,11 +344,12 @@ class _Lines(_CanFrames):
 
     ``form`` is what a gateway sends or a log holds where the content is not to tell. ``theoretical_wind`` is what
     MWV's "T" refers to on this vessel: instruments differ, and the sentence does not tell. RPM of an engine counts
-    as that of its shaft with the ``reduction_ratios``.
+    as that of its shaft with the ``reduction_ratios``, TRD, TRC and PRC in percent as rpm with the ``rated_rpm``.
     """
 
     form: Form | Literal[""] = ""
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
+    rated_rpm: RatedSpeeds = field(default_factory=dict)
     theoretical_wind: Literal["ground", "water"] = "ground"
 
 

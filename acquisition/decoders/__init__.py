@@ -69,7 +69,8 @@ def decoders_by_protocol(
 
     wind, ratios = config.theoretical_wind, config.reduction_ratios
     fields = carried_by(declared, config.channels, SentenceField | Transducer)
-    sentences: list[Decoder] = [Nmea0183Decoder(config.thrusters, config.clock, wind, actuators, ratios, fields)]
+    ship = actuators, ratios, config.rated_rpm
+    sentences: list[Decoder] = [Nmea0183Decoder(config.thrusters, config.clock, wind, *ship, declared=fields)]
     if isinstance(config, CanFileSource):
         return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
     return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}

@@ -70,6 +70,10 @@ class DeclaredGroups:
     def __contains__(self, group: int) -> bool:
         return group in self._channels
 
+    def channels_in(self, group: int) -> frozenset[str]:
+        """The channels that these groups carry: what they would say of them otherwise counts no more."""
+        return frozenset(each.channel.name for each in self._channels.get(group, ()))
+
     def read(self, group: int, address: int, message: Message) -> list[tuple[str, Value]]:
         """The channels in a message, each with its value or the reason why there is none."""
         found: dict[str, Value] = {}

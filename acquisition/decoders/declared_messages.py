@@ -54,6 +54,10 @@ class DeclaredMessages:
             found = _MessageChannel(channel, origin, step, _unknown(kind, origin.field))
             self._channels.setdefault(origin.message, []).append(found)
 
+    def channels_in(self, name: str) -> frozenset[str]:
+        """The channels that these messages carry: what they would say of them otherwise counts no more."""
+        return frozenset(each.channel.name for each in self._channels.get(name, ()))
+
     def read(self, name: str, message: Any) -> list[tuple[str, float]]:
         """The channels in a message with their values, NaN for one that is not known."""
         return [value for each in self._channels.get(name, ()) for value in each.read(message)]

@@ -41,7 +41,7 @@ class _Transducer:
     """One transducer that carries a channel. XDR has four fields for each: type, value, unit, name."""
 
     def __init__(self, channel: Channel, origin: Transducer) -> None:
-        self._channel, self._origin = channel, origin
+        self.channel, self._origin = channel, origin
         self._steps: dict[tuple[str, str], Linear | None] = {}
 
     def read(self, fields: Fields) -> Reading:
@@ -51,14 +51,14 @@ class _Transducer:
                 step = self._step(fields.text(place), fields.text(place + 2))
                 if step is None:
                     return Reading(refused="unit unknown")
-                return Reading([(self._channel.name, step.apply(number))])
+                return Reading([(self.channel.name, step.apply(number))])
         return Reading()
 
     def _step(self, kind: str, letter: str) -> Linear | None:
         """The step from the unit that the sentence tells; None where it measures something else."""
         if (kind, letter) not in self._steps:
             try:
-                step = self._origin.step_to(self._channel, _XDR_UNITS.get((kind, letter)))
+                step = self._origin.step_to(self.channel, _XDR_UNITS.get((kind, letter)))
             except ConfigurationError:
                 step = None
             self._steps[kind, letter] = step
@@ -79,6 +79,10 @@ class DeclaredSentences:
 
     def __contains__(self, kind: str) -> bool:
         return kind in self._readers
+
+    def channels_in(self, kind: str) -> frozenset[str]:
+        """The channels that these sentences carry: what they would say of them otherwise counts no more."""
+        return frozenset(each.channel.name for each in self._readers.get(kind, ()))
 
     def read(self, kind: str, fields: Fields) -> Reading:
         """What a sentence says; of several origins of one channel in it the first that has a value counts."""

@@ -73,31 +73,44 @@ def _of_shaft(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -
     return [(name, value) for name, value in both if name in known]
 
 
-def _propulsion_order(fields: Fields, shafts: Actuators) -> Reading:
+def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | None:
+    """A shaft's speed by its mode: R rpm, P percent of the rated one; None where it is neither, or not known."""
+    if value is None or mode == "R":
+        return value
+    return None if mode != "P" or rated_rpm is None else value * rated_rpm / 100.0
+
+
+def _propulsion_order(fields: Fields, shafts: Actuators, rated_rpm: Mapping[str, float]) -> Reading:
     """PRC: lever, its status, rpm, its mode, pitch, its mode, location, shaft."""
     shaft = shaft_of_number(fields.number(7), shafts)
     if shaft is None:
         return Reading(refused="order to an unknown shaft")
-    rpm = fields.number(2) if fields.text(3) == "R" else None
+    rpm = _in_rpm(fields.number(2), fields.text(3), rated_rpm.get(shaft.name))
     pitch_percent = fields.number(4) if fields.text(5) == "P" else None
     return _as_orders(Reading(_of_shaft(shaft, rpm, pitch_percent), f"shaft {fields.number(7):.0f}"))
 
 
-def _thruster(fields: Fields, controls: _Controls) -> Reading:
-    """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust."""
+def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float]) -> Reading:
+    """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust.
+
+    ``rated_rpm`` is by channel.
+    """
     number = fields.number(0)
     shaft, azimuth = ("", "") if number is None else controls.get(number, ("", ""))
     if not shaft:
         return Reading(refused="thruster not understood")
-    rpm, mode = present((shaft, fields.number(1))), fields.text(2)
+    said, mode = fields.number(1), fields.text(2)
+    rpm = present((shaft, _in_rpm(said, mode, rated_rpm.get(shaft))))
     angle = present((azimuth, fields.number(5))) if azimuth else []
-    if mode == "R" or not rpm:
+    if rpm or said is None:
         return Reading(rpm + angle)
     return Reading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
 
 
-def _thruster_order(fields: Fields, controls: _Controls, fills_channels: bool) -> Reading:
-    reading = _thruster(fields, controls)
+def _thruster_order(
+    fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float], fills_channels: bool
+) -> Reading:
+    reading = _thruster(fields, controls, rated_rpm)
     orders = _as_orders(reading)
     return replace(orders, values=orders.values + reading.values) if fills_channels else orders
 
@@ -107,7 +120,10 @@ def _as_orders(reading: Reading) -> Reading:
 
 
 def machinery_readers(
-    thrusters: Thrusters, actuators: Actuators, reduction_ratios: Mapping[str, float]
+    thrusters: Thrusters,
+    actuators: Actuators,
+    reduction_ratios: Mapping[str, float],
+    rated_rpm: Mapping[str, float],
 ) -> dict[str, Reader]:
     """The reader of each of these sentences, by its last three letters, on a ship with these actuators."""
     controls: _Controls = {}
@@ -115,18 +131,19 @@ def machinery_readers(
         if each.name in thrusters.numbers:
             shaft, azimuth, *_ = (*(channel.name for channel in each.channels), "")
             controls[thrusters.numbers[each.name]] = shaft, azimuth
+    rated = {f"{name}_rpm": each for name, each in rated_rpm.items()}
     demand = thrusters.channels_from == "demand"
     unwanted = Reading(refused="thruster response where demands are wanted")
     angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
     readers: dict[str, Reader] = {
         "RSA": partial(_rudders, channels=angles),
         "RPM": partial(_rpm, shafts=shafts, reduction_ratios=reduction_ratios),
-        "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls),
-        "TRC": partial(_thruster_order, controls=controls, fills_channels=demand),
+        "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls, rated_rpm=rated),
+        "TRC": partial(_thruster_order, controls=controls, rated_rpm=rated, fills_channels=demand),
     }
     if rudders(actuators):
         readers["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
         readers["HTD"] = partial(_heading_control, channels=angles)
     if not {each.name for each in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
-        readers["PRC"] = partial(_propulsion_order, shafts=shafts)
+        readers["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
     return readers

@@ -172,8 +172,11 @@ class MavlinkDecoder:
             self.refused["undecodable"] += 1
             return []
         self._notice_restart(message, frame)
-        told_ns, groups = self._told(message), []
-        for label, values in (*self._values(kind, message, frame), (kind, self._declared.read(kind, message))):
+        told_ns, groups, said = self._told(message), [], self._values(kind, message, frame)
+        if ours := self._declared.channels_in(kind):
+            said = [(label, [each for each in values if each[0] not in ours]) for label, values in said]
+            said.append((kind, self._declared.read(kind, message)))
+        for label, values in said:
             source = f"{frame.origin}/{self._system_id}:{label}"
             groups += self.clock.group(frame, source, self._possible(values), told_ns)
         return groups

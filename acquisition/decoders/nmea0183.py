@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import xor
 from typing import Literal
@@ -104,6 +104,8 @@ class Nmea0183Decoder:
         theoretical_wind: Literal["ground", "water"] = "ground",
         actuators: Actuators = DEFAULT,
         reduction_ratios: Mapping[str, float] | None = None,
+        rated_rpm: Mapping[str, float] | None = None,
+        *,
         declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
     ) -> None:
         """Raises :class:`ConfigurationError` for declared channels whose units do not fit."""
@@ -113,7 +115,7 @@ class Nmea0183Decoder:
         self._tell_gga: set[str] = set()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
-        machinery = machinery_readers(numbered, actuators, reduction_ratios or {})
+        machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
         self._readers = readers(theoretical_wind) | machinery
         self._declared = DeclaredSentences(declared)
 
@@ -136,6 +138,9 @@ class Nmea0183Decoder:
             reading = self._readers[kind](Fields(fields))
             if reading.refused or not (reading.values or reading.date):
                 self.refused[reading.refused or "no value"] += 1
+            if kind in self._declared:
+                values = [each for each in reading.values if each[0] not in self._declared.channels_in(kind)]
+                reading = replace(reading, values=values)
             groups = self._groups(reading, frame, talker, kind, tagged)
         if kind in self._declared:
             reading = self._declared.read(kind, Fields(fields))

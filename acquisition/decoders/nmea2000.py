@@ -102,6 +102,8 @@ class Nmea2000Decoder:
         if reading.instance is None or self._is_first_instance(device, group, reading.instance):
             meaning = f" {reading.meaning}" if reading.meaning else ""
             values = self._admitted(device, reading.values)
+            if group in self._declared:
+                values = [each for each in values if each[0] not in self._declared.channels_in(group)]
             groups = self.clock.group(frame, source + meaning, values, told_ns, reading.quality)
         if group in self._declared:
             declared = self._admitted(device, self._declared.read(group, address, message))

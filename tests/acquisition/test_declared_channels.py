@@ -347,6 +347,79 @@ from = [{ message = "BATTERY_STATUS", field = "voltages", index = 1, where = { i
     assert found == [{"hull_temperature_degc": 18.5}, {"cell_voltage_v": pytest.approx(4.123)}, {}, {}]
 
 
+RATED = "rated_rpm = { port = 200, tunnel = 600 }\n"
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("RCTRD,2,40.0,P,,V,90.8", {"port_rpm": 80.0, "port_angle_deg": 90.8}),
+        ("RCTRD,1,-50,P,,V,", {"tunnel_rpm": -300.0}),
+        ("RCTRD,2,81.5,R,,V,90.8", {"port_rpm": 81.5, "port_angle_deg": 90.8}),
+        ("RCTRD,4,40.0,P,,V,90.8", {"starboard_angle_deg": 90.8}),
+        ("RCTRD,2,40.0,V,,V,90.8", {"port_angle_deg": 90.8}),
+        ("RCTRC,2,25,P,,V,90.8,B,C", {"port_order_rpm": 50.0, "port_order_angle_deg": 90.8}),
+    ],
+)
+def test_a_thruster_in_percent_turns_so_much_of_its_rated_speed(body: str, expected: dict[str, float]) -> None:
+    config = config_of(SERIAL + RATED, ["port_rpm"])
+    assert decoded(config, [line(body)]) == [expected]
+
+
+def test_who_has_no_speed_is_rated_none() -> None:
+    with pytest.raises(ConfigurationError, match="what has rpm is port, starboard, tunnel"):
+        config_of(SERIAL + "rated_rpm = { bow = 200 }\n", ["port_rpm"])
+
+
+def test_a_rudder_in_percent_and_an_inclinometer_the_wrong_way_round() -> None:
+    """An origin that is declared takes the place of what the same message is read as otherwise."""
+    declared = """
+[[channel]]
+name = "rudder_angle_deg"
+from = [{ sentence = "RSA", field = 1, when = { 2 = "A" }, full_scale = 35 }]
+[[channel]]
+name = "roll_deg"
+from = [{ group = 127257, field = "roll", scale = -1 }]
+[[channel]]
+name = "heading_deg"
+from = [{ message = "ATTITUDE", field = "yaw", unit = "rad", offset = 90 }]
+"""
+    assert decoded(config_of(SERIAL, ["rudder_angle_deg"], declared), [line("IIRSA,-40.0,A,,V")]) == [
+        {"rudder_angle_deg": -14.0}
+    ]
+    attitude = backend.DATABASE.encode("attitude", {"roll": 0.1, "pitch": 0.2})
+    (found,) = decoded(config_of(CAN, ["roll_deg"], declared), [can_frame(identifier_of(127257), attitude)])
+    assert found == {"roll_deg": pytest.approx(-np.degrees(0.1)), "pitch_deg": pytest.approx(np.degrees(0.2))}
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    yaw = link.attitude_encode(0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0).pack(link)
+    (found,) = decoded(config_of(MAVLINK, ["heading_deg"], declared), [Frame("x", "mavlink", yaw, 0, 0)])
+    assert found["heading_deg"] == pytest.approx(np.degrees(1.0) + 90.0, abs=1e-5)
+
+
+def test_a_tunnel_thruster_by_128006_has_a_side() -> None:
+    origins = ", ".join(
+        f'{{ group = 128006, field = "speedControl", where = {{ identifier = 3, directionControl = {side} }},'
+        f" full_scale = {full} }}"
+        for side, full in ((3, 600), (2, -600))
+    )
+    config = config_of(CAN, ["tunnel_rpm"], f'[[channel]]\nname = "tunnel_rpm"\nfrom = [{origins}]\n')
+    frames = [
+        can_frame(identifier_of(128006), backend.DATABASE.encode("thrusterControlStatus", fields))
+        for fields in (
+            {"identifier": 3, "directionControl": 3, "speedControl": 0.5},
+            {"identifier": 3, "directionControl": 2, "speedControl": 0.25},
+            {"identifier": 4, "directionControl": 2, "speedControl": 0.25},
+            {"identifier": 3, "directionControl": 2},
+        )
+    ]
+    assert decoded(config, frames) == [
+        {"tunnel_rpm": pytest.approx(300)},
+        {"tunnel_rpm": pytest.approx(-150)},
+        {},
+        {},
+    ]
+
+
 def write_log(folder: Path, seconds: int = 120) -> None:
     """A winch and a crane beside a compass, 2 Hz; the tension has a spike and an impossible value."""
     rows = []
