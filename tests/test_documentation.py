@@ -201,30 +201,26 @@ def test_the_check_of_the_page_finds_an_overspeed() -> None:
     assert not known["check_overspeed"](table[["starboard_rpm"]]).findings
 
 
-def test_the_sentence_and_the_group_of_the_page_are_read() -> None:
-    """DPT and 128267, with the readers that the page shows."""
-    from acquisition.decoders import parameter_groups, sentences
-    from acquisition.decoders.sentences import Fields
+def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:
+    """Each block stands in a configuration, beside a source where it has none; each origin of the table is one."""
+    from acquisition.config.configuration import load_config
+    from acquisition.core.units import ending_of
+    from acquisition.decoders import decoders_by_protocol
 
-    reader, fields, group = [block.text for each, block in every("python") if each.name.endswith("a_sensor.md")]
-    read = executed(reader, vars(sentences))["_dpt"]
-    assert read(Fields(["12.3", "0.5"])) == sentences.Reading([("depth_below_transducer_m", 12.3)])
-    assert read(Fields(["", "0.5"])) == sentences.Reading()
-
-    names = {**vars(parameter_groups), "FIELDS": {}}
-    known = executed(fields + group, names)
-    message = parameter_groups.Message(known["FIELDS"][128267], bytes([0, 0xDC, 0x05, 0, 0, 0xF4, 0x01, 0xFF]))
-    depth = [("depth_below_transducer_m", pytest.approx(15.0))]
-    assert known["_water_depth"](message) == parameter_groups.Reading(depth)
-    assert message["offset"] == pytest.approx(0.5)
-
-
-def test_the_channel_of_the_page_is_one() -> None:
-    from acquisition.core.channels import Channel
-
-    channel = eval(block_of("howto/add_a_channel.md", "Add a channel", "python").strip(), {"Channel": Channel})
-    assert channel.holds(30.0)
-    assert not channel.holds(-1.0)
+    chapter, source = page("howto/add_a_channel.md"), 'type = "file"\npath = "x.log"\nchannels = ["heading_deg"]'
+    blocks = [each.text for each in chapter.blocks if each.language == "toml"]
+    told = [block if "[[source]]" in block else f'{block}\n[[source]]\nname = "x"\n{source}' for block in blocks]
+    origins = re.findall(r"`(\{ (?:sentence|transducer|group|message) .*? \})` \|", chapter.text)
+    for origin, unit in zip(origins, ("m", "m", "deg", "l/h", "l/h", "V"), strict=True):
+        kind = 'type = "mavlink"\nport = 14550' if "message" in origin else 'type = "file"\npath = "x.log"'
+        channel = f'name = "x{ending_of(unit)}"\nunit = "{unit}"\nrange = [0, 1]\nfrom = [{origin}]'
+        told.append(f'[[channel]]\n{channel}\n[[source]]\nname = "x"\nchannels = ["x{ending_of(unit)}"]\n{kind}')
+    for number, text in enumerate(told):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(f'[trial]\nname = "t"\n{text}', encoding="utf-8")
+        config = load_config(path)
+        assert decoders_by_protocol(config.sources[0], config.actuators, config.declared)
+    assert len(blocks) == 3
 
 
 def test_the_vessel_of_the_page_can_be_loaded(tmp_path: Path) -> None:

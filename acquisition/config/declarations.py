@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass as plain_dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -286,6 +287,15 @@ def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> Declared
         if origin.unit is not None or origin.full_scale is not None:
             origin.step_to(channel)
     return DeclaredChannel(channel, section.origins)
+
+
+@contextmanager
+def complaints_about(channel: Channel) -> Iterator[None]:
+    """Let a complaint name the channel whose declaration it is about."""
+    try:
+        yield
+    except ConfigurationError as error:
+        raise error.at(f"channel {channel.name}") from error
 
 
 def carried_by(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
-from acquisition.config.declarations import GroupField
+from acquisition.config.declarations import GroupField, complaints_about
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import Linear
@@ -61,7 +61,8 @@ class DeclaredGroups:
         self._channels: dict[int, list[_GroupChannel]] = {}
         self.shortest: dict[int, int] = {}
         for channel, origin in wanted:
-            found = _group_channel(channel, origin)
+            with complaints_about(channel):
+                found = _group_channel(channel, origin)
             self._channels.setdefault(origin.group, []).append(found)
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(each.start + each.bits for each in (found.field, *(each for each, _ in found.where)))

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from math import nan
 from typing import Any, NamedTuple
 
-from acquisition.config.declarations import MavlinkField
+from acquisition.config.declarations import MavlinkField, complaints_about
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import Linear
@@ -48,9 +48,10 @@ class DeclaredMessages:
         self._channels: dict[str, list[_MessageChannel]] = {}
         kinds = {each.msgname: each for each in dialect.mavlink_map.values()}
         for channel, origin in wanted:
-            kind = _kind_of(origin, kinds)
+            with complaints_about(channel):
+                kind = _kind_of(origin, kinds)
+                step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
             self.names[kind.id] = origin.message
-            step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
             found = _MessageChannel(channel, origin, step, _unknown(kind, origin.field))
             self._channels.setdefault(origin.message, []).append(found)
 

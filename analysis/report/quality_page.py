@@ -66,7 +66,8 @@ def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str)
     return render(
         "quality.html", title="Data quality", subtitle=recording, quality=quality,
         headline={**counts, "findings": len(quality.findings)},
-        trial=[(key.replace("_", " "), value) for key, value in trial.items() if value],
+        trial=[(key.replace("_", " "), value) for key, value in trial.items()
+               if value and key != "channels"],
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ import pynmeagps
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from nmea2000 import backend
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from scipy.io import loadmat, netcdf_file
@@ -412,12 +413,8 @@ def test_a_tunnel_thruster_by_128006_has_a_side() -> None:
             {"identifier": 3, "directionControl": 2},
         )
     ]
-    assert decoded(config, frames) == [
-        {"tunnel_rpm": pytest.approx(300)},
-        {"tunnel_rpm": pytest.approx(-150)},
-        {},
-        {},
-    ]
+    found = [each.get("tunnel_rpm") for each in decoded(config, frames)]
+    assert found == [pytest.approx(300.0), pytest.approx(-150.0), None, None]
 
 
 def write_log(folder: Path, seconds: int = 120) -> None:
@@ -636,3 +633,25 @@ def test_units_have_zeros_and_sizes() -> None:
     assert to_house("hPa", "bar").apply(1.013) == pytest.approx(1013.0)
     assert to_house("l/h", "m3/s").invert(3600.0) == pytest.approx(0.001)
     assert to_house("mg/l", "mg/l").apply(nan) is not None
+
+
+def test_the_example_names_only_what_its_sources_can_carry() -> None:
+    config = load_config(Path(__file__).parents[2] / "trials" / "survey_and_engines.toml")
+    for section in config.sources:
+        assert decoders_by_protocol(section, config.actuators, config.declared)
+    assert set(config.watched_channels) <= config.expected_channels
+
+
+def test_an_example_is_drawn_with_its_unit(recorded: Path) -> None:
+    """Beside the motion, what belongs together in one picture, and states as steps."""
+    from analysis.report.interactive import page_data
+    from analysis.report.plots import declared_groups, series
+
+    table = resample(read_table(recorded))
+    assert [*declared_groups(table)] == ["winch tension [N]", "crane slew [deg]", "winch mode"]
+    page = page_data(table)
+    assert page["channels"]["winch_mode"][70] == 2
+    assert page["lifts"]["crane_slew_deg"]
+    axes = Figure().subplots()
+    series(axes, table, ["winch_mode"])
+    assert axes.get_lines()[0].get_drawstyle() == "steps-post"
