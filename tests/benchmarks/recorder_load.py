@@ -2,7 +2,8 @@
 
 1,900 CAN frames, 200 sentences and 50 MAVLink messages a second go to ``seatrial record`` as a process of its own.
 Prints what was sent and recorded, the recorder's share of one core, its memory and open files at the beginning
-and the end. Run with the number of seconds: ``python tests/benchmarks/recorder_load.py 600``.
+and the end. Run with the number of seconds: ``python tests/benchmarks/recorder_load.py 600``; with ``junk`` behind
+it a process sends junk to a fourth source as fast as it can.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import can
@@ -53,6 +55,26 @@ name = "autopilot"
 type = "mavlink"
 port = {mavlink}
 channels = ["heading_deg", "yaw_rate_dps"]
+"""
+
+JUNK = b"\xff" * 1000
+JUNK_SOURCE = """
+[[source]]
+name = "junk"
+type = "udp"
+port = {junk}
+channels = []
+"""
+FLOOD = """
+import socket, sys
+line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+sent = 0
+try:
+    while True:
+        line.sendto(b"\\xff" * 1000, ("127.0.0.1", int(sys.argv[1])))
+        sent += 1
+except KeyboardInterrupt:
+    print(sent)
 """
 
 # Priority, group and data of the messages of a busy bus, most of them ours: the share of a full instrument set.
@@ -130,11 +152,23 @@ def cpu_s(process: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def main(duration_s: float) -> None:
-    ports = {"can": free_port(), "line": free_port(), "mavlink": free_port()}
+@contextmanager
+def flood(port: int) -> Iterator[None]:
+    """Junk to a port as fast as it can be sent, from a process of its own."""
+    junk = subprocess.Popen([sys.executable, "-c", FLOOD, str(port)], stdout=subprocess.PIPE, text=True)
+    try:
+        yield
+    finally:
+        junk.send_signal(signal.SIGINT)
+        print(f"junk: sent {int(junk.communicate()[0]):,} datagrams of {len(JUNK):,} bytes")
+
+
+def main(duration_s: float, *, junk: bool) -> None:
+    ports = {"can": free_port(), "line": free_port(), "mavlink": free_port(), "junk": free_port()}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / "load.toml").write_text(CONFIGURATION.format(multicast=MULTICAST, **ports))
+        text = CONFIGURATION + (JUNK_SOURCE if junk else "")
+        (folder / "load.toml").write_text(text.format(multicast=MULTICAST, **ports))
         recorder = subprocess.Popen(
             [sys.executable, ROOT / "seatrial.py", "record", folder / "load.toml", "-o", folder / "out"],
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
@@ -154,13 +188,14 @@ def main(duration_s: float) -> None:
 
         threads = [threading.Thread(target=run, args=job) for job in jobs]
         started_s = time.monotonic()
-        for thread in threads:
-            thread.start()
-        while any(thread.is_alive() for thread in threads):
-            time.sleep(min(60.0, duration_s / 5))
-            print(f"{time.monotonic() - started_s:6.0f} s  {state(recorder.pid)}", flush=True)
-        for thread in threads:
-            thread.join()
+        with flood(ports["junk"]) if junk else nullcontext():
+            for thread in threads:
+                thread.start()
+            while any(thread.is_alive() for thread in threads):
+                time.sleep(min(60.0, duration_s / 5))
+                print(f"{time.monotonic() - started_s:6.0f} s  {state(recorder.pid)}", flush=True)
+            for thread in threads:
+                thread.join()
         time.sleep(1.0)
         share = (cpu_s(recorder.pid) - before_s) / (time.monotonic() - started_s)
         recorder.send_signal(signal.SIGTERM)
@@ -179,10 +214,12 @@ def report(sent: dict[str, int], paths: list[Path], share: float, duration_s: fl
     for topic, count in sent.items():
         kept = recorded.get(topic, 0)
         print(f"{topic}: sent {count:,} ({count / duration_s:.0f}/s), recorded {kept:,}, lost {count - kept:,}")
+    if kept := recorded.get("/raw/nmea0183/junk", 0):
+        print(f"junk: recorded {kept:,}, {kept * len(JUNK) / duration_s / 1e3:.0f} kB/s")
     size = sum(path.stat().st_size for path in paths)
     print(f"{samples:,} samples; {size / 1e6:.1f} MB, {size / duration_s / 1e3:.0f} kB/s")
     print(f"{100 * share:.1f} % of one core")
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 60.0)
+    main(float(sys.argv[1]) if len(sys.argv) > 1 else 60.0, junk="junk" in sys.argv)
