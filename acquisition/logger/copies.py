@@ -123,6 +123,10 @@ class Copies:
             self._ended.set()
             self._thread.join()
 
+    def where(self, path: Path) -> Path:
+        """Where a part is to be found: where it was recorded, or its copy once it made room."""
+        return path if path.exists() else self._target / path.name
+
     def _work(self) -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)
         with suppress(_EndedError):

@@ -36,12 +36,13 @@ COUNTED_KEYS = (" ", "m")
 class Picture:
     """Everything worth seeing, drawn anew each time; ``expected`` are the channels that some source provides.
 
-    What does not fit goes in this order: words from the right, the unit column, events from the oldest.
+    What does not fit goes in this order: words from the right, the unit column, events from the oldest. Without
+    ``marks``, the keys that set them, nobody can press any.
     """
 
     health: Health
     expected: frozenset[str]
-    marks: Mapping[str, str]
+    marks: Mapping[str, str] | None
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         now_ns = time.monotonic_ns()
@@ -71,14 +72,13 @@ def _header(health: Health, now_ns: int) -> Text:
     )
 
 
-def _second_line(health: Health, marks: Mapping[str, str]) -> Text:
+def _second_line(health: Health, marks: Mapping[str, str] | None) -> Text:
     if health.trouble:
         return _one_line((health.trouble, "bold red"))
-    keys = ", ".join([*(f"{key} {text}" for key, text in marks.items()), "m a mark"])
+    keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
     return _one_line(
         *_disk(health),
-        ("  Ctrl-C ends; ", "dim"),
-        (keys, "dim"),
+        ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
     )
 

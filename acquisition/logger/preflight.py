@@ -16,9 +16,10 @@ from typing import Any
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import RecordingSection
+from acquisition.logger.alarms import check_alarms
 from acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
 from acquisition.logger.missing import what_comes, why_missing
-from acquisition.logger.pipeline import Recorder
+from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.survey import Survey, survey_of_recording
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.storage import free_bytes, shortage
@@ -70,8 +71,10 @@ def check_before_departure(
 ) -> PreflightReport:
     """Listen to every source for ``duration_s`` [s]; ``folder`` is where the recording would go, if it is known.
 
-    Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written.
+    Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written,
+    :class:`ConfigurationError` for an alarm of something that there is not.
     """
+    check_alarms(config.alarms, health_of(config))
     scratch_settings = replace(config.recording, reserve_mb=0.0)  # the reserve is for the trial's disk
     with tempfile.TemporaryDirectory(prefix="seatrial-check-") as scratch:
         parts = RecordingParts(Path(scratch), config.trial, config.attachments, scratch_settings)
@@ -91,6 +94,8 @@ def check_before_departure(
             parts.discard()
     events = [text for _, level, text in recorder.health.events if level != "info"]
     free, problem = (None, "") if folder is None else check_folder(folder, config.recording)
+    if config.copies is not None and not config.copies.folder.is_dir():
+        problem = "; ".join(filter(None, (problem, f"{config.copies.folder} is not there to copy to")))
     return PreflightReport(channels, sources, events, free, problem)
 
 

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 
@@ -105,7 +106,7 @@ def _record_live(
                 LOG.info("live view at %s", view.address)
         picture = Picture(recorder.health, config.expected_channels, config.marks)
         if config.status is not None:
-            shown = StatusPage(config.status, picture, config.trial.name)
+            shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _with(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
         stack.enter_context(Alarms(config.alarms, recorder.health, recorder.tell))
@@ -114,7 +115,7 @@ def _record_live(
         notify("READY=1")
         _wait(recorder, stop, duration_s)
         notify("STOPPING=1")
-    return parts.paths, recorder.health
+    return parts.paths if copies is None else [copies.where(path) for path in parts.paths], recorder.health
 
 
 def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
@@ -180,7 +181,7 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     from rich.live import Live
 
     with (
-        mark_on_keys(recorder.mark, picture.marks),
+        mark_on_keys(recorder.mark, picture.marks or {}),
         Live(
             picture,
             console=Console(stderr=True),

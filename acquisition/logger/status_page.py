@@ -32,7 +32,7 @@ _REQUEST_TIMEOUT_S = 2.0  # one is answered after the other: none may take long
 _POLL_S = 0.2
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>{title}</title>
-<style>body {{ color: #ddd; background: #111 }} pre {{ font-family: monospace; font-size: 14px }}</style></head>
+<style>body {{ color: #000; background: #fff }} pre {{ font-family: monospace; font-size: 14px }}</style></head>
 <body><pre>{body}</pre></body></html>
 """
 _HEADERS = {

@@ -17,6 +17,7 @@ from acquisition.logger import copies as copies_module
 from acquisition.logger.copies import Copies, copy_part, same
 from acquisition.logger.record import record
 from acquisition.recording.parts import RecordingParts
+from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port
 
 NAMES = [
@@ -141,5 +142,11 @@ def test_every_part_of_a_recording_is_copied_when_it_ends(tmp_path: Path) -> Non
     assert [(tmp_path / "copies" / path.name).read_bytes() for path in paths] == [
         each.read_bytes() for each in paths
     ]
+    assert paths[0].parent == tmp_path / "here"
+    made_room, _ = record(
+        parse_config(f"{text}keep_gb = 1e-9\n", tmp_path / "trial.toml"), tmp_path / "here", duration_s=0.2
+    )
+    assert [path.parent for path in made_room] == [tmp_path / "copies"]
+    assert read_recording(made_room[0]).closed
     with pytest.raises(ConfigurationError, match="where the recordings are"):
         record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "copies", duration_s=0.2)

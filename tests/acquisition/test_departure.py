@@ -14,7 +14,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.config.sections import RecordingSection
+from acquisition.config.sections import AlarmSection, CopiesSection, RecordingSection
+from acquisition.core.errors import ConfigurationError
 from acquisition.logger import preflight as departure
 from acquisition.logger.display import preflight_table
 from acquisition.logger.preflight import PreflightReport, check_before_departure, check_folder
@@ -121,3 +122,13 @@ def test_the_command_says_so_and_leaves_by_exit_code_1(tmp_path: Path) -> None:
     found = json.loads(next(line for line in result.output.splitlines() if line.startswith("{")))
     assert found["disk_problem"].endswith("file is no folder")
     assert "file is no folder" in result.output.split("not ready: ")[1]
+
+
+def test_copies_and_alarms_are_looked_at_too(tmp_path: Path) -> None:
+    config = config_of(tmp_path, 0.0)
+    away = replace(config, copies=CopiesSection(tmp_path / "away"))
+    found = check_before_departure(away, 0.1, tmp_path)
+    assert f"{tmp_path / 'away'} is not there to copy to" in found.obstacles
+    wrong = replace(config, alarms=(AlarmSection(name="a", figure="heading", above=1.0),))
+    with pytest.raises(ConfigurationError, match="no figure 'heading'"):
+        check_before_departure(wrong, 0.1, tmp_path)

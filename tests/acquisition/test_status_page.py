@@ -37,7 +37,7 @@ def health() -> Health:
 @pytest.fixture
 def served(health: Health) -> Iterator[int]:
     port = free_port(socket.SOCK_STREAM)
-    with StatusPage(StatusSection(port), Picture(health, frozenset(NAMES), {}), "<bay>"):
+    with StatusPage(StatusSection(port), Picture(health, frozenset(NAMES), None), "<bay>"):
         yield port
 
 
@@ -63,6 +63,7 @@ def test_it_shows_what_the_terminal_shows_and_no_tag_of_a_stranger(served: int) 
         assert shown in text
     assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; {more}" in text
     assert "<script" not in text
+    assert "Ctrl-C" not in text
     assert "<title>&lt;bay&gt;</title>" in text
     assert headers["Content-Security-Policy"].startswith("default-src 'none'")
 
