@@ -3,35 +3,85 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from acquisition.config.configuration import TrialConfig, parse_config, possible_channels
+from acquisition.config.declarations import PACKS
+from acquisition.config.toml_file import parse_toml
 from acquisition.core.channels import channel_names
-from acquisition.core.frames import label_parts
+from acquisition.core.frames import Frame, label_parts
+from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.discovery.dbc_match import match_signals, own_dbc
 from acquisition.discovery.listen import Heard
-from acquisition.logger.missing import VARIATION_FIX, by_reason
+from acquisition.logger.missing import VARIATION_FIX, by_reason, message_of
 from acquisition.logger.survey import Survey
 
 _WIDTH = 112
 _HEAD_FRAMES = 20_000
+_OF_ENGINES = frozenset({127488, 127493})  # groups of one frame whose first byte is the engine's instance
+_ENGINE_OF_J1939 = 61444
+_MOST_ENGINES = 8
+_ENGINES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
 
 
 def everything(found: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
-    """A configuration whose sources may provide every channel that their kind can carry."""
+    """A configuration whose sources may provide every channel that their kind can carry, of all packs, too."""
     trial = f'[trial]\nname = "discovered"\n{_line("vessel", vessel) if vessel else ""}'
+    trial += "".join(map(_pack, all_packs(found)))
     sections = [_settings(each) for each in found]
     bare = parse_config(trial + "".join(map(_section, sections)), path)
     for section, each in zip(sections, found, strict=True):
         _add_dbc(section, each, dbc, bare)
-    with_signals = parse_config(trial + "".join(map(_section, sections)), path)
-    for section, source in zip(sections, with_signals.sources, strict=True):
-        order = channel_names(with_signals.actuators)
-        section["channels"] = sorted(possible_channels(source, with_signals.actuators), key=order.index)
+    ship = parse_config(trial + "".join(map(_section, sections)), path)
+    order = channel_names(ship.actuators, tuple(each.channel for each in ship.declared))
+    for section, source in zip(sections, ship.sources, strict=True):
+        possible = possible_channels(source, ship.actuators, ship.declared)
+        section["channels"] = sorted(possible, key=order.index)
     return parse_config(trial + "".join(map(_section, sections)), path)
+
+
+def all_packs(found: Sequence[Heard]) -> list[dict[str, Any]]:
+    """The packs that come along, as sections; those of several like things with as many names as engines speak."""
+    frames = (frame for each in found for frame in islice(each.frames(), _HEAD_FRAMES))
+    engines = {_engine_of(frame) for frame in frames if frame.protocol == "can" and frame.payload}
+    count = 1 + max((each for each in engines if each is not None and each < _MOST_ENGINES), default=0)
+    names = _ENGINES.get(count) or [f"number_{number + 1}" for number in range(count)]
+    return [
+        {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
+        for path in sorted(PACKS.glob("*.toml"))
+    ]
+
+
+def _engine_of(frame: Frame) -> int | None:
+    """The number of the engine that a frame tells of, by its instance, on J1939 by its address."""
+    group, address = parameter_group(frame.identifier)
+    if group in _OF_ENGINES:
+        return frame.payload[0]
+    return address if group == _ENGINE_OF_J1939 else None
+
+
+def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:
+    """Those of the packs by which something has come."""
+    by_declaration = {
+        each.channel.name
+        for each in survey.config.declared
+        if {message_of(origin) for origin in each.origins}
+        & {label_parts(label)[2][0] for label in survey.quantities.get(each.channel.name, ())}
+    }
+    return [pack for pack in packs if by_declaration & set(_names_in(pack))]
+
+
+def _names_in(pack: Mapping[str, Any]) -> Iterator[str]:
+    path = PACKS / f"{pack['name']}.toml"
+    for channel in parse_toml(path.read_text(), path)["channel"]:
+        yield from (channel["name"].replace("{each}", each) for each in pack.get("each", [""]))
+
+
+def _pack(pack: Mapping[str, Any]) -> str:
+    return "[[pack]]\n" + "".join(_line(key, value) for key, value in pack.items())
 
 
 def _settings(heard: Heard) -> dict[str, Any]:
@@ -70,6 +120,7 @@ def configuration_text(
     if missing:
         parts.append("\n" + _comment("Missing:"))
         parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
+    parts += [f"\n{_pack(each)}" for each in used_packs(all_packs(found), survey)]
     parts += [_source_text(each, survey) for each in found]
     return "".join(parts)
 

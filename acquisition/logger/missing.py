@@ -58,8 +58,8 @@ _CARRIERS = {
 _OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")
 _REMEDIES = {
     "thruster in percent": "in percent: give rated_rpm",
-    "engine without a reduction ratio": "engine's speed: give reduction_ratios",
-    "engine rpm": "engine's speed: give reduction_ratios",
+    "engine without a reduction ratio": "tells the engine's speed: give reduction_ratios",
+    "engine rpm": "tells the engine's speed: give reduction_ratios",
     "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
     "rpm of a single or unknown shaft": "of a shaft that the ship has not: list hers as [[actuator]]",
     "another instance": "of one more than the ship has: list hers as [[actuator]]",
@@ -74,8 +74,8 @@ _REMEDIES = {
     "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
 }
 _UNREAD = {
-    "127488": "engine's speed: give reduction_ratios",
-    "128006": "in percent of a thruster: it has no channel",
+    "127488": "tells the engine's speed: give reduction_ratios",
+    "128006": "tells a thruster's speed in percent: it has no channel",
 }
 
 
@@ -190,7 +190,7 @@ def _reason(kind: Kind, tally: Tally) -> str:
     if tally.refused:
         reason, _ = tally.refused.most_common(1)[0]
         return _REMEDIES.get(reason, f"but is refused: {reason}")
-    return "" if tally.values else _UNREAD.get(kind.name, "")
+    return _UNREAD.get(kind.name, "")
 
 
 def _can_carry(message: str, name: str, survey: Survey) -> bool:
@@ -229,10 +229,11 @@ def _nothing(name: str, survey: Survey) -> str:
 def _origins(name: str, survey: Survey) -> list[str]:
     """The messages that a declared channel may come from."""
     origins = (origin for each in survey.config.declared if each.channel.name == name for origin in each.origins)
-    return list(dict.fromkeys(map(_message_of, origins)))
+    return list(dict.fromkeys(map(message_of, origins)))
 
 
-def _message_of(origin: Origin) -> str:
+def message_of(origin: Origin) -> str:
+    """The message that an origin of a declared channel is in, by the name that a survey has for it."""
     if isinstance(origin, SentenceField):
         return origin.sentence
     if isinstance(origin, GroupField):

@@ -166,7 +166,7 @@ def log(tmp_path: Path) -> Log:
         (["WIMWV,57.5,R,13.0,N,A", "HEHDT,12.3,T"], "wind_speed_mps", "MWV comes, but no speed over ground: "),
         (["RCTRD,2,60.0,P,,V,90.8"], "port_rpm", "TRD 2 in percent: give rated_rpm"),
         (["RCTRD,7,60.0,R,,V,90.8"], "port_rpm", "TRD 7 of a number that no thruster has"),
-        (["ERRPM,E,1,900.0,,A"], "starboard_rpm", "RPM engine's speed: give reduction_ratios"),
+        (["ERRPM,E,1,900.0,,A"], "starboard_rpm", "RPM tells the engine's speed: give reduction_ratios"),
         (["TIROT,-30.0,V"], "yaw_rate_dps", "ROT comes, but is marked as not valid: see to the sensor"),
         (["GPGGA,120000.00,,,,,0,,,,M,,M,,"], "north_m", "GGA comes, but is marked as not valid"),
         (["HEHDT,,T"], "heading_deg", "HDT comes, but its fields are empty: see to the sensor"),
@@ -270,6 +270,22 @@ def test_devices_are_told_by_what_they_claim_and_those_that_compete_are_named(tm
     assert 'iso_name = "c0788c00e7e04312" }, { name = "device_36", address = 36 }' in found.configuration
     rates = {each["device"]: each["rate_hz"] for each in found.as_json()["messages"] if each["message"] == "127250"}
     assert rates == pytest.approx({"7": 10.0, "36": 10.0}, rel=0.01)
+
+
+def test_packs_are_taken_in_whose_channels_come_and_engines_are_counted(tmp_path: Path, log: Log) -> None:
+    found = log("SDDPT,12.5,0.3", "HEHDT,12.3,T")
+    assert found.channels["depth_below_transducer_m"] == ["log/SD:DPT"]
+    assert '[[pack]]\nname = "survey"\n' in found.configuration
+    assert "engine_room" not in found.configuration
+    rows = [
+        f"({1_779_019_200 + second:.6f}) can0 {identifier_of(127488, 7):08X}#{instance:02X}{900 * 4:04X}FFFFFFFFFF"
+        for second in range(10)
+        for instance in (0, 1)
+    ]
+    (tmp_path / "bus.log").write_text("\n".join(rows))
+    found = discover(parse_places([str(tmp_path / "bus.log")]), folder=tmp_path)
+    assert recorded(found, tmp_path) == {"port_engine_rpm", "starboard_engine_rpm"}
+    assert found.missing["port_rpm"] == "127488 tells the engine's speed: give reduction_ratios"
 
 
 @pytest.mark.parametrize(
