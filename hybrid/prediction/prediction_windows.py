@@ -265,6 +265,12 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
     )
 
 
+def first_seconds(windows: PredictionWindows, most: int) -> PredictionWindows:
+    """The windows cut to their first seconds, so many at the most."""
+    commands = None if windows.commands is None else windows.commands[:, :most]
+    return replace(windows, track=windows.track[:, : most + 1], commands=commands, truths=None, truth_errors=None)
+
+
 def difference_rad(angle: Floats, other: Floats) -> Floats:
     """``angle - other`` the short way round, in radians."""
     return np.asarray(np.angle(np.exp(1j * (angle - other))))

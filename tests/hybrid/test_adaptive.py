@@ -27,7 +27,6 @@ from hybrid.calibrators.adaptive.adaptation import (
     signed_names,
 )
 from hybrid.calibrators.adaptive.calibrator import (
-    _MINUTES,
     AdaptiveCalibrator,
     _folds,
     _starts,
@@ -38,7 +37,7 @@ from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.artefact import load, save
 from hybrid.calibrators.calibrator import predict_with_fallback
 from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.prediction.baselines import HINDCAST_S, Fallback, reference
+from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.kalman_filter import FORCE_DECAY, NOISE_LEVELS
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, hindcast_windows
 from hybrid.prediction.scores import distances
@@ -458,13 +457,15 @@ def test_a_day_unlike_the_training_shows_in_the_last_minutes(
 def test_the_last_minutes_are_hindcasts_one_by_one(
     plant: Plant, learned: AdaptiveCalibrator, another_day: PredictionWindows
 ) -> None:
-    """Each 15 s of them predicted from what was known at their start, with the commands that were given."""
+    """15 s long or more, each predicted from what was known at its start, with the commands that were given."""
     windows, vector = another_day.subset(np.arange(3)), learned.vectors_.mean(axis=0)
     found = learned._candidates(windows, vector[None]).minutes[0]
     logs = []
-    for began_s in _MINUTES:
-        before = hindcast_windows(windows, began_s, horizon_s=HINDCAST_S)
-        assert np.array_equal(before.track, windows.past[:, began_s - np.arange(HINDCAST_S + 1), :3])
+    length_s = learned.hindcast_s_
+    assert length_s == max(windows.horizon_s, 15)
+    for began_s in range(length_s, PAST_S - 15, 15):
+        before = hindcast_windows(windows, began_s, horizon_s=length_s)
+        assert np.array_equal(before.track, windows.past[:, began_s - np.arange(length_s + 1), :3])
         logs.append(np.log(distances(tracks(vector, plant, before), before.track).mean(axis=1)))
     assert found == pytest.approx(np.mean(logs, axis=0), abs=1e-4)
     blind = replace(windows, past=np.full_like(windows.past, np.nan))
