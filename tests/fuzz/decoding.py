@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Frame
 from acquisition.decoders import Decoder
 from acquisition.logger.derive import Derivation
 
 
-def check_frame(decoder: Decoder, derivation: Derivation, frame: Frame) -> None:
+def check_frame(
+    decoder: Decoder, derivation: Derivation, frame: Frame, known: Mapping[str, Channel] = BY_NAME
+) -> None:
     """Decode a frame: no empty group, finite values, channel samples that their channels hold, counts that grow."""
     refused = decoder.refused.total()
     for group in decoder.decode(frame):
@@ -19,7 +23,7 @@ def check_frame(decoder: Decoder, derivation: Derivation, frame: Frame) -> None:
         samples, impossible = derivation.channels(group)
         assert impossible >= 0
         for sample in samples:
-            assert BY_NAME[sample.quantity].holds(sample.value), sample
+            assert known[sample.quantity].holds(sample.value), sample
             derivation.remember(sample)
     assert decoder.refused.total() >= refused
     decoder.notices.clear()
