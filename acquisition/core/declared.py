@@ -10,12 +10,14 @@ import json
 import re
 from collections.abc import Iterable
 from functools import lru_cache
+from math import isfinite
 
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import canonical, ending_of
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+_UNIT = re.compile(r"[A-Za-z0-9%/^.*-]{1,20}")
 _MOST_LETTERS = 60
 _TURN_DEG = 360.0
 
@@ -26,11 +28,13 @@ Declared = tuple[Channel, ...]
 def declare(name: str, unit: str, low: float, high: float, meaning: str = "", state: bool = False) -> Channel:
     """A channel by what a user says of it; an angle whose range is one turn, from 0 or from -180, is circular.
 
-    Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, and
-    for a range that is none.
+    Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, a unit
+    that nobody could read, and a range that is none.
     """
     unit = canonical(unit)
     ending = ending_of(unit)
+    if not _UNIT.fullmatch(unit):
+        raise ConfigurationError(f"unit {unit!r} of channel {name} is none", fix="write it like kW, m3/h or kg/m3")
     if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
         raise ConfigurationError(
             f"channel name {name!r} cannot be part of a topic", why=f"it has other than small letters, digits and"
@@ -38,7 +42,7 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
         )  # fmt: skip
     if not name.endswith(ending):
         raise ConfigurationError(f"channel {name} is in {unit}", fix=f"let its name end in {ending}")
-    if not low < high:
+    if not (isfinite(low) and isfinite(high) and low < high):
         raise ConfigurationError(f"range {low:g} to {high:g} of channel {name} holds nothing", fix="correct it")
     circular = unit == "deg" and high - low == _TURN_DEG and low in (0.0, -180.0) and not state
     return Channel(name, unit, low, high, "declared", meaning or name.replace("_", " "), circular, state)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 from acquisition.config.declarations import SentenceField, Transducer
@@ -11,7 +12,9 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import Linear
 from acquisition.decoders.sentences import Fields, Reading
 
-_XDR = "XDR"
+_ANY = "?"
+"""Stands for a unit that XDR tells by a letter that is not in its table."""
+
 _XDR_UNITS = {
     ("A", "D"): "deg", ("A", "R"): "rad", ("C", "C"): "degC", ("C", "K"): "K", ("C", "F"): "degF", ("D", "M"): "m",
     ("D", "I"): "in", ("F", "H"): "Hz", ("H", "P"): "%", ("I", "A"): "A", ("N", "N"): "N", ("P", "B"): "bar",
@@ -37,32 +40,38 @@ class _Field(NamedTuple):
         return Reading(values, seconds_of_day=seconds)
 
 
-class _Transducer:
-    """One transducer that carries a channel. XDR has four fields for each: type, value, unit, name."""
+class _Transducer(NamedTuple):
+    """One transducer that carries a channel; the steps by the unit that the sentence tells, "" where it tells none.
 
-    def __init__(self, channel: Channel, origin: Transducer) -> None:
-        self.channel, self._origin = channel, origin
-        self._steps: dict[tuple[str, str], Linear | None] = {}
+    XDR has four fields for each: type, value, unit, name.
+    """
+
+    channel: Channel
+    name: str
+    steps: Mapping[str, Linear]
 
     def read(self, fields: Fields) -> Reading:
         for place in range(0, len(fields) - 3, 4):
-            number = fields.number(place + 1)
-            if fields.text(place + 3) == self._origin.transducer and number is not None:
-                step = self._step(fields.text(place), fields.text(place + 2))
-                if step is None:
-                    return Reading(refused="unit unknown")
-                return Reading([(self.channel.name, step.apply(number))])
+            number, letter = fields.number(place + 1), fields.text(place + 2)
+            if fields.text(place + 3) == self.name and number is not None:
+                unit = _XDR_UNITS.get((fields.text(place), letter), letter and _ANY)
+                step = self.steps.get(unit)
+                return Reading(refused="unit unknown") if step is None else self._reading(step.apply(number))
         return Reading()
 
-    def _step(self, kind: str, letter: str) -> Linear | None:
-        """The step from the unit that the sentence tells; None where it measures something else."""
-        if (kind, letter) not in self._steps:
-            try:
-                step = self._origin.step_to(self.channel, _XDR_UNITS.get((kind, letter)))
-            except ConfigurationError:
-                step = None
-            self._steps[kind, letter] = step
-        return self._steps[kind, letter]
+    def _reading(self, value: float) -> Reading:
+        return Reading([(self.channel.name, value)])
+
+
+def _steps(channel: Channel, origin: Transducer) -> dict[str, Linear]:
+    """The step from each unit of XDR that measures what the channel does; from any, where the origin gives one."""
+    if origin.unit is not None or origin.full_scale is not None:
+        return dict.fromkeys(("", _ANY, *_XDR_UNITS.values()), origin.step_to(channel))
+    steps = {"": origin.step_to(channel)}
+    for unit in _XDR_UNITS.values():
+        with suppress(ConfigurationError):
+            steps[unit] = origin.step_to(channel, unit)
+    return steps
 
 
 class DeclaredSentences:
@@ -75,7 +84,8 @@ class DeclaredSentences:
                 reader: _Field | _Transducer = _Field(channel, origin, origin.step_to(channel))
                 self._readers.setdefault(origin.sentence, []).append(reader)
             else:
-                self._readers.setdefault(_XDR, []).append(_Transducer(channel, origin))
+                transducer = _Transducer(channel, origin.transducer, _steps(channel, origin))
+                self._readers.setdefault("XDR", []).append(transducer)
 
     def __contains__(self, kind: str) -> bool:
         return kind in self._readers

@@ -108,7 +108,6 @@ class Nmea0183Decoder:
         *,
         declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
     ) -> None:
-        """Raises :class:`ConfigurationError` for declared channels whose units do not fit."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.fixes: dict[str, int] = {}

@@ -127,6 +127,23 @@ def test_a_field_has_a_unit_a_condition_and_a_code() -> None:
     assert found[2]["crane_slew_deg"] == pytest.approx(np.degrees(3.5))
 
 
+def test_a_transducer_is_read_in_the_unit_that_its_sentence_tells() -> None:
+    """Bars for pascals; what measures something else, or has a letter that nobody knows, is counted."""
+    declared = """
+[[channel]]
+name = "baro_pa"
+unit = "Pa"
+range = [0, 200_000]
+from = [{ transducer = "BARO" }]
+"""
+    config = config_of(SERIAL, ["baro_pa"], declared)
+    (decoder, *_) = make_decoders(config.sources[0], config.actuators, config.declared)
+    told = [f"IIXDR,{kind},1.5,{letter},BARO" for kind, letter in ("PB", "PP", ("P", ""), "CC", "PX")]
+    found = [[sample.value for group in decoder.decode(line(body)) for sample in group] for body in told]
+    assert found == [[150_000.0], [1.5], [1.5], [], []]
+    assert decoder.refused == {"unit unknown": 2}
+
+
 @pytest.mark.shared
 def test_sentences_of_real_logs_equal_what_pynmeagps_reads(shared_data: Path) -> None:
     """Fix quality, HDOP, satellites, altitude, depth, and the transducers, in every sound sentence of four logs."""
@@ -618,6 +635,18 @@ def test_the_files_own_origins_go_before_a_packs() -> None:
 def test_what_a_recording_says_of_a_channel_reads_back(channel: Any) -> None:
     (again,) = declared_from_text(as_text([channel]))
     assert again == channel
+
+
+def test_a_strangers_metadata_declare_nothing_that_a_terminal_would_obey() -> None:
+    said = {"name": "x_n31m", "unit": "N\x1b[31m", "low": 0.0, "high": 1.0, "meaning": "", "state": False}
+    for text in (
+        json.dumps([said]),
+        json.dumps([said | {"unit": "N", "name": "x_n", "high": "1"}]),
+        "[1]",
+        "{",
+        "[{}]",
+    ):
+        assert declared_from_text(text) == ()
 
 
 @pytest.mark.parametrize(
