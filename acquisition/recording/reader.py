@@ -17,7 +17,6 @@ import numpy as np
 from mcap import records as mcap
 
 from acquisition.core.arrays import Series
-from acquisition.core.channels import channel_unit, channels_known_to
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, iso
 from acquisition.core.trial import Trial
@@ -306,17 +305,13 @@ def read_trial(path: Path | str) -> Trial:
 
 def describe(recording: Recording) -> dict[str, Any]:
     """Channels with counts, rates, span, sources and longest gap; raw counts; whether it was closed."""
-    known = channels_known_to(recording.trial)
     return {
         "closed": recording.closed,
         "messages": recording.messages,
         "start": iso(recording.start_ns),
         "end": iso(recording.end_ns),
         "duration_s": (recording.end_ns - recording.start_ns) / 1e9,
-        "channels": {
-            name: {"unit": channel_unit(name, known), **_describe_series(series)}
-            for name, series in sorted(recording.series.items())
-        },
+        "channels": {name: _describe_series(series) for name, series in sorted(recording.series.items())},
         "raw": recording.raw,
         "trial": recording.trial.as_metadata(),
     }
