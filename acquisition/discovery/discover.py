@@ -10,8 +10,11 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from acquisition.config.vessel_file import find_vessel, vessel_of_ship
+from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress, part_of
+from acquisition.decoders.dbc import load_dbc
 from acquisition.discovery.listen import Heard, listen
 from acquisition.discovery.places import Place
 from acquisition.discovery.propose import configuration_text, everything
@@ -68,6 +71,9 @@ def discover(
     at fault. What cannot be listened to is told in the result, and is no error.
     """
     progress = progress or (lambda share: None)
+    if dbc is not None:
+        load_dbc(dbc)
+    _check_vessel(vessel, folder or Path())
     heard = listen(places, duration_s, stop, part_of(progress, 0, 2))
     found = [each for each in heard if each.count and not each.problem]
     if not found:
@@ -76,6 +82,13 @@ def discover(
     survey = survey_of(config, _counted(_merged(found), sum(each.count for each in found), part_of(progress, 1, 2)))
     missing = missing_channels(survey)
     return Discovery(heard, survey, missing, configuration_text(found, survey, missing, name, vessel))
+
+
+def _check_vessel(vessel: str, folder: Path) -> None:
+    """Raise :class:`ConfigurationError` for a vessel that a configuration in ``folder`` would not find."""
+    if vessel and vessel_of_ship(vessel, folder) is None:
+        path = find_vessel(vessel)
+        raise ConfigurationError("lies elsewhere", where=str(path), fix=f"copy it to {folder.absolute()}")
 
 
 def _merged(found: Sequence[Heard]) -> Iterator[Frame]:

@@ -91,7 +91,7 @@ def look_into(place: Place) -> Heard:
             place, lambda: _frames_of_log(place), count=len(list(islice(_frames_of_log(place), _HEAD_FRAMES)))
         )
     except SourceError as error:
-        return Heard(place, problem=str(error))
+        return Heard(place, problem=_in_words(error))
     except OSError as error:
         return Heard(place, problem=f"cannot be read: {error.strerror}")
     return _with_system(heard)
@@ -115,11 +115,16 @@ def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dic
         source = make_source(section_of(replace(found, type=_RAW_TYPES.get(found.type, found.type))))
         frames = list(_received(source, until_s, stop))
     except SeatrialError as error:
-        results[place.name] = Heard(place, problem=str(error))
+        results[place.name] = Heard(place, problem=_in_words(error))
     except Exception as error:  # drivers raise what they like
         results[place.name] = Heard(place, problem=f"{type(error).__name__} {error}")
     else:
         results[place.name] = interpret(found, frames)
+
+
+def _in_words(error: SeatrialError) -> str:
+    """An error's what and why: where it was stands beside it, and what to do below all."""
+    return f"{error.what}: {error.why}" if error.why else error.what
 
 
 def _received(source: Source, until_s: float, stop: threading.Event) -> Iterator[Frame]:

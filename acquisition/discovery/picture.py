@@ -14,6 +14,7 @@ from acquisition.discovery.discover import Discovery
 from acquisition.discovery.places import KNOWN_FORMS
 from acquisition.logger.missing import by_reason
 
+_MOST_EVENTS = 12
 _MOST_VALUES = 4  # of a message, in its row
 
 
@@ -42,6 +43,8 @@ def tables(found: Discovery) -> Iterator[RenderableType]:
             ],
         )  # fmt: skip
         yield _table(("channel", "value", "unit", "rate Hz", "sources"), list(_channel_rows(told["channels"])))
+    if told["events"]:
+        yield _table(("event",), [(each,) for each in told["events"][:_MOST_EVENTS]])
     if told["missing"]:
         yield _table(("missing", "why"), list(by_reason(found.missing).items()))
 
@@ -54,11 +57,19 @@ def _channel_rows(channels: dict[str, Any]) -> Iterator[tuple[str, ...]]:
 
 def nothing_found(found: Discovery) -> str:
     """Where was listened in vain, and what to do."""
-    where = "; ".join(f"{each.place.text or each.place.name}: {each.problem}" for each in found.heard)
-    return (
-        f"nothing was found ({where or 'nowhere to listen'}): switch the instruments on, see to the cables and to a"
-        f" firewall, listen longer with --duration, or name a place: {KNOWN_FORMS}"
+    places: dict[str, list[str]] = {}
+    for each in found.heard:
+        places.setdefault(each.problem, []).append(each.place.text or each.place.name)
+    where = "; ".join(f"{', '.join(names)}: {problem}" for problem, names in places.items())
+    if not any(each.place.expected for each in found.heard):
+        kinds = {"can": "CAN interface", "serial": "serial line"}.items()
+        there = {each.place.type for each in found.heard}
+        where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in there)
+    live = any(each.place.type != "file" for each in found.heard)
+    advice = (
+        "switch the instruments on, see to cables and firewall, listen longer with --duration, or " if live else ""
     )
+    return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {KNOWN_FORMS}"
 
 
 def _said(place: dict[str, Any]) -> str:

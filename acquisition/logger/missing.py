@@ -14,12 +14,11 @@ from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
 from acquisition.logger.redecode import own_configuration
-from acquisition.logger.survey import Kind, Survey, Tally, survey_of_recording
+from acquisition.logger.survey import Kind, Survey, Tally, is_makers_own, survey_of_recording
 
 LOOKED_AT = 20_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
 VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
-_OWN_SINGLE, _OWN_FAST = range(65_280, 65_536), range(130_816, 131_072)
 _MOST_NAMED = 6
 _FRESH_S = 1.5  # how old what others are derived with may be
 
@@ -221,7 +220,7 @@ def _nothing(name: str, survey: Survey) -> str:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
     if origins := _origins(name, survey):
         return f"nothing that comes carries it: {', '.join(origins)} would"
-    own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_makers_own(kind.name)})[:_MOST_NAMED])
+    own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_own(kind.name)})[:_MOST_NAMED])
     frames = f"the maker's own frames ({own})" if own else "the maker's own frames"
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
@@ -241,10 +240,9 @@ def message_of(origin: Origin) -> str:
     return origin.message if isinstance(origin, MavlinkField) else "XDR"
 
 
-def _is_makers_own(name: str) -> bool:
+def _is_own(name: str) -> bool:
     """Whether a message is a proprietary group of NMEA 2000, or a frame of another bus."""
-    own = name.isdigit() and (int(name) in (61184, 126720) or int(name) in _OWN_SINGLE or int(name) in _OWN_FAST)
-    return own or name.startswith("0x")
+    return name.startswith("0x") or (name.isdigit() and is_makers_own(int(name)))
 
 
 def _messages(labels: Iterable[str]) -> str:

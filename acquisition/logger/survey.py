@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.config.configuration import TrialConfig
+from acquisition.core.channels import channel_names
 from acquisition.core.frames import Frame, FrameFlag, Group, Sample, label_parts
 from acquisition.core.trial import Trial
 from acquisition.decoders import Decoder
@@ -100,10 +101,10 @@ class Survey(FrameProcessor):
 
     @property
     def channels(self) -> dict[str, list[str]]:
-        """The channels that a recording would have, with the sources that each comes from."""
-        return {
-            name: sorted(self.quantities.get(name, ())) for name, each in self.health.channels.items() if each.count
-        }
+        """The channels that a recording would have, in their usual order, with the sources that each comes from."""
+        order = channel_names(self.config.actuators, tuple(each.channel for each in self.config.declared))
+        come = {name for name, each in self.health.channels.items() if each.count}
+        return {name: sorted(self.quantities.get(name, ())) for name in dict.fromkeys(order) if name in come}
 
     def provided(self, source: str) -> list[str]:
         """The channels that a source could provide, chosen or not, as far as the configuration lists them."""
@@ -241,13 +242,20 @@ def _is_fast(group: int) -> bool:
     return bool(variants) and all(each.packet_type == "Fast" for each in variants)
 
 
+def is_makers_own(group: int) -> bool:
+    """Whether a parameter group is proprietary, which means something else with every maker."""
+    return group in (61184, 126720) or 65_280 <= group < 65_536 or 130_816 <= group < 131_072
+
+
 @cache
 def name_of_group(group: int) -> str:
     """A parameter group's name in canboat's database; empty for what is a maker's own or not known.
 
-    >>> name_of_group(127250)
-    'vesselHeading'
+    >>> name_of_group(127250), name_of_group(65297)
+    ('vesselHeading', '')
     """
+    if is_makers_own(group):
+        return ""
     names = {each.id for each in _database().pgn_variants(group)}
     return names.pop() if len(names) == 1 else ""
 

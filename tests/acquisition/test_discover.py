@@ -339,6 +339,26 @@ def test_the_command_writes_what_records_and_says_where_it_listened_in_vain(
     assert "--duration" in silent.err
 
 
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [(["--vessel", "nosuch"], "no vessel 'nosuch'"), (["--dbc", "log.txt"], "is no readable DBC file")],
+)
+def test_what_is_asked_for_in_vain_is_one_clear_error(
+    tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, options: list[str], why: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.txt").write_bytes(b"".join(20 * [sentence("HEHDT,12.3,T")]))
+    done = command("discover", "log.txt", *options)
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    assert why in done.err
+
+
+def test_another_ship_has_other_channels(tmp_path: Path) -> None:
+    (tmp_path / "log.txt").write_bytes(b"".join(20 * [sentence("ERRSA,-5.0,A,,V"), sentence("ERRPM,S,0,120.0,,A")]))
+    found = discover(parse_places([str(tmp_path / "log.txt")]), vessel="kvlcc2_7m", folder=tmp_path)
+    assert recorded(found, tmp_path) == {"propeller_rpm", "rudder_angle_deg"}
+
+
 def test_what_a_stranger_sends_does_not_reach_the_configuration(tmp_path: Path) -> None:
     """A log's name and a device's words may hold anything; the configuration stays one."""
     path = tmp_path / 'odd "name"\x1b[31m.txt'
