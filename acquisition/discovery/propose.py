@@ -16,7 +16,7 @@ from acquisition.core.frames import Frame, label_parts
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.discovery.dbc_match import match_signals, own_dbc
 from acquisition.discovery.listen import Heard
-from acquisition.logger.missing import VARIATION_FIX, by_reason, message_of
+from acquisition.logger.missing import RATED_FIX, VARIATION_FIX, by_reason, message_of, sources_of
 from acquisition.logger.survey import Survey
 
 _WIDTH = 112
@@ -121,13 +121,13 @@ def configuration_text(
         parts.append("\n" + _comment("Missing:"))
         parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
     parts += [f"\n{_pack(each)}" for each in used_packs(all_packs(found), survey)]
-    parts += [_source_text(each, survey) for each in found]
+    parts += [_source_text(each, survey, missing) for each in found]
     return "".join(parts)
 
 
-def _source_text(heard: Heard, survey: Survey) -> str:
+def _source_text(heard: Heard, survey: Survey, missing: Mapping[str, str]) -> str:
     source = next(each for each in survey.config.sources if each.name == heard.place.name)
-    provided = survey.provided(source.name)
+    provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, missing)]
     signals = getattr(source, "signals", {})
     section = {**_settings(heard), "channels": provided}
     if getattr(source, "dbc", None) is not None:
@@ -137,15 +137,29 @@ def _source_text(heard: Heard, survey: Survey) -> str:
             for name, each in signals.items()
             if name in provided
         }
-    comments = "".join(_comment(each) for each in (*heard.remarks, *_rivals(source.name, survey)))
+    comments = "".join(map(_comment, heard.remarks))
     if "dbc" in section:
         comments += _comment("The numbers of the DBC file fit what comes; check signs and values alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
-    return f"\n{comments}{_section(section)}"
+    hints = [*_rated(provided, missing), *_rivals(source.name, survey)]
+    return f"\n{comments}{_section(section, hints)}"
 
 
-def _rivals(source: str, survey: Survey) -> Iterable[str]:
+def _wanting_a_number(source: str, survey: Survey, missing: Mapping[str, str]) -> list[str]:
+    """The channels that will come of a source as soon as a person has filled in a number that is asked for."""
+    asked = [name for name, reason in missing.items() if reason.endswith((VARIATION_FIX, RATED_FIX))]
+    return [name for name in asked if source in sources_of(name, survey)]
+
+
+def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
+    """The setting that percent of thrusters wait for."""
+    names = [each for each in listed if missing.get(each, "").endswith(RATED_FIX)]
+    if names:
+        yield _line("rated_rpm", {each.removesuffix("_rpm"): 0 for each in names}).rstrip() + "   # at 100 %"
+
+
+def _rivals(source: str, survey: Survey) -> Iterator[str]:
     """Where several devices on one bus tell the same: who they are, and how to put them in order."""
     rivals: dict[tuple[str, ...], list[str]] = {}
     for name in survey.provided(source):
@@ -153,10 +167,12 @@ def _rivals(source: str, survey: Survey) -> Iterable[str]:
         addresses = tuple(sorted((each for each in devices if each.isdigit()), key=int))
         if len(addresses) > 1:
             rivals.setdefault(addresses, []).append(name)
-    for addresses, names in rivals.items():
+    for names in rivals.values():
         yield f"{', '.join(names)}: of several devices the first that comes keeps it; to put them in order:"
-        listed = (_inline({"name": f"device_{each}", **_identified(source, each, survey)}) for each in addresses)
-        yield f"devices = [{', '.join(listed)}]"
+    every = sorted({each for addresses in rivals for each in addresses}, key=int)
+    if every:
+        listed = [{"name": f"device_{each}", **_identified(source, each, survey)} for each in every]
+        yield _line("devices", listed).rstrip()
 
 
 def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
@@ -164,10 +180,11 @@ def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
     return {"iso_name": known["iso_name"]} if "iso_name" in known else {"address": int(address)}
 
 
-def _section(section: Mapping[str, Any]) -> str:
-    """A [[source]] section; its signals are a table of their own and come last."""
+def _section(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
+    """A [[source]] section, hints as comments in it; its signals are a table of their own and come last."""
     plain = {key: value for key, value in section.items() if key != "signals"}
     text = "[[source]]\n" + "".join(_line(key, value) for key, value in plain.items())
+    text += "".join(f"# {row}\n" for hint in hints for row in hint.splitlines())
     if signals := section.get("signals"):
         text += "[source.signals]\n" + "".join(_line(key, value) for key, value in signals.items())
     return text

@@ -18,6 +18,7 @@ from acquisition.logger.survey import Kind, Survey, Tally, is_makers_own, survey
 
 LOOKED_AT = 20_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
+RATED_FIX = "give rated_rpm"
 VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
 _MOST_NAMED = 6
 _FRESH_S = 1.5  # how old what others are derived with may be
@@ -56,7 +57,7 @@ _CARRIERS = {
 """The messages that can carry each channel of the motion, or what it is derived from."""
 _OF_ACTUATORS = ("TRD", "TRC", "RPM", "RSA", "127245", "127488", "128006", "RAW_RPM")
 _REMEDIES = {
-    "thruster in percent": "in percent: give rated_rpm",
+    "thruster in percent": f"in percent: {RATED_FIX}",
     "engine without a reduction ratio": "tells the engine's speed: give reduction_ratios",
     "engine rpm": "tells the engine's speed: give reduction_ratios",
     "thruster not understood": "of a number that no thruster has: say in `thrusters` whose it is",
@@ -206,6 +207,11 @@ def _can_carry(message: str, name: str, survey: Survey) -> bool:
         if number == str(known)
     ]
     return kind in _OF_ACTUATORS and (not owners or any(name.startswith(f"{each}_") for each in owners))
+
+
+def sources_of(name: str, survey: Survey) -> set[str]:
+    """The sources on which a message comes that can carry a channel."""
+    return {kind.source for kind in survey.kinds if _can_carry(kind.name, name, survey)}
 
 
 def _nothing(name: str, survey: Survey) -> str:

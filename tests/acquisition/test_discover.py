@@ -205,15 +205,14 @@ def test_check_record_and_info_give_the_same_reasons(tmp_path: Path, command: Co
         assert f"missing: {name}: {reason}" in shown
 
 
-def test_a_variation_given_in_the_configuration_is_no_reason(tmp_path: Path, log: Log) -> None:
-    found = log("HCHDM,100.0,M")
-    assert "# magnetic_variation_deg = 0.0" in found.configuration
-    mended = found.configuration.replace("# magnetic_variation_deg = 0.0", "magnetic_variation_deg = 2.0").replace(
-        'channels = ["heading_magnetic_deg"]', 'channels = ["heading_magnetic_deg", "heading_deg"]'
-    )
-    (tmp_path / "mended.toml").write_text(mended)
-    _, health = record(load_config(tmp_path / "mended.toml"), tmp_path / "recording")
+def test_the_numbers_that_are_asked_for_need_only_be_filled_in(tmp_path: Path, log: Log) -> None:
+    found = log("HCHDM,100.0,M", "RCTRD,2,60.0,P,,V,90.8")
+    filled = found.configuration.replace("# magnetic_variation_deg = 0.0", "magnetic_variation_deg = 2.0")
+    filled = filled.replace("# rated_rpm = { port = 0 }", "rated_rpm = { port = 200 }")
+    (tmp_path / "filled.toml").write_text(filled)
+    _, health = record(load_config(tmp_path / "filled.toml"), tmp_path / "recording")
     assert health.channels["heading_deg"].value == pytest.approx(102.0)
+    assert health.channels["port_rpm"].value == pytest.approx(120.0)
 
 
 @pytest.mark.parametrize("rate", [4_800, 38_400, 115_200])
@@ -267,7 +266,9 @@ def test_devices_are_told_by_what_they_claim_and_those_that_compete_are_named(tm
     found = discover(parse_places([str(tmp_path / "bus.log")]), folder=tmp_path)
     (device,) = found.as_json()["devices"]
     assert (device["address"], device["iso_name"], device["manufacturer"]) == (7, "c0788c00e7e04312", "Furuno")
-    assert 'iso_name = "c0788c00e7e04312" }, { name = "device_36", address = 36 }' in found.configuration
+    assert 'iso_name = "c0788c00e7e04312" }, { name = "device_36", address = 36 }]' in found.configuration
+    ordered = found.configuration.replace("# devices = ", "devices = ")
+    assert len(parse_config(ordered, tmp_path / "x.toml").sources[0].devices) == 2  # type: ignore[union-attr]
     rates = {each["device"]: each["rate_hz"] for each in found.as_json()["messages"] if each["message"] == "127250"}
     assert rates == pytest.approx({"7": 10.0, "36": 10.0}, rel=0.01)
 
