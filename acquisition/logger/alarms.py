@@ -102,6 +102,7 @@ class Alarms:
             if self._alarms:
                 self.look(self._health.figures(time.monotonic_ns()), now_s)
             self._reap(now_s)
+        self._reap(time.monotonic())
 
     def look(self, figures: Mapping[str, float], now_s: float) -> None:
         """Hold the figures against the rules."""

@@ -19,9 +19,9 @@ from acquisition.core.errors import ConfigurationError, StorageError, storage_er
 from acquisition.logger.health import CopyState
 from acquisition.logger.supervision import LOG
 from acquisition.recording.parts import RecordingParts, free_stem, parts_in
-from acquisition.recording.storage import sync_folder
+from acquisition.recording.storage import free_bytes, sync_folder
 
-_LOOK_EVERY_S = 5.0
+_LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
 _LONGEST_FINISH_S = 20.0  # what a supervisor that stops us has patience for
 _PIECE_BYTES = 1024 * 1024
 _REST_S = 0.005  # after each piece: at most 200 MB/s, so that the recording's disk has time for it
@@ -41,6 +41,7 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     copy, partial = folder / path.name, folder / f".{path.name}.part"
     if not folder.is_dir():
         raise StorageError("is not there", where=str(folder), fix="mount the disk and make the folder")
+    _require_room(path, folder)
     try:
         with path.open("rb") as source, partial.open("wb") as target:
             while piece := source.read(_PIECE_BYTES):
@@ -64,6 +65,11 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     return copy
 
 
+def _require_room(path: Path, folder: Path) -> None:
+    if path.exists() and free_bytes(folder)[0] < path.stat().st_size:
+        raise StorageError("has no room for it", where=str(folder / path.name), fix="make room on that disk")
+
+
 def same(first: Path, second: Path, rest: Rest = lambda: None) -> bool:
     """Whether two files, not one under two names, hold the same as the disks have them; not if one is not there."""
     try:
@@ -76,6 +82,7 @@ def same(first: Path, second: Path, rest: Rest = lambda: None) -> bool:
 def _digest(path: Path, rest: Rest) -> bytes:
     digest = hashlib.sha256()
     with path.open("rb") as stream:
+        os.fsync(stream.fileno())
         os.posix_fadvise(stream.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)  # from the disk, not from memory
         while piece := stream.read(_PIECE_BYTES):
             digest.update(piece)
@@ -130,7 +137,7 @@ class Copies:
     def _work(self) -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)
         with suppress(_EndedError):
-            while not self._ending.wait(_LOOK_EVERY_S):
+            while not self._ending.wait(_TRY_AGAIN_S if self.state.trouble else _LOOK_EVERY_S):
                 self.look()
             self.look(everything=True)
 

@@ -95,8 +95,14 @@ def remarks(table: pd.DataFrame, given: Mapping[str, str]) -> list[str]:
             f"not known: {', '.join(unsaid)}; say them in [trial] before recording or by --attribute NAME=VALUE"
         )
     if not _places(table):
-        said.append("no latitude and longitude: the recording has no origin; north and east stand for them")
+        instead = "north and east stand for them" if _local(table) else "nor has it positions in the plane"
+        said.append(f"no latitude and longitude: the recording has none and no origin; {instead}")
     return said
+
+
+def _local(table: pd.DataFrame) -> list[str]:
+    """The coordinates in the tangent plane that a table has."""
+    return [name for name in ("north_m", "east_m") if name in table.columns]
 
 
 def _places(table: pd.DataFrame) -> dict[str, Floats]:
@@ -187,7 +193,7 @@ def _flag_attributes(of: str, coordinates: str) -> Attributes:
 
 def _coordinates(table: pd.DataFrame, places: Mapping[str, Floats]) -> str:
     """The names of when, where, and what CF has no standard name for."""
-    where = [*places] or [each for each in ("north_m", "east_m") if each in table.columns]
+    where = [*places] or _local(table)
     names = [name for name in map(str, table.columns) if not name.endswith(FLAG_SUFFIX)]
     nameless = [name for name in names if name.removesuffix(SIGMA_SUFFIX) not in STANDARD_NAMES]
     return " ".join(["time", *where, *nameless])

@@ -118,6 +118,14 @@ def test_a_folder_that_is_away_is_told_once_and_not_made(aboard: Aboard) -> None
     assert len(aboard.names(aboard.here)) == 4
 
 
+def test_a_disk_that_is_full_is_not_filled_further(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(copies_module, "free_bytes", lambda folder: (SIZE - 1, 10 * SIZE))
+    aboard.copies.look()
+    assert "has no room for it" in aboard.told[0]
+    assert not aboard.names(aboard.there)
+    assert len(aboard.names(aboard.here)) == 4
+
+
 @pytest.mark.parametrize("link", [os.link, os.symlink])
 def test_another_name_of_a_file_is_no_copy(aboard: Aboard, link: object) -> None:
     original = (aboard.here / NAMES[0]).read_bytes()
