@@ -33,7 +33,7 @@ _AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "soft_wrap": T
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line; their help is what they say of themselves."""
-    for command in (discover, record, emulate, mark, redecode, recover):
+    for command in (discover, record, emulate, mark, redecode, recover, migrate):
         app.command(rich_help_panel=ABOARD)(command)
     app.command("import", rich_help_panel=RECORDINGS)(import_)
     app.command(rich_help_panel=RECORDINGS)(info)
@@ -309,6 +309,27 @@ def recover(
         typer.echo(json.dumps(recovered.as_json()))
         return
     typer.echo(str(recovered), err=True)
+    typer.echo(output)
+
+
+def migrate(
+    file: Annotated[Path, typer.Argument(help="A recording whose messages are JSON; it is only read.")],
+    output: Output,
+    as_json: AsJson = False,
+) -> None:
+    """Turn a recording with JSON messages into one that every viewer plots."""
+    from acquisition.core.progress import bar
+    from acquisition.recording.migrate import migrate as run
+
+    with bar("migrating") as progress:
+        migrated = run(file, output, progress)
+    if as_json:
+        typer.echo(json.dumps({"converted": migrated.converted, "kept": migrated.kept}))
+        return
+    typer.echo(f"{migrated.converted.total():,} of {migrated.found.messages:,} messages converted", err=True)
+    if migrated.kept:
+        kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.kept.items())
+        typer.echo(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
     typer.echo(output)
 
 

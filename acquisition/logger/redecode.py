@@ -32,10 +32,14 @@ _FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in mem
 
 @dataclass(slots=True)
 class RedecodeSummary:
-    """What was decoded again: raw frames in, samples out, and frames of sources that are not configured."""
+    """What was decoded again: raw frames in, samples out, and frames of sources that are not configured.
+
+    ``left_out`` counts predictions of a version that made others.
+    """
 
     health: Health
     frames: int = 0
+    left_out: int = 0
     unknown: dict[str, int] = field(default_factory=dict)
 
 
@@ -111,10 +115,22 @@ def _decode_all(
                 writer.write_raw(frame)
                 result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
         elif _is_kept(entry):
-            writer.write(entry.topic, encode(entry.topic, entry.body()), entry.log_ns, entry.publish_ns)
+            result.left_out += not _renew(entry, writer)
     names = ", ".join(path.name for path in paths)
     processing.note(f"decoded again from {names}", last_ns)
+    if result.left_out:
+        processing.note(f"{result.left_out:,} predictions of another version were left out", last_ns, "warning")
     return result
+
+
+def _renew(entry: Entry, writer: RecordingWriter) -> bool:
+    """Write a message as it is written today; False for one of another version, which does not fit."""
+    try:
+        data = encode(entry.topic, entry.body())
+    except (KeyError, TypeError, ValueError):
+        return False
+    writer.write(entry.topic, data, entry.log_ns, entry.publish_ns)
+    return True
 
 
 def _is_kept(entry: Entry) -> bool:

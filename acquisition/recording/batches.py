@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import accumulate
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -21,18 +21,11 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Series
-from acquisition.recording.messages import ENCODING, SOURCE_AT, decode
+from acquisition.recording.messages import SOURCE_AT, Topic, decode
 from acquisition.recording.records import HEAD, RecordError, parse
-from acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
+from acquisition.recording.schemas import SAMPLE
 
 _FAULTS = {1: "a message too short", 2: "a chunk with a cut record"}
-
-
-class Topic(NamedTuple):
-    """What a channel's number in a file stands for: a topic, and how its messages are encoded."""
-
-    name: str
-    encoding: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,17 +170,13 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
 
     Raises KeyError, TypeError, ValueError or OverflowError if one of them is no sample of ours.
     """
-    counts = {number: each for number, each in batch.counts().items() if _is_channel(topics[number])}
+    counts = {number: each for number, each in batch.counts().items() if topics[number].is_channel}
     if not counts:
         return
-    fixed = all(topics[number].encoding == ENCODING for number in counts)
+    fixed = all(topics[number].has_fixed_places for number in counts)
     found = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
     for topic, samples in found.items():
         (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(*samples)
-
-
-def _is_channel(topic: Topic) -> bool:
-    return topic.name.startswith(CHANNEL_PREFIX)
 
 
 def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Samples] | None:
@@ -234,8 +223,8 @@ def _one_by_one(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Samples]
     """Samples by topic, of whatever layout and encoding."""
     found: dict[str, list[tuple[int, int, float, int, str]]] = {}
     for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
-        if _is_channel(topics[number]):
-            body = decode(*topics[number], data)
+        if topics[number].is_channel:
+            body = decode(topics[number], data)
             if not isinstance(body["source"], str):
                 raise TypeError("the source is no text")
             row = publish_ns, log_ns, float(body["value"]), int(body["quality"]), body["source"]

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 from google.protobuf import descriptor_pb2, timestamp_pb2
 from google.protobuf.descriptor_pool import DescriptorPool
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 from google.protobuf.message_factory import GetMessageClass
 
 Schema: TypeAlias = dict[str, Any]
@@ -25,19 +25,29 @@ _MESSAGES_OF_FILE, _FIELDS, _MESSAGES = 4, 2, 3  # where in descriptors these st
 
 
 class Kind:
-    """A kind of message: its full name, its class, and the ``FileDescriptorSet`` by which any reader knows it.
-
-    The class lives in a pool of its own: another program's message of this name in the same process is not meant.
-    """
+    """A kind of message: its full name, its class, and the ``FileDescriptorSet`` by which any reader knows it."""
 
     def __init__(self, title: str, schema: Schema) -> None:
-        files = _TIMESTAMP, _file_of(title, schema)
-        pool = DescriptorPool()
-        for file in files:
-            pool.AddSerializedFile(file.SerializeToString())
         self.title = title
-        self.message: Any = GetMessageClass(pool.FindMessageTypeByName(title))
-        self.descriptors = descriptor_pb2.FileDescriptorSet(file=files).SerializeToString()
+        self.descriptors = descriptor_pb2.FileDescriptorSet(
+            file=[_TIMESTAMP, _file_of(title, schema)]
+        ).SerializeToString()
+        self.message = message_class(title, self.descriptors)
+
+
+def message_class(title: str, descriptors: bytes) -> Any:
+    """The class of a message that a ``FileDescriptorSet`` describes.
+
+    It lives in a pool of its own: what another file or program calls so is not meant. Raises ValueError for bytes
+    that describe no such message.
+    """
+    pool = DescriptorPool()
+    try:
+        for file in descriptor_pb2.FileDescriptorSet.FromString(descriptors).file:
+            pool.AddSerializedFile(file.SerializeToString())
+        return GetMessageClass(pool.FindMessageTypeByName(title))
+    except (DecodeError, TypeError, KeyError) as error:
+        raise ValueError(f"its schema describes no {title}") from error
 
 
 def plain(message: Message) -> dict[str, Any]:

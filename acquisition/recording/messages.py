@@ -9,14 +9,14 @@ from __future__ import annotations
 import struct
 from abc import ABC, abstractmethod
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import orjson
 from google.protobuf.message import DecodeError
 
 from acquisition.core.frames import NANO, Frame, FrameFlag, Sample
 from acquisition.core.trial import Trial
-from acquisition.recording.descriptors import plain
+from acquisition.recording.descriptors import message_class, plain
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
@@ -53,17 +53,47 @@ def encode(topic: str, body: dict[str, Any]) -> bytes:
     return _numbers(*numbers) + _source(said["source"], said["source_clock"])
 
 
-def decode(topic: str, encoding: str, data: bytes) -> dict[str, Any]:
-    """What a message of a topic of ours says, also if it was made when messages were JSON.
+class Topic(NamedTuple):
+    """A topic of a file: how its messages are encoded, and the schema that the file gives them; ours if none."""
+
+    name: str
+    encoding: str = ENCODING
+    schema: bytes = b""
+
+    @property
+    def is_channel(self) -> bool:
+        """Whether its messages are samples."""
+        return self.name.startswith(CHANNEL_PREFIX)
+
+    @property
+    def has_fixed_places(self) -> bool:
+        """Whether the numbers of its messages, samples, lie where :func:`encode_sample` puts them, or may."""
+        return self.encoding == ENCODING and _fields(self.name, self.schema) == _fields(self.name, b"")
+
+
+def decode(topic: Topic, data: bytes) -> dict[str, Any]:
+    """What a message of a topic of ours says, by the schema of its file, or in JSON as it was before.
 
     Raises KeyError for another topic, ValueError if the message is none of its.
     """
-    if encoding == ENCODING_BEFORE:
-        return _decode_json(topic, data)
+    if topic.encoding == ENCODING_BEFORE:
+        return _decode_json(topic.name, data)
     try:
-        return plain(kind_of(topic).message.FromString(data))
+        return plain(_class_in(topic.name, topic.schema).FromString(data))
     except DecodeError as error:
         raise ValueError(str(error)) from error
+
+
+@lru_cache(maxsize=256)
+def _class_in(name: str, schema: bytes) -> Any:
+    """The class of a topic's messages by the schema that a file gives; fields may have had other numbers."""
+    kind = kind_of(name)
+    return kind.message if schema in (b"", kind.descriptors) else message_class(kind.title, schema)
+
+
+@lru_cache(maxsize=256)
+def _fields(name: str, schema: bytes) -> set[tuple[str, int, int]]:
+    return {(each.name, each.number, each.type) for each in _class_in(name, schema).DESCRIPTOR.fields}
 
 
 def _decode_json(topic: str, data: bytes) -> dict[str, Any]:
@@ -164,13 +194,13 @@ def _timestamp(time_ns: int) -> dict[str, int]:
     return {"seconds": time_ns // NANO, "nanos": time_ns % NANO}
 
 
-def frame_of(topic: str, log_ns: int, publish_ns: int, data: bytes, encoding: str = ENCODING) -> Frame:
+def frame_of(topic: Topic, data: bytes, log_ns: int, publish_ns: int) -> Frame:
     """The frame that a raw message holds: the inverse of :meth:`MessageSink.write_raw`.
 
     Raises ValueError, KeyError or TypeError for what is no raw message of ours.
     """
-    _, _, protocol, origin = topic.split("/", maxsplit=3)
-    body = decode(topic, encoding, data)
+    _, _, protocol, origin = topic.name.split("/", maxsplit=3)
+    body = decode(topic, data)
     stamped_ns = publish_ns if publish_ns != log_ns else None
     times = log_ns, int(body["monotonic_ns"])
     sent = {"stamped_ns": stamped_ns, "sender": body.get("sender", "")}

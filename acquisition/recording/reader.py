@@ -20,8 +20,8 @@ from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, iso
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, Topic, add_samples, batches
-from acquisition.recording.messages import ENCODING, decode, frame_of
+from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from acquisition.recording.messages import Topic, decode, frame_of
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
 from acquisition.recording.schemas import (
@@ -62,21 +62,21 @@ class Recording:
 
 
 class Entry(NamedTuple):
-    """One message: its topic, its two times [ns], its undecoded data and how they are encoded."""
+    """One message: its topic, its two times [ns], its undecoded data, and what the file says of its topic."""
 
     topic: str
     log_ns: int
     publish_ns: int
     data: bytes
-    encoding: str = ENCODING
+    described: Topic
 
     def body(self) -> dict[str, Any]:
         """What a message on a topic of ours says. Raises ValueError if it is none, KeyError for another topic."""
-        return decode(self.topic, self.encoding, self.data)
+        return decode(self.described, self.data)
 
     def frame(self) -> Frame:
         """The frame in a message of raw input. Raises ValueError, KeyError or TypeError if it is none of ours."""
-        return frame_of(*self)
+        return frame_of(self.described, self.data, self.log_ns, self.publish_ns)
 
 
 @dataclass(slots=True)
@@ -96,12 +96,13 @@ class MessageStream:
     def __iter__(self) -> Iterator[Entry]:
         for batch in self.batches():
             for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
-                topic, encoding = self.topics[number]
-                yield Entry(topic, log_ns, publish_ns, data, encoding)
+                topic = self.topics[number]
+                yield Entry(topic.name, log_ns, publish_ns, data, topic)
 
     def batches(self) -> Iterator[Batch]:
         """The same messages, those that follow each other in a chunk together."""
         self.topics.clear()
+        schemas: dict[int, bytes] = {}
         promised: int | None = None
         messages = 0
         for record in self._records():
@@ -110,8 +111,10 @@ class MessageStream:
                     raise self._damaged("a message of no topic")
                 messages += len(record)
                 yield record
+            elif isinstance(record, mcap.Schema):
+                schemas[record.id] = record.data
             elif isinstance(record, mcap.Channel):
-                topic = Topic(record.topic, record.message_encoding)
+                topic = Topic(record.topic, record.message_encoding, schemas.get(record.schema_id, b""))
                 if self.topics.setdefault(record.id, topic) != topic:
                     raise self._damaged("two topics of one number")
             elif isinstance(record, mcap.Statistics):
@@ -218,7 +221,7 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
 def _bodies(batch: Batch, topic: Topic, path: Path, what: str) -> list[dict[str, Any]]:
     """What the messages of a batch, all of one topic, say."""
     try:
-        return [decode(*topic, data) for data in batch.data()]
+        return [decode(topic, data) for data in batch.data()]
     except ValueError as error:
         raise _foreign(path, topic.name, error, what) from error
 

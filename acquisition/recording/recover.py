@@ -11,7 +11,7 @@ import struct
 from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import blake2b
@@ -228,37 +228,14 @@ class RecoverySummary:
         return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{more}"
 
 
-def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> RecoverySummary:
-    """Copy every intact message, metadata record and attachment of ``source`` into the new file ``target``.
-
-    ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
-    when ``target`` exists or cannot be written, or does not read back as what was saved. ``source`` is only read.
-    """
-    with open_recording(source, whatever_it_is=True) as stream:
-        _refuse_existing(source, target)
-        definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
-        with atomic_file(target) as partial:
-            saved = _write(stream, partial, definitions, lambda share: progress(0.3 + 0.5 * share))
-            if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
-                raise InputError(
-                    "holds nothing that can be saved",
-                    where=str(source),
-                    why=saved.found.reasons,
-                    fix="give another copy of it",
-                )
-            verify(partial, target, saved.digest)
-    progress(1.0)
-    return saved.found
-
-
-class _Saving:
+class Saving:
     """Copies records into a new file and counts what was found, saved and lost."""
 
     def __init__(self, writer: Writer, definitions: Definitions) -> None:
         self.found = RecoverySummary()
         self.digest = Digest()
-        self._writer = writer
-        self._definitions = definitions
+        self.writer = writer
+        self.definitions = definitions
         self._channels: dict[tuple[Any, ...], int] = {}
         self._schemas: dict[tuple[Any, ...], int] = {}
         self._topics: dict[int, tuple[int, str]] = {}  # by the number that the source gives
@@ -266,12 +243,17 @@ class _Saving:
         self._after_damage = False
         for record in list(definitions.vouched.values()):  # a topic without a message is to be kept too
             if isinstance(record, mcap.Channel):
-                self._channel(record.id)
+                self.keep_topic(record)
+
+    def keep_topic(self, channel: mcap.Channel) -> None:
+        """Define a topic in the copy."""
+        self._channel(channel.id)
 
     def take(self, found: Intact | Damage) -> None:
+        """Copy a record, or count what was lost."""
         size_bytes = found.end - found.start
         if isinstance(found, Damage):
-            starts = self._definitions.chunk_starts
+            starts = self.definitions.chunk_starts
             indexed = bisect_left(starts, found.end) - bisect_left(starts, found.start)
             self.found.lose(found.why, size_bytes, max(found.chunks, indexed))
             self._after_damage |= found.messages
@@ -280,12 +262,12 @@ class _Saving:
         elif isinstance(found.record, mcap.Chunk):
             self._take_chunk(found.record, size_bytes)
         elif isinstance(found.record, mcap.Message):
-            self._take_message(found.record)
+            self.take_message(found.record)
         elif isinstance(found.record, mcap.Metadata):
             self._take_metadata(found.record)
         elif isinstance(found.record, mcap.Attachment):
             each = found.record
-            self._writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
+            self.writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
             self.found.attachments += 1
         elif isinstance(found.record, mcap.Footer):
             self.found.closed = True
@@ -295,7 +277,7 @@ class _Saving:
             for record in batches(chunk):
                 if isinstance(record, Batch):
                     for message in record.messages():
-                        self._take_message(message)
+                        self.take_message(message)
                 elif isinstance(record, mcap.Channel | mcap.Schema):
                     self._redefine(record)
         except RecordError as error:
@@ -304,18 +286,22 @@ class _Saving:
 
     def _redefine(self, record: mcap.Channel | mcap.Schema) -> None:
         key = (type(record), record.id)
-        if self._definitions.vouched.get(key) != record:  # two files made into one use their numbers twice
-            self._definitions.vouched[key] = record
+        if self.definitions.vouched.get(key) != record:  # two files made into one use their numbers twice
+            self.definitions.vouched[key] = record
             self._topics.clear()
 
-    def _take_message(self, message: mcap.Message) -> None:
+    def take_message(self, message: mcap.Message) -> None:
+        """Copy a message as it is."""
         channel = self._topics.get(message.channel_id) or self._channel(message.channel_id)
         if channel is None:
             self.found.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
             return
-        number, topic = channel
+        self.add(message, *channel)
+
+    def add(self, message: mcap.Message, number: int, topic: str) -> None:
+        """Write a message on a channel of the copy."""
         log_ns = message.log_time
-        self._writer.add_message(number, log_ns, message.data, message.publish_time, message.sequence)
+        self.writer.add_message(number, log_ns, message.data, message.publish_time, message.sequence)
         self.digest.add(topic, log_ns, message.publish_time, message.data)
         self.found.counts[topic] += 1
         if self._last_ns is None or log_ns > self._last_ns:
@@ -332,31 +318,72 @@ class _Saving:
             except ValueError:  # it would keep the copy from being read; under another name it is not lost
                 name = "trial (damaged)"
                 self.found.lose("a run sheet, kept as metadata 'trial (damaged)'", 0)
-        self._writer.add_metadata(name, metadata.metadata)
+        self.writer.add_metadata(name, metadata.metadata)
         self.found.metadata += 1
 
     def _channel(self, number: int) -> tuple[int, str] | None:
         """The copy's number of a channel, and its topic."""
-        channel = self._definitions.find(mcap.Channel, number)
+        channel = self.definitions.find(mcap.Channel, number)
         if channel is None:
             return None
         schema = self._schema(channel.schema_id)
         key = (number, channel.topic, channel.message_encoding, schema, *chain(*channel.metadata.items()))
         if key not in self._channels:
-            self._channels[key] = self._writer.register_channel(
+            self._channels[key] = self.writer.register_channel(
                 channel.topic, channel.message_encoding, schema, channel.metadata
             )
         self._topics[number] = self._channels[key], channel.topic
         return self._topics[number]
 
     def _schema(self, number: int) -> int:
-        schema = self._definitions.find(mcap.Schema, number)
+        schema = self.definitions.find(mcap.Schema, number)
         if schema is None:
             return 0  # MCAP's word for none
         key = (number, schema.name, schema.encoding, schema.data)
         if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+            self._schemas[key] = self.writer.register_schema(schema.name, schema.encoding, schema.data)
         return self._schemas[key]
+
+
+Copy = TypeVar("Copy", bound=Saving)
+
+
+def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> RecoverySummary:
+    """Copy every intact message, metadata record and attachment of ``source`` into the new file ``target``.
+
+    ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
+    when ``target`` exists or cannot be written, or does not read back as what was saved. ``source`` is only read.
+    """
+    return copy_intact(source, target, Saving, _require_something, progress).found
+
+
+def _require_something(saved: Saving, source: Path) -> None:
+    if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
+        fix = "give another copy of it"
+        raise InputError("holds nothing that can be saved", where=str(source), why=saved.found.reasons, fix=fix)
+
+
+def copy_intact(
+    source: Path,
+    target: Path,
+    saving: Callable[[Writer, Definitions], Copy],
+    check: Callable[[Copy, Path], None],
+    progress: Progress,
+) -> Copy:
+    """Pass all that is in a file to what ``saving`` makes; ``check`` may refuse the result before it has a name.
+
+    Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
+    read back as what was saved.
+    """
+    with open_recording(source, whatever_it_is=True) as stream:
+        _refuse_existing(source, target)
+        definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
+        with atomic_file(target) as partial:
+            saved = _write(stream, partial, definitions, saving, lambda share: progress(0.3 + 0.5 * share))
+            check(saved, source)
+            verify(partial, target, saved.digest)
+    progress(1.0)
+    return saved
 
 
 def _refuse_existing(source: Path, target: Path) -> None:
@@ -366,14 +393,20 @@ def _refuse_existing(source: Path, target: Path) -> None:
         raise StorageError(what, where=str(target), fix="name a new file")
 
 
-def _write(stream: BinaryIO, partial: Path, definitions: Definitions, progress: Progress) -> _Saving:
+def _write(
+    stream: BinaryIO,
+    partial: Path,
+    definitions: Definitions,
+    saving: Callable[[Writer, Definitions], Copy],
+    progress: Progress,
+) -> Copy:
     with partial.open("wb") as file:
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start(profile=definitions.header.profile, library=software_version())
-        saving = _Saving(writer, definitions)
+        saved = saving(writer, definitions)
         for found in scan_definitions(stream, progress):
-            saving.take(found)
+            saved.take(found)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()
         os.fsync(file.fileno())
-    return saving
+    return saved

@@ -18,7 +18,8 @@ from mcap.opcode import Opcode
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, Topic, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from acquisition.recording.messages import Topic
 from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import CHANNEL_PREFIX
@@ -54,6 +55,7 @@ class Tail:
         self.damaged = 0
         self._recent_ns = None if recent_s is None else round(recent_s * 1e9)
         self._topics: dict[int, Topic] = {}
+        self._schemas: dict[int, bytes] = {}
         self._offset = len(MCAP_MAGIC)
         self._doubted = -1  # where a record was met that could not be read, the last time
         try:
@@ -137,8 +139,12 @@ class Tail:
     def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
             add_samples(samples, record, self._topics)
+        elif isinstance(record, mcap.Schema):
+            self._schemas[record.id] = record.data
         elif isinstance(record, mcap.Channel):
-            self._topics[record.id] = Topic(record.topic, record.message_encoding)
+            self._topics[record.id] = Topic(
+                record.topic, record.message_encoding, self._schemas.get(record.schema_id, b"")
+            )
         elif isinstance(record, mcap.Metadata) and record.name == "trial":
             self.trial = Trial.from_metadata(record.metadata)
         elif isinstance(record, mcap.Metadata):

@@ -19,7 +19,7 @@ from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.trial import Trial
 from acquisition.logger.live_view import LiveView
 from acquisition.logger.requests import running_recorders, send_prediction
-from acquisition.recording.messages import ENCODING, decode
+from acquisition.recording.messages import Topic, decode
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import kind_of
 from tests.acquisition.conftest import PATIENCE_S, free_port, recorded_count, wait_for
@@ -84,7 +84,7 @@ def test_a_viewer_sees_channels_with_schemas_and_values(recording: Watched) -> N
                 number, time_ns = struct.unpack("<IQ", said[1:13])
                 assert abs(time_ns - time.time_ns()) < 60e9
                 if topics[number] == "/channel/heading_deg":
-                    values.append(decode("/channel/heading_deg", ENCODING, said[13:])["value"])
+                    values.append(decode(Topic("/channel/heading_deg"), said[13:])["value"])
     assert set(values) == {0.0}
     assert not any(topic.startswith("/raw") for topic in topics.values())
 
@@ -117,7 +117,7 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
                     said = viewer.recv(timeout=0.7)
                     if not isinstance(said, str) and said[0] == MESSAGE_DATA:
                         found[struct.unpack("<I", said[1:5])[0]] = said[13:]
-            told = {topic: decode(topic, ENCODING, found[each["id"]]) for topic, each in channels.items()}
+            told = {topic: decode(Topic(topic), found[each["id"]]) for topic, each in channels.items()}
             assert told == {"/prediction": RECORDED, "/prediction/track": {"geojson": GEOJSON}}
     finally:
         running.stop.set()

@@ -32,7 +32,7 @@ from acquisition.logger.requests import (
     send_mark,
     send_prediction,
 )
-from acquisition.recording.messages import ENCODING, decode
+from acquisition.recording.messages import Topic, decode
 from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.recover import recover
 from acquisition.recording.schemas import PREDICTED_TRACK_TOPIC, PREDICTION, PREDICTION_TOPIC
@@ -111,8 +111,8 @@ def test_who_does_not_know_the_question_is_no_recorder_to_follow(tmp_path: Path)
 def test_what_fits_is_taken_in(ear: Ear) -> None:
     assert send_prediction(ear.hearing.path, BODY, GEOJSON) == ""
     (foretold,) = ear.predictions.take()
-    assert decode(PREDICTION_TOPIC, ENCODING, foretold.data) == RECORDED
-    assert decode(PREDICTED_TRACK_TOPIC, ENCODING, foretold.geojson) == {"geojson": GEOJSON}
+    assert decode(Topic(PREDICTION_TOPIC), foretold.data) == RECORDED
+    assert decode(Topic(PREDICTED_TRACK_TOPIC), foretold.geojson) == {"geojson": GEOJSON}
     assert foretold.start_ns == 1_790_000_000_000_000_000
 
 

@@ -13,8 +13,10 @@ from mcap.writer import Writer
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, Quality, Sample
 from acquisition.core.trial import Trial
+from acquisition.recording.descriptors import Kind
+from acquisition.recording.messages import encode_sample
 from acquisition.recording.reader import MessageStream, Recording, read_recording
-from acquisition.recording.schemas import CHANNEL_PREFIX
+from acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
 from acquisition.recording.writer import RecordingWriter
 
 SAMPLES = st.builds(
@@ -113,6 +115,21 @@ def test_two_channels_of_one_topic_and_odd_numbers_are_one_series(tmp_path: Path
     assert series.source_index.tolist() == [0, 1, 0, 2]
 
 
+@pytest.mark.parametrize("bad", [b"\x09", b"\xff" * 40, b"\x2a\x7fx", b"\x2a\x02\xff\xfe"])
+def test_bytes_that_are_no_protobuf_are_refused(tmp_path: Path, bad: bytes) -> None:
+    good = encode_sample(Sample("north_m", 1.0, "a", 0, 0, 0))
+    with (tmp_path / "bad.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(SAMPLE.title, "protobuf", SAMPLE.descriptors)
+        channel = writer.register_channel("/channel/north_m", "protobuf", schema)
+        for payload in (good, bad, good):
+            writer.add_message(channel, 0, payload, 0)
+        writer.finish()
+    with pytest.raises(InputError, match="topic /channel/north_m holds a message that is no sample of ours"):
+        read_recording(tmp_path / "bad.mcap")
+
+
 @pytest.mark.parametrize(
     "bad",
     [b'{"value": null, "quality": 2, "source": "a"}', b'{"value": 1, "quality": 300, "source": "a"}', b"",
@@ -123,6 +140,39 @@ def test_one_message_that_is_no_sample_is_refused_among_good_ones(tmp_path: Path
     good = b'{"value": 1, "quality": 2, "source": "a"}'
     with pytest.raises(InputError, match="topic /channel/north_m holds a message that is no sample of ours"):
         read_recording(foreign(tmp_path / "bad.mcap", [good, good, bad, good]))
+
+
+FIELDS = ["value", "source_time", "monotonic_ns", "quality", "source", "source_clock"]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    order=st.permutations(FIELDS),
+    said=st.lists(st.tuples(st.sampled_from([0.0, 1.5, -3.0]), st.sampled_from("ab"), st.booleans()), min_size=1),
+)
+def test_samples_of_another_serialiser_or_version_are_read_by_the_schema_of_the_file(
+    tmp_path_factory: pytest.TempPathFactory, order: list[str], said: list[tuple[float, str, bool]]
+) -> None:
+    """One that leaves out what is 0, as protobuf does, among ours; or one whose fields have other numbers."""
+    ours = {each.name: each.type for each in SAMPLE.message.DESCRIPTOR.fields}
+    formats = {1: "double", 7: "fixed32", 9: "string", 16: "sfixed64"}
+    described = {name: {"type": "number", "format": formats[ours[name]]} for name in order}
+    theirs = Kind(SAMPLE.title, {"type": "object", "properties": described})
+    path = tmp_path_factory.mktemp("other") / "other.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel(
+            "/channel/north_m", "protobuf", writer.register_schema(SAMPLE.title, "protobuf", theirs.descriptors)
+        )
+        for number, (value, source, is_ours) in enumerate(said):
+            message = theirs.message(value=value, source=source, quality=2).SerializeToString()
+            sample = encode_sample(Sample("north_m", value, source, number, 0, number))
+            writer.add_message(channel, number, sample if is_ours and order == FIELDS else message, number)
+        writer.finish()
+    series = read_recording(path).series["north_m"]
+    assert series.value.tolist() == [value for value, _, _ in said]
+    assert [series.sources[index] for index in series.source_index] == [source for _, source, _ in said]
 
 
 def test_a_time_beyond_what_can_be_counted_is_refused(tmp_path: Path) -> None:

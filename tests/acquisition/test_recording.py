@@ -22,7 +22,7 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.frames import Frame, FrameFlag, Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.logger.health import SourceHealth
-from acquisition.recording.messages import ENCODING, decode, encode, encode_sample
+from acquisition.recording.messages import Topic, decode, encode, encode_sample
 from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.schemas import kind_of
 from acquisition.recording.tables import write_table
@@ -136,7 +136,7 @@ def test_a_sample_is_laid_out_as_documented(
     """The numbers are found at fixed places without a parser, and a parser finds the same."""
     data = encode_sample(Sample("roll_deg", value, source, 0, monotonic_ns, 0, source_ns, clock, quality))
     places = {"value": ("<f8", 1), "source_time": ("<f8", 10), "monotonic_ns": ("<i8", 19), "quality": ("<u4", 28)}
-    parsed = decode("/channel/roll_deg", ENCODING, data)
+    parsed = decode(Topic("/channel/roll_deg"), data)
     for name, (kind, place) in places.items():
         found = np.frombuffer(data, kind, 1, place)[0]
         assert found == parsed[name] or (math.isnan(found) and math.isnan(parsed[name]))

@@ -19,7 +19,7 @@ from acquisition.core.trial import Trial
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.recording.messages import ENCODING, decode
+from acquisition.recording.messages import Topic, decode
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.schemas import PREDICTION_TOPIC
 from hybrid.calibrators.predictor import Predictor
@@ -58,7 +58,7 @@ class Recorder:
         self.parts.flush()
 
     def said(self) -> list[dict[str, Any]]:
-        return [decode(PREDICTION_TOPIC, ENCODING, each.data) for each in self.predictions.take()]
+        return [decode(Topic(PREDICTION_TOPIC), each.data) for each in self.predictions.take()]
 
 
 @pytest.fixture
