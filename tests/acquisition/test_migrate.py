@@ -53,10 +53,10 @@ def frames(path: Path) -> list[Frame]:
 
 
 def said(value: Any) -> Any:
-    """What there is to say: a time that is not told and a list without items may be left out."""
+    """What there is to say: a time that is not told, and what is empty or 0, may be left out."""
     if not isinstance(value, dict):
         return value
-    return {key: said(each) for key, each in value.items() if each != [] and each == each}
+    return {key: said(each) for key, each in value.items() if each and each == each}
 
 
 def bodies(path: Path) -> list[dict[str, Any]]:
