@@ -33,6 +33,10 @@ Notices = deque[tuple[str, str]]
 """What people should know, as (level, text): an address that changed, a clock that stepped."""
 
 
+NO_SATELLITES = frozenset({0, 6, 7, 8})
+"""Fixes by the numbers of GGA that are none by satellites: none at all, dead reckoning, typed in, a simulator's."""
+
+
 class Decoder(typing.Protocol):
     """One protocol's step from frame to samples."""
 

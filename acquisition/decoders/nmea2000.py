@@ -15,7 +15,7 @@ from acquisition.config.sections import Clock, Device
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
 from acquisition.core.frames import Frame, FrameFlag, Group, Quality
-from acquisition.decoders import Notices
+from acquisition.decoders import NO_SATELLITES, Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.declared_groups import DeclaredGroups
@@ -26,6 +26,7 @@ from acquisition.decoders.parameter_groups import (
     FIELDS,
     FRAME_BYTES,
     GNSS_POSITION,
+    POSITION,
     READERS,
     SHORT_FRAMES,
     SHORTEST_BYTES,
@@ -96,15 +97,18 @@ class Nmea2000Decoder:
         if group in _CLOCKS:
             told_ns = group_time(message)
             self._announce(told_ns, frame, group, device, reading.quality)
+        sensor, quality = f"{frame.origin}/{device}", reading.quality
         if reading.fix is not None:
-            self.fixes[f"{frame.origin}/{device}"] = reading.fix
-        source, groups = f"{frame.origin}/{device}:{group}", []
+            self.fixes[sensor] = reading.fix
+        elif group == POSITION and self.fixes.get(sensor) in NO_SATELLITES:
+            quality = Quality.SUSPECT  # the last position, again and again
+        source, groups = f"{sensor}:{group}", []
         if reading.instance is None or self._is_first_instance(device, group, reading.instance):
             meaning = f" {reading.meaning}" if reading.meaning else ""
             values = self._admitted(device, reading.values)
             if group in self._declared:
                 values = [each for each in values if each[0] not in self._declared.channels_in(group)]
-            groups = self.clock.group(frame, source + meaning, values, told_ns, reading.quality)
+            groups = self.clock.group(frame, source + meaning, values, told_ns, quality)
         if group in self._declared:
             declared = self._admitted(device, self._declared.read(group, address, message))
             groups += self.clock.group(frame, source, declared, told_ns)

@@ -18,7 +18,7 @@ from acquisition.core.units import DEG_PER_RAD
 from acquisition.decoders.clock import utc_ns
 
 ADDRESS_CLAIM = 60928
-SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION = 126992, 129033, 129029
+SYSTEM_TIME, TIME_AND_DATE, POSITION, GNSS_POSITION = 126992, 129033, 129025, 129029
 RUDDER_GROUP, ENGINE_SPEED, GEARBOX = 127245, 127488, 127493
 NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
 
@@ -140,7 +140,7 @@ FIELDS: dict[int, dict[str, Field]] = {
         "speedWaterReferencedType": Field(40, 8),
         "speedDirection": Field(48, 4),
     },
-    129025: {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)},
+    POSITION: {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)},
     129026: {
         **_SID,
         "cogReference": Field(8, 2),
@@ -315,7 +315,7 @@ READERS: dict[int, Reader] = {
     127257: lambda message: Reading([(f"{name}_deg", message.degrees(name)) for name in ("roll", "pitch")]),
     127258: lambda message: Reading([("magnetic_variation_deg", message.degrees("variation"))]),
     128259: lambda message: Reading([("speed_through_water_mps", message["speedWaterReferenced"])]),
-    129025: _position,
+    POSITION: _position,
     129026: _course_and_speed,
     GNSS_POSITION: _gnss_position,
     TIME_AND_DATE: lambda message: Reading([]),

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 from acquisition.config.sections import AnySource, CanFrames
 from acquisition.core.frames import Sample, label_parts, sensor_of
+from acquisition.decoders import NO_SATELLITES
 from acquisition.logger.health import SILENT_NS
 
 POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
@@ -30,7 +31,6 @@ _OF_A_FIX = frozenset({"GGA", "GNS", "RMC", "GLL", "VTG", "129025", "129026", "1
 # By the numbers of GGA: fixed and floating ambiguities, then precise, differential, corrected by satellite; plain.
 _GRADE = {4: 0, 5: 1, 3: 2, 2: 2, 9: 2}
 _PLAIN_GRADE = 3
-_NO_SATELLITES = frozenset({0, 6, 7, 8})  # none, dead reckoning, typed in, a simulator
 _ITS_TURN = 0.75  # of the time from one message to the next: what comes earlier comes beside it
 
 Rank = tuple[bool, bool, int, int, int, int]
@@ -169,7 +169,7 @@ class Selector:
             return False, False, 0, line_rank, device_rank, choice
         stands_in = line_rank > self._first_line[quantity] or (device_rank > 0 and line in self._lists_devices)
         grade = _GRADE.get(fix or 0, _PLAIN_GRADE)
-        return fix in _NO_SATELLITES, stands_in, grade, line_rank, device_rank, choice
+        return fix in NO_SATELLITES, stands_in, grade, line_rank, device_rank, choice
 
 
 @lru_cache(maxsize=4096)

@@ -31,8 +31,11 @@ from tests.conftest import Command
 VARIATION = "no variation: set magnetic_variation_deg or add a source of 127258"
 CAPTURES = [
     "nmea0183/bundg_zeus_9.log", "nmea0183/pypilot.log", "nmea0183/rst39.log", "nmea0183/saab-r4.log",
-    "nmea2000/scx20.raw", "nmea2000/furuno-130842-figure8-fast.raw", "nmea2000/sleipner-slink-thruster.raw",
-    "nmea2000/furuno-fap7011c-autopilot-maneuvers.raw", "nmea2000/candumpSample1.txt", "mavlink/ardusub_small.tlog",
+    "nmea2000/scx20.raw", "nmea2000/sleipner-slink-thruster.raw", "nmea2000/candumpSample1.txt",
+]  # fmt: skip
+LONG_CAPTURES = [
+    "nmea2000/furuno-130842-figure8-fast.raw", "nmea2000/furuno-fap7011c-autopilot-maneuvers.raw",
+    "mavlink/ardusub_small.tlog",
 ]  # fmt: skip
 GOLDEN = ("actisense-format", "dms-format", "mixed-format", "pcan-view", "pgn-test-actisense", "short-frame")
 FIX = {"north_m", "east_m", "latitude_deg", "longitude_deg"}
@@ -79,7 +82,14 @@ def channels_by_another_reader(path: Path) -> set[str]:
 
 
 @pytest.mark.shared
-@pytest.mark.parametrize("name", [*CAPTURES, *(f"nmea2000/golden_pairs/{each}.in" for each in GOLDEN)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *CAPTURES,
+        *(f"nmea2000/golden_pairs/{each}.in" for each in GOLDEN),
+        *(pytest.param(each, marks=pytest.mark.slow) for each in LONG_CAPTURES),
+    ],
+)
 def test_of_every_capture_all_channels_are_recorded_at_first_try(
     shared_data: Path, tmp_path: Path, name: str
 ) -> None:

@@ -214,3 +214,16 @@ def test_system_time_beyond_a_day_is_not_believed() -> None:
     decoder.decode(can_frame(SYSTEM_TIME, "01f02a5100f0ff7f", 100.0))
     (sample,) = decoder.decode(can_frame(HEADING, TRUE_HEADING, 100.25))[0]
     assert sample.clock == "receiver"
+
+
+@pytest.mark.parametrize(
+    ("method", "quality"), [(0, Quality.SUSPECT), (6, Quality.SUSPECT), (1, Quality.NOT_EVALUATED)]
+)
+def test_a_rapid_position_without_a_fix_repeats_an_old_one(method: int, quality: Quality) -> None:
+    decoder = Nmea2000Decoder()
+    for part in fast_parts(gnss(method)):
+        decoder.decode(can_frame(identifier_of(129029), part))
+    (rapid,) = decoder.decode(can_frame(identifier_of(129025), struct.pack("<ii", 634_000_000, 104_000_000)))
+    assert {sample.quality for sample in rapid} == {quality}
+    (other,) = decoder.decode(can_frame(identifier_of(129025, 7), struct.pack("<ii", 634_000_000, 104_000_000)))
+    assert {sample.quality for sample in other} == {Quality.NOT_EVALUATED}
