@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -31,6 +32,7 @@ from acquisition.config.sections import (
     CanSource,
     FileSource,
     MavlinkSource,
+    MqttSource,
     SerialSource,
     TcpSource,
     UdpSource,
@@ -208,10 +210,12 @@ def open_transmitter(config: AnySource) -> Transmitter:
         return _TcpTransmitter(config)
     if isinstance(config, FileSource):
         return _FileTransmitter(config)
+    if isinstance(config, MqttSource):
+        return _MqttTransmitter(config)
     raise SourceError(
         f"nothing can be played onto a {config.type} source",
         where=f"source {config.name!r}",
-        fix="play onto can, serial, udp, tcp, file or mavlink",
+        fix="play onto can, serial, udp, tcp, file, mavlink or mqtt",
     )
 
 
@@ -316,6 +320,27 @@ class _FileTransmitter(Transmitter):
         self._link.flush()
         os.fsync(self._link.fileno())
         super().close()
+
+
+class _MqttTransmitter(Transmitter):
+    """A publisher, no faster than the broker takes it; nothing is retained."""
+
+    def __init__(self, config: MqttSource) -> None:
+        from acquisition.sources.mqtt import connect, pump
+
+        super().__init__(config, connect(config, keep_alive_s=0))  # a recording may be quiet for long
+        self._pump = partial(pump, config, self._link)
+
+    def _write(self, packets: list[Packet]) -> None:
+        for packet in packets:
+            topic, _, message = packet.payload.partition(b"\0")
+            self._link.publish(topic.decode(), message)
+        self._pump(0.0)
+        while self._link.want_write():
+            self._pump(_POLL_S)
+
+    def close(self) -> None:
+        self._link.disconnect()
 
 
 class NullModem:

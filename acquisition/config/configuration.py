@@ -23,6 +23,7 @@ from acquisition.config.declarations import (
 )
 from acquisition.config.sections import (
     FILE_SOURCES,
+    PAIRS,
     ActuatorSection,
     AlarmSection,
     AnySource,
@@ -38,6 +39,8 @@ from acquisition.config.sections import (
     MavlinkLinks,
     MavlinkSerialSource,
     MavlinkSource,
+    MqttLinks,
+    MqttSource,
     RecordingSection,
     SerialSource,
     Ship,
@@ -206,9 +209,7 @@ def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
 
 def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], text: str, path: Path | str) -> None:
     for number, source in enumerate(sources):
-        if not isinstance(source, CanFrames | MavlinkLinks):
-            continue
-        key = "signals" if isinstance(source, CanFrames) else "named_values"
+        key = next(key for kind, key in _MAPS.items() if isinstance(source, kind))
         mapped: dict[str, Any] = getattr(source, key)
         for channel, entry in mapped.items():
             try:
@@ -216,6 +217,10 @@ def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], t
             except ConfigurationError as error:
                 line = line_of(text, ["source", number, key, channel, "unit"])
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
+
+
+_MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"}
+"""Where a source of a kind says what carries which channel."""
 
 
 def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path: Path | str) -> None:
@@ -283,6 +288,8 @@ _LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
 _MAPPING_HINT = {
     "can": "say which DBC signal does in [source.signals], or for a shaft its engine's turns for one of its own in"
     " reduction_ratios, or take it off the source's channels",
+    "mqtt": "say which topic does in [source.values], give the topics of the sentences that do, or take it off the"
+    " source's channels",
     "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
 }
 _SENTENCES_HINT = (
@@ -308,8 +315,13 @@ def possible_channels(source: AnySource, actuators: Actuators, declared: Declara
 def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
     if isinstance(source, MavlinkLinks):
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
+    if isinstance(source, MqttSource) and not source.topics:
+        made = {each for pair, more in PAIRS.items() if set(pair) <= source.values.keys() for each in more}
+        return frozenset(source.values.keys() | made)
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
     sentences = set() if isinstance(source, CanSource) else _in_sentences(actuators)
+    if isinstance(source, MqttLinks):
+        return nautical | sentences | source.values.keys()
     if _has_groups(source):
         return nautical | sentences | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
     return nautical | sentences
@@ -318,7 +330,7 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
 def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
     """The channels whose declarations name an origin that the source can have."""
     kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
-    kinds += [SentenceField, Transducer] if isinstance(source, LineSource) else []
+    kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
     kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
     return {
         each.channel.name for each in declared if any(isinstance(origin, tuple(kinds)) for origin in each.origins)

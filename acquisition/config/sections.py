@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from difflib import get_close_matches
 from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
@@ -50,10 +50,13 @@ from acquisition.core.actuators import (
     shafts,
     thruster_numbers,
 )
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME, channel_names, trial_names
 from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.topics import covers, overlap
 from acquisition.core.trial import Trial
+from acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
 _MOST_LETTERS = 10  # of the name of a named value in MAVLink
 
@@ -299,16 +302,21 @@ class _Source:
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class _CanFrames(_Source):
+class _Engines(_Source):
+    """What tells the speed of engines: with the ``reduction_ratios`` it counts as that of their shaft."""
+
+    reduction_ratios: ReductionRatios = field(default_factory=dict)
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class _CanFrames(_Engines):
     """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file.
 
     ``addresses`` are the source addresses on the bus that are believed; unless given, all are.
-    NMEA 2000 tells the speed of engines only: it counts as that of their shaft with the ``reduction_ratios``.
     """
 
     devices: tuple[Device, ...] = ()
     addresses: tuple[Annotated[int, Field(ge=0, le=255)], ...] = ()
-    reduction_ratios: ReductionRatios = field(default_factory=dict)
     dbc: AbsolutePath | None = None
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
@@ -339,18 +347,26 @@ class _Port(_Source):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class _Lines(_CanFrames):
-    """What every line says: of NMEA 0183, of a gateway that sends NMEA 2000, or of both.
+class _Sentences(_Engines):
+    """What every source of NMEA 0183 says. TRD, TRC and PRC in percent count as rpm with the ``rated_rpm``.
 
-    ``form`` is what a gateway sends or a log holds where the content is not to tell. ``theoretical_wind`` is what
-    MWV's "T" refers to on this vessel: instruments differ, and the sentence does not tell. RPM of an engine counts
-    as that of its shaft with the ``reduction_ratios``, TRD, TRC and PRC in percent as rpm with the ``rated_rpm``.
+    ``theoretical_wind`` is what MWV's "T" refers to on this vessel: instruments differ, and the sentence does not
+    tell.
     """
 
-    form: Form | Literal[""] = ""
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
     rated_rpm: RatedSpeeds = field(default_factory=dict)
     theoretical_wind: Literal["ground", "water"] = "ground"
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class _Lines(_Sentences, _CanFrames):
+    """What every line says: of NMEA 0183, of a gateway that sends NMEA 2000, or of both.
+
+    ``form`` is what a gateway sends or a log holds where the content is not to tell.
+    """
+
+    form: Form | Literal[""] = ""
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -462,11 +478,108 @@ class MavlinkFileSource(_Mavlink):
     path: AbsolutePath
 
 
+_ONE_TOPIC = r"^[^+#\x00]+$"
+_TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]+)$"
+"""Topics that may have wildcards: ``+`` stands for a whole level, ``#`` for all that follow."""
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class TopicValue(Conversion):
+    """One MQTT topic that carries a channel; ``unit`` ``ddmm`` are degrees and minutes in one number.
+
+    A message is a number, ``value,time,...``, either behind a time and a blank, or a JSON object: then ``field``
+    names its value and ``time_field`` its time, within other objects as ``nav.heading``.
+    """
+
+    topic: Annotated[str, StringConstraints(pattern=_ONE_TOPIC)]
+    unit: str
+    field: str | None = None
+    time_field: str = "time"
+
+    def step_to(self, channel: Channel, usual: str | None = None) -> Linear:
+        if self.unit == DEGREES_AND_MINUTES and channel.unit == "deg":
+            return replace(self, unit="deg").step_to(channel)
+        return super().step_to(channel, usual)
+
+
+PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
+    ("latitude_deg", "longitude_deg"): ("north_m", "east_m"),
+    ("course_over_ground_deg", "speed_over_ground_mps"): ("surge_mps", "sway_mps"),
+    ("apparent_wind_angle_deg", "apparent_wind_speed_mps"): ("wind_direction_deg", "wind_speed_mps"),
+}
+"""Values that make others if they are known together, and those."""
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class _Mqtt(_Sentences):
+    """What every source of MQTT messages says: ``topics`` of sentences, ``values`` that have topics of their own.
+
+    ``topics`` may have wildcards. Messages are stamped with the time that they tell, unless ``clock`` is
+    "receiver".
+    """
+
+    topics: tuple[Annotated[str, StringConstraints(pattern=_TOPICS)], ...] = ()
+    values: dict[ChannelName, TopicValue] = field(default_factory=dict)
+    clock: Clock = "source"
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class MqttSource(_Mqtt):
+    """Messages from an MQTT broker; with ``tls``, or a ``ca_file`` of the broker's own authority, encrypted.
+
+    The password of ``user`` is the first line of ``password_file``, or the environment's ``password_variable``: a
+    configuration goes into its recording.
+    """
+
+    type: Literal["mqtt"]
+    address: str = "127.0.0.1"
+    tls: bool = False
+    ca_file: AbsolutePath | None = None
+    port: Port | None = None
+    client_id: str = ""
+    user: str = ""
+    password_file: AbsolutePath | None = None
+    password_variable: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.topics and not self.values:
+            raise ValueError("listens to nothing: give it topics, or values")
+        for number, one in enumerate(self.topics):
+            for other in self.topics[:number]:
+                if overlap(one, other) and not covers(one, other) and not covers(other, one):
+                    raise ValueError(f"topics {one} and {other} overlap: some brokers send what is of both twice")
+
+    @property
+    def encrypted(self) -> bool:
+        """Whether the broker is spoken to by TLS."""
+        return self.tls or self.ca_file is not None
+
+    @property
+    def endpoint(self) -> tuple[str, int]:
+        """The broker's address and port; the usual one if none is given."""
+        return self.address, self.port or (8883 if self.encrypted else 1883)
+
+    @property
+    def subscriptions(self) -> list[str]:
+        """The topics to ask the broker for, none of them within another."""
+        wanted = list(dict.fromkeys([*self.topics, *(each.topic for each in self.values.values())]))
+        return [one for one in wanted if not any(covers(other, one) for other in wanted if other != one)]
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class MqttFileSource(_Mqtt):
+    """MQTT messages from an SQLite log, of all topics unless some are given."""
+
+    type: Literal["mqtt_file"]
+    path: AbsolutePath
+
+
 LineSource = SerialSource | UdpSource | TcpSource | FileSource | CanFileSource
 CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
-AnySource = CanFrames | MavlinkLinks
-FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource)
+MqttLinks = MqttSource | MqttFileSource
+AnySource = CanFrames | MavlinkLinks | MqttLinks
+FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource, MqttFileSource)
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -11,7 +11,7 @@ from enum import IntEnum, IntFlag
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
-Protocol = Literal["can", "nmea0183", "mavlink"]
+Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 NANO = 1_000_000_000
 """Nanoseconds in a second."""
@@ -28,7 +28,7 @@ class Quality(IntEnum):
 
 
 class FrameFlag(IntFlag):
-    """What a CAN frame was, besides its identifier and data."""
+    """What a frame was, besides its data."""
 
     NONE = 0
     STANDARD_ID = 1
@@ -38,13 +38,15 @@ class FrameFlag(IntFlag):
     """A message of NMEA 2000 that a gateway or a log has put together, if it took several frames."""
     LATE = 16
     """Stamped when the recorder could fetch it, after it had stood still: it came before."""
+    RETAINED = 32
+    """What an MQTT broker had kept of a topic, of an age that nobody knows."""
 
 
 class Frame(NamedTuple):
     """Bytes as they came off one wire, with the times of their reception; nothing is decoded yet.
 
     ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line without
-    its line end, or one MAVLink datagram.
+    its line end, one MAVLink datagram, or one MQTT message behind its topic and a zero byte.
     ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is whoever
     sent it over a network, by address.
     """

@@ -9,14 +9,20 @@ from __future__ import annotations
 
 import re
 from math import pi
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import numpy as np
+
+from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 
 KNOT_MPS = 1852.0 / 3600.0
 DEG_PER_RAD = 180.0 / pi
 DIMENSIONLESS = "1"
 """The unit of counts, codes and ratios, whose names have no ending."""
+DEGREES_AND_MINUTES = "ddmm"
+"""The unit of angles that are degrees and minutes in one number."""
+Number = TypeVar("Number", float, Floats)
 
 
 class Linear(NamedTuple):
@@ -77,6 +83,11 @@ def canonical(unit: str) -> str:
     return _ALIASES.get(unit, unit)
 
 
+def is_unit(name: str) -> bool:
+    """Whether a unit is one of those that this module knows."""
+    return any(canonical(name) in sizes for sizes in _SIZES.values())
+
+
 def ending_of(unit: str) -> str:
     """How the name of a quantity in this unit ends; nothing for counts, codes and ratios.
 
@@ -114,3 +125,19 @@ def scale_to(house: str, unit: str) -> float:
     0.514444
     """
     return to_house(house, unit).scale
+
+
+def from_degrees_and_minutes(ddmm: Number) -> Number:
+    """Degrees from ``dddmm.mmmm``.
+
+    >>> float(from_degrees_and_minutes(-6230.0))
+    -62.5
+    """
+    degrees = np.trunc(ddmm / 100.0)
+    return degrees + (ddmm - 100.0 * degrees) / 60.0  # type: ignore[no-any-return]
+
+
+def as_degrees_and_minutes(angle_deg: float) -> float:
+    """``dddmm.mmmm`` of an angle in degrees: the inverse of :func:`from_degrees_and_minutes`."""
+    degrees = np.trunc(angle_deg)
+    return float(100.0 * degrees + 60.0 * (angle_deg - degrees))

@@ -24,7 +24,7 @@ import typing
 from collections import Counter, deque
 
 from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
-from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks
+from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channels import with_declared
 from acquisition.core.frames import Frame, Group, Protocol
@@ -74,7 +74,12 @@ def decoders_by_protocol(
     wind, ratios = config.theoretical_wind, config.reduction_ratios
     fields = carried_by(declared, config.channels, SentenceField | Transducer)
     ship = actuators, ratios, config.rated_rpm
-    sentences: list[Decoder] = [Nmea0183Decoder(config.thrusters, config.clock, wind, *ship, declared=fields)]
+    decoder = Nmea0183Decoder(config.thrusters, config.clock, wind, *ship, declared=fields)
+    if isinstance(config, MqttLinks):
+        from acquisition.decoders.mqtt import MqttDecoder
+
+        return {"mqtt": [MqttDecoder(config, decoder, with_declared(tuple(each.channel for each in declared)))]}
+    sentences: list[Decoder] = [decoder]
     if isinstance(config, CanFileSource):
         return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
     return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}

@@ -119,7 +119,10 @@ class Nmea0183Decoder:
         self._declared = DeclaredSentences(declared)
 
     def decode(self, frame: Frame) -> list[Group]:
-        tagged = split_tag(frame.payload)
+        return self.decode_tagged(frame, split_tag(frame.payload))
+
+    def decode_tagged(self, frame: Frame, tagged: TaggedSentence) -> list[Group]:
+        """The samples in a sentence that came in a frame, with what its envelope said."""
         sentence = split_sentence(tagged.sentence)
         if not tagged.sound:
             self.refused["TAG block with a wrong checksum"] += 1

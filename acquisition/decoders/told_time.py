@@ -94,6 +94,16 @@ def told_time(text: str) -> tuple[int | None, int] | None:
     return None
 
 
+def told_utc_ns(text: str) -> int | None:
+    """The UTC that a text tells [ns since 1970]; None where it tells none, or one that cannot be.
+
+    >>> told_utc_ns("2023-11-03T09:41:02.769765Z ")
+    1699004462769765000
+    """
+    found = told_time(text)
+    return None if found is None or found[1] else possible_ns(found[0])
+
+
 def possible_ns(time_ns: int | None) -> int | None:
     """A time that can be true at all; None for another."""
     return time_ns if time_ns is not None and is_possible(time_ns) else None

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from acquisition.config.sections import AnySource, CanSource, MavlinkLinks
+from acquisition.config.sections import AnySource, CanSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
@@ -14,7 +14,9 @@ from acquisition.core.channels import BY_NAME
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """What is sent at once: one CAN frame, one sentence with its line end, or one datagram.
+    """What is sent at once: one CAN frame, one sentence with its line end, one datagram, or one MQTT message.
+
+    Of an MQTT message the payload is topic, zero byte and message, as in a frame.
 
     ``carries`` names the channels whose values are in it.
     """
@@ -68,6 +70,10 @@ def make_encoder(
         from acquisition.encoders.mavlink import MavlinkEncoder
 
         return MavlinkEncoder(config, actuators, known)
+    if isinstance(config, MqttLinks):
+        from acquisition.encoders.mqtt import MqttEncoder
+
+        return MqttEncoder(config, actuators, known)
     from acquisition.encoders.nmea0183 import Nmea0183Encoder
 
     return Nmea0183Encoder(config.thrusters, actuators, announces=config.clock == "source")

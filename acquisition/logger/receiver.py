@@ -181,6 +181,8 @@ class Receiver:
         self._health.state, self._opened_s = "open", time.monotonic()
         self._ended_s = self._opened_s
         self.opened = True
+        if remark := getattr(self.source, "remark", ""):
+            self._tell("warning", f"{self._health.name}: {remark}")
 
     def _back(self, failed_ns: int) -> None:
         """The source works again: it says something, or stays open; some can be opened and fail at once."""

@@ -147,6 +147,9 @@ class MessageSink(ABC):
             body = {"id": frame.identifier, "flags": int(frame.flags), "data": frame.payload}
         elif frame.protocol == "nmea0183":
             body = {"sentence": frame.payload.decode("latin-1")}
+        elif frame.protocol == "mqtt":
+            name, _, data = frame.payload.partition(b"\0")
+            body = {"topic": name.decode("utf-8", "replace"), "data": data, "flags": int(frame.flags)}
         else:
             body = {"data": frame.payload}
         body["monotonic_ns"], body["sender"] = frame.monotonic_ns, frame.sender
@@ -211,4 +214,7 @@ def frame_of(topic: Topic, data: bytes, log_ns: int, publish_ns: int) -> Frame:
         return Frame(origin, "nmea0183", body["sentence"].encode("latin-1"), *times, **sent)
     if protocol == "mavlink":
         return Frame(origin, "mavlink", body["data"], *times, **sent)
+    if protocol == "mqtt":
+        payload = body["topic"].encode() + b"\0" + body["data"]
+        return Frame(origin, "mqtt", payload, *times, flags=FrameFlag(body["flags"]), **sent)
     raise ValueError(f"protocol {protocol!r} is not known")

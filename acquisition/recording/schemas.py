@@ -98,6 +98,19 @@ _RAW = {
             },
         ),
     ),
+    "mqtt": Kind(
+        "seatrial.RawMqtt",
+        _object(
+            "One MQTT message as received",
+            {
+                "topic": _value("string", "Its topic"),
+                "flags": _value("integer", "16 stamped late, 32 retained by the broker, of unknown age", "fixed32"),
+                "data": _value("string", "The bytes of its payload", "bytes"),
+                "monotonic_ns": _RECEIVED,
+                "sender": _SENDER,
+            },
+        ),
+    ),
     "mavlink": Kind(
         "seatrial.RawMavlink",
         _object(

@@ -26,6 +26,8 @@ _CLASSES = {
     "mavlink": ("acquisition.sources.streams", "UdpPort"),
     "mavlink_tcp": ("acquisition.sources.streams", "TcpConnection"),
     "mavlink_serial": ("acquisition.sources.streams", "SerialPort"),
+    "mqtt": ("acquisition.sources.mqtt", "MqttConnection"),
+    "mqtt_file": ("acquisition.sources.mqtt_log", "MqttLog"),
     "mavlink_file": ("acquisition.sources.telemetry_log", "TelemetryLog"),
 }
 

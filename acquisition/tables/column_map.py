@@ -31,7 +31,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.units import scale_to
+from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
 from acquisition.tables.table_files import (
     RawTable,
     TableFile,
@@ -49,7 +49,6 @@ def _of_any_ship(name: str, info: ValidationInfo) -> str:
 
 AnyChannel = Annotated[str, AfterValidator(_of_any_ship)]
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
-DEGREES_AND_MINUTES = "ddmm"
 
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
@@ -323,16 +322,6 @@ def _degrees(asked: _Asked, name: str, key: str, unit: str) -> Floats:
             fix='say unit = "deg" under [position] if these are decimal degrees',
         )
     return from_degrees_and_minutes(values)
-
-
-def from_degrees_and_minutes(ddmm: Floats) -> Floats:
-    """Degrees from ``dddmm.mmmm``.
-
-    >>> float(from_degrees_and_minutes(np.array([-6230.0]))[0])
-    -62.5
-    """
-    degrees = np.trunc(ddmm / 100.0)
-    return np.asarray(degrees + (ddmm - 100.0 * degrees) / 60.0)
 
 
 def _add_true_wind(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:

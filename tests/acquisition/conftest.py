@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -194,3 +198,44 @@ def clock() -> SimulatedClock:
 def null_modem() -> Iterator[NullModem]:
     with NullModem() as cable:
         yield cable
+
+
+class Broker:
+    """A real MQTT broker in a process of its own, mosquitto or else amqtt, which can be restarted."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port(socket.SOCK_STREAM)
+        self._process: subprocess.Popen[bytes] | None = None
+        found = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
+        if found is not None:
+            self._command = [found, "-p", str(self.port)]
+        else:
+            (folder / "broker.yaml").write_text(
+                f"listeners: {{default: {{type: tcp, bind: '127.0.0.1:{self.port}'}}}}\n"
+                "plugins: {amqtt.plugins.authentication.AnonymousAuthPlugin: {allow_anonymous: true}}\n"
+            )
+            script = "amqtt.scripts.broker_script"
+            self._command = [sys.executable, "-m", script, "-c", str(folder / "broker.yaml")]
+
+    def start(self) -> None:
+        self._process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_for(self._answers)
+
+    def _answers(self) -> bool:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", self.port), timeout=1.0):
+            return True
+        return False
+
+    def stop(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+
+@pytest.fixture
+def broker(tmp_path: Path) -> Iterator[Broker]:
+    running = Broker(tmp_path)
+    running.start()
+    yield running
+    running.stop()

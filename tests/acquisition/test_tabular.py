@@ -14,8 +14,9 @@ from scipy.io import savemat
 
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.units import from_degrees_and_minutes
 from acquisition.recording.reader import read_recording
-from acquisition.tables.column_map import from_degrees_and_minutes, true_wind
+from acquisition.tables.column_map import true_wind
 from acquisition.tables.import_table import import_table, quality_flags, read_table_file
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]

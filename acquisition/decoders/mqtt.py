@@ -1,0 +1,228 @@
+"""MQTT messages: sentences behind a time, and values that have a topic each.
+
+A sentence goes the way of every line, its time beside it as that of a TAG block. A value is a number,
+``value,time,...``, either of them behind a time and a blank, or a field of a JSON object. What a broker had
+retained is of unknown age and not decoded; a message that tells its time and comes twice counts once.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from math import isfinite
+from typing import Any, NamedTuple
+
+import orjson
+
+from acquisition.config.sections import PAIRS, MqttLinks, TopicValue
+from acquisition.core.channel import Channel
+from acquisition.core.channels import BY_NAME
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.frames import Frame, FrameFlag, Group, Sample
+from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, is_unit
+from acquisition.decoders.clock import SourceClock
+from acquisition.decoders.nmea0183 import Nmea0183Decoder, split_tag
+from acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
+
+_REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
+_MOST_TOPICS = 10_000
+_TOGETHER_NS = 50_000_000  # a ship at 6 m/s makes 0.3 m in it, as much as a good fix errs
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+_NO_VALUE = frozenset({"", "none", "null", "nan", "n/a", "na", "-"})
+_TIMED = re.compile(
+    r"(?P<time>\d{4}-\d\d-\d\d[T ][\d:.]{8,18}(?:Z|[+-]\d\d:?\d\d)?|\d{10}(?:\.\d+)?)\s+(?P<rest>.*)", re.ASCII
+)
+_IN_LABELS = str.maketrans(": ", "__")
+_WIND_ABOARD = {
+    "apparent_wind_angle_deg": "wind_angle_apparent_deg", "apparent_wind_speed_mps": "wind_speed_apparent_mps",
+}  # fmt: skip
+"""What the wind on board is called where its angle and speed are told together: true wind follows from it."""
+_PARTNERS = {name: other for pair in PAIRS for name, other in (pair, pair[::-1])}
+
+
+class Told(NamedTuple):
+    """What a message says: its value as text, its time [ns UTC] and its unit, if it tells them."""
+
+    text: str
+    time_ns: int | None = None
+    unit: str = ""
+
+
+def read_message(text: str, entry: TopicValue) -> Told:
+    """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
+
+    >>> read_message("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
+    Told(text='12.5', time_ns=1699004462000000000, unit='deg')
+    """
+    text = text.strip()
+    time_ns = None
+    if behind := _TIMED.fullmatch(text):
+        time_ns, text = told_utc_ns(behind["time"]), behind["rest"]
+    if text.startswith("{"):
+        return _of_json(text, entry, time_ns)
+    if entry.field is not None:
+        raise ValueError("no JSON object")
+    value, *more = (part.strip() for part in text.split(",", 3))
+    if more and time_ns is None:
+        time_ns = told_utc_ns(more[0])
+    return Told(value, time_ns, more[1] if len(more) > 1 else "")
+
+
+def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> Told:
+    try:
+        found = orjson.loads(text)
+    except orjson.JSONDecodeError as error:
+        raise ValueError("no JSON object") from error
+    value, time = _at(found, entry.field or "value"), _at(found, entry.time_field)
+    if isinstance(value, bool | dict | list):
+        raise ValueError("no number")  # noqa: TRY004 - of the message, not of an argument
+    told = told_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
+    return Told("" if value is None else str(value), told)
+
+
+def _at(found: Any, path: str) -> Any:
+    """What is at a path of keys in nested objects; None where there is nothing."""
+    if isinstance(found, dict) and path in found:
+        return found[path]
+    head, _, rest = path.partition(".")
+    return _at(found[head], rest) if rest and isinstance(found, dict) and head in found else None
+
+
+class MqttDecoder:
+    """The messages of one broker, or one log; ``sentences`` decodes those that are lines of NMEA 0183.
+
+    Values that make others only together (``PAIRS``) wait for each other, if both have a topic: one is sent on
+    alone when the next of its kind comes before its partner.
+    """
+
+    def __init__(
+        self, config: MqttLinks, sentences: Nmea0183Decoder, known: Mapping[str, Channel] = BY_NAME
+    ) -> None:
+        """Raises :class:`ConfigurationError` for a unit that does not measure its channel."""
+        self.refused, self.notices, self.fixes = sentences.refused, sentences.notices, sentences.fixes
+        self.clock = SourceClock(config.clock, "mqtt", self.notices)
+        self._sentences = sentences
+        self._values: dict[str, list[tuple[str, TopicValue]]] = {}
+        for channel, entry in config.values.items():
+            self._values.setdefault(entry.topic, []).append((channel, entry))
+        self._known = known
+        self._steps = {channel: entry.step_to(known[channel]) for channel, entry in config.values.items()}
+        self._partners = _mapped_partners(config.values)
+        self._waiting: dict[str, Sample] = {}
+        self._seen: dict[int, None] = {}  # by hash
+        self._of_lines: set[str] = set()
+        self._told_unit: set[str] = set()
+
+    def decode(self, frame: Frame) -> list[Group]:
+        if frame.flags & FrameFlag.RETAINED:
+            self.refused["retained by the broker, of unknown age"] += 1
+            return []
+        if hash(frame.payload) in self._seen:
+            self.refused["came twice"] += 1
+            return []
+        name, _, message = frame.payload.partition(b"\0")
+        topic, text = name.decode("utf-8", "replace"), message.decode("latin-1")
+        if topic in self._values:
+            return self._decode_values(frame, topic, text)
+        groups = []
+        for line in text.splitlines():
+            groups += self._decode_line(frame, topic, line.strip())
+        return groups
+
+    def _decode_line(self, frame: Frame, topic: str, line: str) -> list[Group]:
+        """The samples in a sentence; other lines are for nobody, unless the topic is one of sentences."""
+        found = SENTENCE_BEHIND.fullmatch(line)
+        if found is None:
+            if line and topic in self._of_lines:
+                self.refused["no sentence"] += 1
+            return []
+        if len(self._of_lines) < _MOST_TOPICS:
+            self._of_lines.add(topic)
+        tagged = split_tag(found["inner"].encode("latin-1"))
+        if (time_ns := told_utc_ns(found["before"])) is not None:
+            tagged = replace(tagged, time_ns=time_ns)
+            self._remember(frame.payload)
+        return self._sentences.decode_tagged(frame, tagged)
+
+    def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
+        """What the channels of a topic read in a message, a group for those that are told together."""
+        samples = []
+        for channel, entry in self._values[topic]:
+            try:
+                told = read_message(text, entry)
+                value = self._value(channel, entry, told)
+            except ValueError as error:
+                self.refused[str(error)] += 1
+                continue
+            if told.time_ns is not None:
+                self._remember(frame.payload)
+                self.clock.announce(told.time_ns, frame)  # to tell how far it is from ours, and when it is set
+                self.clock.forget()  # what tells no time is not stamped by others' time
+            label = f"{frame.origin}/{topic.translate(_IN_LABELS)}"
+            for group in self.clock.group(frame, label, [(channel, value)], told.time_ns):
+                samples += group
+        return self._grouped(samples)
+
+    def _value(self, channel: str, entry: TopicValue, told: Told) -> float:
+        """The value in the channel's unit. Raises :class:`ValueError` for what is no number."""
+        if told.text.lower() in _NO_VALUE:
+            raise ValueError("not available")
+        if not _NUMBER.fullmatch(told.text):
+            raise ValueError("no number")
+        if told.unit and channel not in self._told_unit:
+            self._told_unit.add(channel)
+            self._check_unit(channel, entry, told.unit)
+        number = float(told.text)
+        if entry.unit == DEGREES_AND_MINUTES:
+            number = float(from_degrees_and_minutes(number))
+        value = self._steps[channel].apply(number)
+        if not isfinite(value):
+            raise ValueError("no number")
+        return value
+
+    def _check_unit(self, channel: str, entry: TopicValue, unit: str) -> None:
+        """Tell where a message names another unit than the configuration; one that nobody knows is passed over."""
+        try:
+            agreed = replace(entry, unit=unit).step_to(self._known[channel]) == self._steps[channel]
+        except ConfigurationError:
+            agreed = False
+        if is_unit(unit) and not agreed:
+            text = f"{entry.topic} tells {unit}, the configuration says {entry.unit} of {channel}"
+            self.notices.append(("warning", text))
+
+    def _remember(self, message: bytes) -> None:
+        self._seen[hash(message)] = None
+        if len(self._seen) > _REMEMBERED:
+            del self._seen[next(iter(self._seen))]
+
+    def _grouped(self, samples: Group) -> list[Group]:
+        """The samples, pairs in one group; the first of a pair that is told apart waits for the second."""
+        here = {sample.quantity: sample for sample in samples}
+        groups = []
+        for name, sample in here.items():
+            partner = self._partners.get(name)
+            if partner is None:
+                groups.append([sample])
+            elif partner in here:
+                groups += [_pair(sample, here[partner])] if name < partner else []
+            else:
+                groups += self._paired(sample, partner)
+        return groups
+
+    def _paired(self, sample: Sample, partner: str) -> list[Group]:
+        other = self._waiting.get(partner)
+        if other is not None and abs(other.measured_ns - sample.measured_ns) <= _TOGETHER_NS:
+            del self._waiting[partner]
+            return [_pair(sample, other)]
+        before = self._waiting.get(sample.quantity)
+        self._waiting[sample.quantity] = sample
+        return [] if before is None else [[before]]
+
+
+def _mapped_partners(values: Mapping[str, TopicValue]) -> dict[str, str]:
+    return {name: _PARTNERS[name] for name in values if _PARTNERS.get(name) in values}
+
+
+def _pair(one: Sample, other: Sample) -> Group:
+    return [each._replace(quantity=_WIND_ABOARD.get(each.quantity, each.quantity)) for each in (one, other)]

@@ -1,0 +1,153 @@
+"""An MQTT broker: what is published under some topics, each message a frame with its topic.
+
+The connection asks for quality of service 0 and a clean session. Between a broker and its subscriber TCP loses
+nothing, and what waits while the recorder stands still is in a large receive buffer: with quality 1 a broker holds
+no more than some 1,000 messages back and drops the rest. What is published while the connection is down is lost to
+both, unless the broker keeps it for us: then nobody could tell how old a message without a time is.
+"""
+
+from __future__ import annotations
+
+import os
+import ssl
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from acquisition.config.sections import MqttSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag, now_ns
+from acquisition.sources import Source
+from acquisition.sources.sockets import enlarge
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import Client, MQTTMessage
+
+_BUFFER_BYTES = 4 * 1024 * 1024
+_KEEP_ALIVE_S = 10  # a broker that is cut off without a word is found out after one and a half of it
+_TIMEOUT_S = 3.0  # to connect, and for the broker's answer
+_POLL_S = 0.1
+_MOST_AT_ONCE = 300
+
+
+def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
+    """An error of the connection to a broker, which is named; users and passwords are not."""
+    address, port = config.endpoint
+    return SourceError(f"MQTT broker {address}:{port} {what}", where=f"source {config.name!r}", why=why, fix=fix)
+
+
+def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
+    """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
+    client = _client(config)
+    answers: list[Any] = []
+    client.on_connect = lambda *given: answers.append(given[3])
+    try:
+        client.connect(*config.endpoint, keepalive=keep_alive_s)
+    except (OSError, ValueError) as error:
+        wrong = "`port`, `tls` and `ca_file`" if isinstance(error, ssl.SSLError) else "`address` and `port`"
+        raise failure(config, "does not answer", str(error), f"start it, or correct {wrong}") from error
+    answer = _await(config, client, lambda: answers[0] if answers else None)
+    if answer.is_failure:
+        fix = "correct `user` and its password" if "uth" in str(answer) or "assword" in str(answer) else ""
+        raise failure(config, "refuses the connection", str(answer), fix)
+    return client
+
+
+def _client(config: MqttSource) -> Client:
+    from paho.mqtt.client import Client
+    from paho.mqtt.enums import CallbackAPIVersion
+
+    client = Client(CallbackAPIVersion.VERSION2, config.client_id or None, clean_session=True)
+    client.connect_timeout = _TIMEOUT_S
+    client.on_socket_open = lambda client, _, opened: enlarge(opened, _BUFFER_BYTES)  # type: ignore[arg-type]
+    if config.user:
+        client.username_pw_set(config.user, _password(config))
+    if config.encrypted:
+        try:
+            client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
+        except OSError as error:
+            raise failure(config, "cannot be checked", f"{config.ca_file}: {error}", "correct `ca_file`") from error
+    return client
+
+
+def _password(config: MqttSource) -> str | None:
+    if config.password_variable:
+        password = os.environ.get(config.password_variable)
+        if password is None:
+            name = config.password_variable
+            raise failure(config, "has no password", f"the environment has no {name}", f"set {name}")
+        return password
+    if config.password_file is None:
+        return None
+    try:
+        return next(iter(config.password_file.read_text(encoding="utf-8").splitlines()), "")
+    except (OSError, UnicodeDecodeError) as error:
+        why = f"{config.password_file}: {getattr(error, 'strerror', None) or 'it is no text'}"
+        raise failure(config, "has no password", why, "correct `password_file`") from error
+
+
+def _await(config: MqttSource, client: Client, answer: Callable[[], Any]) -> Any:
+    """What the broker answers. Raises :class:`SourceError` if it does not in time."""
+    until_s = time.monotonic() + _TIMEOUT_S
+    while (found := answer()) is None:
+        pump(config, client, _POLL_S)
+        if time.monotonic() > until_s:
+            raise failure(config, "does not answer", "something else may listen there", "correct `port` and `tls`")
+    return found
+
+
+def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
+    """Take what has come, at most one message, or wait for it. Raises :class:`SourceError` of a lost connection."""
+    from paho.mqtt.client import error_string
+    from paho.mqtt.enums import MQTTErrorCode
+
+    code = client.loop(timeout_s)
+    if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
+        raise failure(config, "is lost", error_string(code).rstrip("."))
+
+
+class MqttConnection(Source):
+    """One connection to one broker; ``remark`` names what the broker did not let us subscribe to."""
+
+    remark = ""
+
+    def __init__(self, config: MqttSource) -> None:
+        super().__init__(config)
+        self._frames: list[Frame] = []
+
+    def _connect(self) -> Client:
+        config: MqttSource = self._config
+        self._frames = []
+        client = connect(config)
+        client.on_message = self._take
+        answers: list[Any] = []
+        client.on_subscribe = lambda *given: answers.append(given[3])
+        client.subscribe([(topic, 0) for topic in config.subscriptions])
+        codes = _await(config, client, lambda: answers[0] if answers else None)
+        refused = [topic for topic, code in zip(config.subscriptions, codes, strict=False) if code.is_failure]
+        if len(refused) == len(config.subscriptions):
+            raise failure(
+                config, f"refuses {', '.join(refused)}", fix="correct `topics`, or ask for the right to them"
+            )
+        self.remark = f"the broker refuses {', '.join(refused)}" if refused else ""
+        return client
+
+    def _take(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
+        flags = FrameFlag.RETAINED if message.retain else FrameFlag.NONE
+        payload = message.topic.encode() + b"\0" + bytes(message.payload)
+        self._frames.append(Frame(self.name, "mqtt", payload, *now_ns(), flags=flags))
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        pump(self._config, self._link, 0.0 if self._frames else timeout_s)
+        before = 0
+        while before < len(self._frames) < _MOST_AT_ONCE:
+            before = len(self._frames)
+            pump(self._config, self._link, 0.0)
+        frames, self._frames = self._frames, []
+        self.behind = len(frames) >= _MOST_AT_ONCE
+        return frames
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.disconnect()
+            self._link = None
