@@ -27,7 +27,6 @@ from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
-from acquisition.recording.messages import frame_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
