@@ -166,7 +166,16 @@ def _adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
 
 
 def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
-    """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector."""
+    """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector.
+
+    The last ones are remembered: one prediction asks for each member's several times.
+    """
+    return _adapt_plant(vector.tobytes(), plant)
+
+
+@lru_cache(maxsize=32)
+def _adapt_plant(numbers: bytes, plant: Plant) -> NDArray[np.void]:
+    vector = np.frombuffer(numbers)
     packed = pack(plant)
     places, numbers, kept = _adapted_numbers(plant.form)
     departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
@@ -184,6 +193,7 @@ def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
     size = np.hypot(north, east)
     packed["drift_force_n"] = size
     packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)
+    packed.flags.writeable = False
     return packed
 
 
