@@ -193,7 +193,7 @@ def _adapt_plant(numbers: bytes, plant: Plant) -> NDArray[np.void]:
     size = np.hypot(north, east)
     packed["drift_force_n"] = size
     packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)
-    packed.flags.writeable = False
+    packed.setflags(write=False)
     return packed
 
 
