@@ -174,8 +174,8 @@ def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
 
 
 @lru_cache(maxsize=32)
-def _adapt_plant(numbers: bytes, plant: Plant) -> NDArray[np.void]:
-    vector = np.frombuffer(numbers)
+def _adapt_plant(stored: bytes, plant: Plant) -> NDArray[np.void]:
+    vector = np.frombuffer(stored)
     packed = pack(plant)
     places, numbers, kept = _adapted_numbers(plant.form)
     departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
