@@ -73,6 +73,7 @@ def _say_version(wanted: bool) -> None:
 _SCRIPTING = "hybrid.scripting"
 _PLACES = {
     "batch": "analysis.batch.batch:run_batch",
+    "declare": "acquisition.core.declared:declare",
     "export": "analysis.tables.export:export_table",
     "import_table": "acquisition.tables.import_table:import_table",
     "links": "hybrid.report.notebook:links",

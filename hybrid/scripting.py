@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from acquisition.core.channel import Channel
     from analysis.quality.check import DataQuality
     from analysis.windows.held import HeldWindows
     from hybrid.calibrators.predict import Prediction
@@ -41,16 +42,23 @@ HORIZON_S = 15
 """How far is predicted where nobody says [s]."""
 
 
-def write(table: pd.DataFrame, path: str | Path, vessel: str = "", **trial: Any) -> Path:
+def write(
+    table: pd.DataFrame, path: str | Path, vessel: str = "", declared: Sequence[Channel] = (), **trial: Any
+) -> Path:
     """A table of channels as a recording; ``trial`` is what :class:`acquisition.core.trial.Trial` holds.
 
-    The table has a UTC index and the columns of the conventions. Raises :class:`StorageError`.
+    The table has a UTC index and the columns of the conventions. Others have to be ``declared``
+    (:func:`acquisition.core.declared.declare`), unless the table was read from a recording that declares them.
+    Raises :class:`InputError` for what is no channel, :class:`StorageError`.
     """
+    from acquisition.core.channels import declared_in
+    from acquisition.core.declared import as_text
     from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
 
-    target = Path(path)
-    write_table(table, target, Trial(**{"name": target.stem, "vessel": vessel, **trial}), source="table")
+    target, channels = Path(path), {each.name: each for each in (*declared_in(table.attrs), *declared)}
+    said = {"name": target.stem, "vessel": vessel, "channels": as_text(channels.values()), **trial}
+    write_table(table, target, Trial(**said), source="table")
     return target
 
 

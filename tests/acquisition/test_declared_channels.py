@@ -14,23 +14,24 @@ import numpy as np
 import pandas as pd
 import pynmeagps
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies
 from matplotlib.figure import Figure
 from nmea2000 import backend
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from scipy.io import loadmat, netcdf_file
 
+import seatrial as st
 from acquisition.config.configuration import TrialConfig, load_config, parse_config
 from acquisition.core.actuators import DEFAULT
 from acquisition.core.channels import actuators_of, channels_known_to, channels_of_trial
 from acquisition.core.declared import as_text, declare, declared_from_text
-from acquisition.core.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.core.units import ending_of, to_house
 from acquisition.decoders import decoders_by_protocol, make_decoders
 from acquisition.decoders.declared_groups import canboat_fields
 from acquisition.decoders.parameter_groups import FIELDS
+from acquisition.encoders import Moment, make_encoder
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
@@ -42,6 +43,7 @@ from analysis.tables.export import export_table
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
 from tests.acquisition.can_frames import can_frame, identifier_of
+from tests.acquisition.conftest import DBC
 from tests.conftest import Command
 
 SECOND = 1_000_000_000
@@ -239,7 +241,7 @@ ENGINE_FIELDS = {
 }
 
 
-@given(st.binary(min_size=26, max_size=26), st.integers(0, 2))
+@given(strategies.binary(min_size=26, max_size=26), strategies.integers(0, 2))
 @settings(max_examples=200)
 def test_an_engine_says_what_the_nmea2000_library_reads(noise: bytes, instance: int) -> None:
     """Any bytes at all, as 127489 of the port, the starboard and a third engine."""
@@ -625,13 +627,16 @@ def test_the_files_own_origins_go_before_a_packs() -> None:
 
 
 @given(
-    st.builds(
+    strategies.builds(
         declare,
-        name=st.from_regex(r"[a-z]{1,9}(_[a-z0-9]{1,9}){0,2}_kw", fullmatch=True),
-        unit=st.just("kW"), low=st.floats(-1e9, -1e-3), high=st.floats(0, 1e9), meaning=st.text(max_size=20),
-        state=st.booleans(),
+        name=strategies.from_regex(r"[a-z]{1,9}(_[a-z0-9]{1,9}){0,2}_kw", fullmatch=True),
+        unit=strategies.just("kW"),
+        low=strategies.floats(-1e9, -1e-3),
+        high=strategies.floats(0, 1e9),
+        meaning=strategies.text(max_size=20),
+        state=strategies.booleans(),
     )
-)  # fmt: skip
+)
 def test_what_a_recording_says_of_a_channel_reads_back(channel: Any) -> None:
     (again,) = declared_from_text(as_text([channel]))
     assert again == channel
@@ -684,3 +689,40 @@ def test_an_example_is_drawn_with_its_unit(recorded: Path) -> None:
     axes = Figure().subplots()
     series(axes, table, ["winch_mode"])
     assert axes.get_lines()[0].get_drawstyle() == "steps-post"
+
+
+def test_a_script_declares_what_it_writes(tmp_path: Path) -> None:
+    index = pd.date_range("2026-06-01", periods=20, freq="1s", tz="UTC", name="time")
+    table = pd.DataFrame({"surge_mps": 2.0, "engine_kw": np.linspace(0.0, 500.0, 20)}, index=index)
+    path = st.write(table, tmp_path / "a.mcap", declared=[st.declare("engine_kw", "kW", 0, 900)])
+    again = st.read(st.write(st.read(path), tmp_path / "b.mcap"))
+    assert again["engine_kw"].tolist() == table["engine_kw"].tolist()
+    with pytest.raises(InputError, match="engine_kw are no channels"):
+        st.write(table, tmp_path / "c.mcap")
+
+
+def test_dbc_signals_and_named_values_carry_declared_channels() -> None:
+    """There and back by the encoders that the emulator has."""
+    declared = """
+[[channel]]
+name = "oil_degc"
+unit = "degC"
+range = [-40, 200]
+[[channel]]
+name = "load_percent"
+unit = "%"
+range = [0, 150]
+"""
+    signal = '{ message = "PortAzimuth", signal = "Angle", unit = "degF" }'
+    values = {"oil_degc": 20.5, "load_percent": 61.0}
+    for source, name in (
+        (f'{CAN}dbc = "{DBC}"\n[source.signals]\noil_degc = {signal}\n', "oil_degc"),
+        (f'{MAVLINK}[source.named_values]\nload_percent = {{ name = "load", unit = "ratio" }}\n', "load_percent"),
+    ):
+        config = config_of(source, [name], declared)
+        section, protocol = config.sources[0], "mavlink" if "mavlink" in source else "can"
+        packets = make_encoder(section, config.actuators, config.known_channels).encode(Moment(START_NS, values))
+        decoder = decoders_by_protocol(section, config.actuators, config.declared)[protocol][-1]  # type: ignore[index]
+        frames = [Frame("x", protocol, each.payload, 0, 0, each.identifier) for each in packets]  # type: ignore[arg-type]
+        found = {each.quantity: each.value for frame in frames for group in decoder.decode(frame) for each in group}
+        assert found == {name: pytest.approx(values[name], abs=0.06)}
