@@ -79,7 +79,11 @@ def discover(
     if not found:
         return Discovery(heard)
     config = everything(found, vessel, dbc, (folder or Path()) / f"{name}.toml")
-    survey = survey_of(config, _counted(_merged(found), sum(each.count for each in found), part_of(progress, 1, 2)))
+    until = stop if any(each.expected for each in found) else None  # what has been heard live is looked at
+    expected = sum(each.expected or each.count for each in found)
+    survey = survey_of(config, _counted(_merged(found), expected, until, part_of(progress, 1, 2)))
+    for each in found:
+        each.count = survey.health.sources[each.place.name].frames
     missing = missing_channels(survey)
     return Discovery(heard, survey, missing, configuration_text(found, survey, missing, name, vessel))
 
@@ -96,10 +100,15 @@ def _merged(found: Sequence[Heard]) -> Iterator[Frame]:
     return heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
 
 
-def _counted(frames: Iterator[Frame], expected: int, progress: Progress) -> Iterator[Frame]:
+def _counted(
+    frames: Iterator[Frame], expected: int, stop: threading.Event | None, progress: Progress
+) -> Iterator[Frame]:
+    """The frames, with the progress that they make, until their end or until told to stop."""
     for number, frame in enumerate(frames):
         if number % _TELL_EVERY == 0:
             progress(min(number / max(expected, 1), 1.0))
+            if number and stop is not None and stop.is_set():
+                return
         yield frame
 
 

@@ -33,6 +33,7 @@ _POLL_S = 0.1
 _MOST_FRAMES = 500_000  # of one place, some 200 MB: a quarter of an hour of a busy bus
 _RAW_TYPES = {"serial": "mavlink_serial", "udp": "mavlink", "tcp": "mavlink_tcp"}
 """The sources that give bytes as they come, for each kind of line."""
+_BYTES_A_FRAME = 50  # in a log, roughly
 _HEAD_FRAMES = 5_000  # of a log, which show what it is
 
 
@@ -46,6 +47,7 @@ class Heard:
     place: Place
     frames: Callable[[], Iterator[Frame]] = lambda: iter(())
     count: int = 0
+    expected: int = 0  # frames, by the size of a log; for the progress only
     problem: str = ""
     remarks: list[str] = field(default_factory=list)
 
@@ -87,9 +89,9 @@ def look_into(place: Place) -> Heard:
             head = file.read(9)
         if head[:1] == b"\0" and head[8:9] in (b"\xfd", b"\xfe"):
             place = replace(place, type="mavlink_file")
-        heard = Heard(
-            place, lambda: _frames_of_log(place), count=len(list(islice(_frames_of_log(place), _HEAD_FRAMES)))
-        )
+        count = sum(1 for _ in islice(_frames_of_log(place), _HEAD_FRAMES))
+        expected = path.stat().st_size // _BYTES_A_FRAME
+        heard = Heard(place, lambda: _frames_of_log(place), count, expected)
     except SourceError as error:
         return Heard(place, problem=_in_words(error))
     except OSError as error:
@@ -177,7 +179,7 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
 def interpret(place: Place, received: Sequence[Frame]) -> Heard:
     """What came at a place, as what it is. Bytes of a line that are nothing known are told as a problem."""
     if place.type == "can":
-        return Heard(place, lambda: iter(received), len(received), "" if received else _SILENT)
+        return Heard(place, lambda: iter(received), len(received), problem="" if received else _SILENT)
     if not received:
         return Heard(place, problem=_SILENT)
     lines, packets = _soundness([frame.payload for frame in received], whole=place.type == "udp")
