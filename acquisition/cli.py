@@ -126,8 +126,9 @@ def discover(
     inputs: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Where to listen: can0 or can:INTERFACE:CHANNEL, /dev/ttyUSB0, udp:PORT, tcp:ADDRESS:PORT, log"
-            " files, or a configuration's sources; without any, this computer's interfaces and the usual ports."
+            help="Where to listen: can0 or can:INTERFACE:CHANNEL, /dev/ttyUSB0, udp:PORT, tcp:ADDRESS:PORT,"
+            " mqtt:ADDRESS, log files, or a configuration's sources; without any, this computer's interfaces and"
+            " the usual ports."
         ),
     ] = None,
     output: Annotated[

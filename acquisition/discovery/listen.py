@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -19,10 +19,11 @@ from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.told_time import SENTENCE_BEHIND
 from acquisition.discovery.places import Place
 from acquisition.sources import LogReader, Source, make_source
 from acquisition.sources.actisense import Cutter, is_message
-from acquisition.sources.line_forms import LINE_FORMS, LineReader
+from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
 from acquisition.sources.streams import LineAssembler
 
 BAUD_RATES = (4_800, 38_400, 115_200, 9_600, 57_600, 230_400, 19_200, 460_800)
@@ -34,6 +35,8 @@ _MOST_FRAMES = 500_000  # of one place, some 200 MB: a quarter of an hour of a b
 _RAW_TYPES = {"serial": "mavlink_serial", "udp": "mavlink", "tcp": "mavlink_tcp"}
 """The sources that give bytes as they come, for each kind of line."""
 _BYTES_A_FRAME = 50  # in a log, roughly
+_ENOUGH_LINES = 200
+_MOST_TOPICS = 10
 _HEAD_FRAMES = 5_000  # of a log, which show what it is
 
 
@@ -86,9 +89,11 @@ def look_into(place: Place) -> Heard:
     path = Path(place.settings["path"])
     try:
         with path.open("rb") as file:
-            head = file.read(9)
+            head = file.read(16)
         if head[:1] == b"\0" and head[8:9] in (b"\xfd", b"\xfe"):
             place = replace(place, type="mavlink_file")
+        elif head.startswith(b"SQLite format 3"):
+            place = replace(place, type="mqtt_file")
         count = sum(1 for _ in islice(_frames_of_log(place), _HEAD_FRAMES))
         expected = path.stat().st_size // _BYTES_A_FRAME
         heard = Heard(place, lambda: _frames_of_log(place), count, expected)
@@ -178,7 +183,9 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
 
 def interpret(place: Place, received: Sequence[Frame]) -> Heard:
     """What came at a place, as what it is. Bytes of a line that are nothing known are told as a problem."""
-    if place.type == "can":
+    if place.type == "mqtt" and received:
+        place = replace(place, settings={**place.settings, "topics": topics_of_sentences(received) or ["#"]})
+    if place.type in ("can", "mqtt"):
         return Heard(place, lambda: iter(received), len(received), problem="" if received else _SILENT)
     if not received:
         return Heard(place, problem=_SILENT)
@@ -191,13 +198,28 @@ def interpret(place: Place, received: Sequence[Frame]) -> Heard:
         return _with_system(Heard(found, lambda: iter(received), len(received)))
     assembler = LineAssembler(place.name)
     frames = [each for frame in received for each in _lines_of(assembler, frame, whole=place.type == "udp")]
-    form = form_of(b"\n".join(frame.payload for frame in received[:_HEAD_FRAMES])) if place.type != "file" else ""
-    if form and any(frame.protocol == "can" for frame in frames):
-        place = replace(place, settings={**place.settings, "form": form})
+    if any(frame.protocol == "can" for frame in frames):
+        end = b"\n" if place.type == "udp" else b""
+        form = form_of(end.join(frame.payload for frame in received))
+        place = replace(place, settings={**place.settings, **({"form": form} if form else {})})
     return Heard(place, lambda: iter(frames), len(frames))
 
 
 _SILENT = "nothing comes"
+
+
+def topics_of_sentences(received: Iterable[Frame]) -> list[str]:
+    """The MQTT topics on which sentences come, or where there are many what they all begin with."""
+    topics = set()
+    for frame in received:
+        topic, _, text = frame.payload.partition(b"\0")
+        if any(SENTENCE_BEHIND.fullmatch(line.strip()) for line in text.decode("latin-1").splitlines()):
+            topics.add(topic.decode("utf-8", "replace"))
+    if len(topics) <= _MOST_TOPICS:
+        return sorted(topics)
+    first, last = (each.split("/") for each in (min(topics), max(topics)))
+    same = [one for one, other in zip(first[:-1], last[:-1], strict=False) if one == other]
+    return ["/".join([*same, "#"])]
 
 
 def _lines_of(assembler: LineAssembler, frame: Frame, *, whole: bool) -> list[Frame]:
@@ -222,16 +244,21 @@ def _is_sound(frame: Frame) -> bool:
 
 def form_of(received: bytes) -> str:
     """The form in which a gateway sends NMEA 2000, by the lines that it has sent; empty where none fits."""
-    pieces = Cutter().push(received + b"\n")
+    any_form = LineReader()
     readers = {name: LineReader(name) for name in LINE_FORMS}
     fits: Counter[str] = Counter()
-    for piece in pieces[:200]:
-        fits["actisense"] += is_message(piece)
-        for name, reader in readers.items():
-            entry = reader.entry(piece)
-            fits[name] += entry is not None and entry.protocol == "can"
-    form, count = fits.most_common(1)[0] if fits else ("", 0)
-    return form if count else ""
+    for piece in Cutter().push(received + b"\n"):
+        if is_message(piece):
+            fits["actisense"] += 1
+        elif _is_frame(any_form.entry(piece)):
+            fits.update(name for name, reader in readers.items() if _is_frame(reader.entry(piece)))
+        if fits.total() > _ENOUGH_LINES:
+            break
+    return fits.most_common(1)[0][0] if fits else ""
+
+
+def _is_frame(entry: Entry | None) -> bool:
+    return entry is not None and entry.protocol == "can"
 
 
 def _with_system(heard: Heard) -> Heard:

@@ -24,7 +24,8 @@ _USUAL_TCP = (("127.0.0.1", 10110), ("127.0.0.1", 2000), ("127.0.0.1", 5760))
 _LINK_TYPES = {"mavlink": "udp", "mavlink_tcp": "tcp", "mavlink_serial": "serial"}
 KNOWN_FORMS = (
     "a log file, a configuration (.toml) whose sources are listened to, can0 or can:INTERFACE:CHANNEL,"
-    " /dev/ttyUSB0 or /dev/ttyUSB0@38400, udp:PORT or udp:ADDRESS:PORT, tcp:ADDRESS:PORT"
+    " /dev/ttyUSB0 or /dev/ttyUSB0@38400, udp:PORT or udp:ADDRESS:PORT, tcp:ADDRESS:PORT,"
+    " mqtt:ADDRESS or mqtt:ADDRESS:PORT"
 )
 
 
@@ -32,8 +33,8 @@ KNOWN_FORMS = (
 class Place:
     """One place to listen: the kind of transport and the settings of its section in a configuration.
 
-    ``type`` is can, serial, udp, tcp or file; ``text`` is what people call it. ``expected`` says that a user has
-    named it, so that silence there is worth a word.
+    ``type`` is can, serial, udp, tcp, mqtt or file; ``text`` is what people call it. ``expected`` says that a user
+    has named it.
     """
 
     name: str
@@ -56,6 +57,9 @@ def _parse(text: str) -> list[Place]:
     path = Path(text)
     if kind in ("udp", "tcp") and rest:
         return [_port(kind, rest, text)]
+    if kind == "mqtt" and rest:
+        address, _, port = rest.partition(":")
+        return [_port("mqtt", f"{address}:{port or 1883}", text)]
     if kind == "can" and rest.count(":") >= 1:
         interface, _, channel = rest.partition(":")
         return [_can(interface, channel, text)]
@@ -98,9 +102,10 @@ def _port(kind: str, rest: str, text: str) -> Place:
     address, _, port = rest.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
         raise InputError(f"{port!r} is no port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
-    if kind == "tcp" and not address:
-        raise InputError("names no address to connect to", where=text, fix="write it as tcp:ADDRESS:PORT")
-    return Place(f"{kind}_{port}", kind, {"address": address or "0.0.0.0", "port": int(port)}, text)
+    if kind != "udp" and not address:
+        raise InputError("names no address to connect to", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
+    settings = {"address": address or "0.0.0.0", "port": int(port), **({"topics": ["#"]} if kind == "mqtt" else {})}
+    return Place(f"{kind}_{port}", kind, settings, text)
 
 
 def _of_configuration(path: Path) -> list[Place]:
@@ -120,11 +125,14 @@ def _of_section(section: dict[str, Any], path: Path) -> Place | None:
         "udp": ("address", "port", "dbc"),
         "tcp": ("address", "port", "dbc"),
         "file": ("path", "dbc"),
+        "mqtt": ("address", "port", "tls", "ca_file", "client_id", "user", "password_file", "password_variable"),
     }.get(kind)
     if keys is None:
         return None
     settings = {key: section[key] for key in keys if key in section}
-    settings |= {key: str(path.absolute().parent / settings[key]) for key in ("path", "dbc") if key in settings}
+    files = ("path", "dbc", "ca_file", "password_file")
+    settings |= {key: str(path.absolute().parent / settings[key]) for key in files if key in settings}
+    settings |= {"topics": ["#"]} if kind == "mqtt" else {}
     if kind in ("udp", "tcp"):
         settings = {"address": "127.0.0.1"} | settings
     name = str(section.get("name", kind))
@@ -137,6 +145,7 @@ def usual_places() -> list[Place]:
     places += [_port("udp", f"{address}:{port}", f"udp:{port}") for address, port in _USUAL_UDP]
     places += [_port("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
     places += [_port("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
+    places.append(_port("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
     return _with_own_names(replace(each, expected=False) for each in places)
 
 

@@ -142,7 +142,7 @@ def _source_text(heard: Heard, survey: Survey, missing: Mapping[str, str]) -> st
         comments += _comment("The numbers of the DBC file fit what comes; check signs and values alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
-    hints = [*_rated(provided, missing), *_rivals(source.name, survey)]
+    hints = [*_rated(provided, missing), *_rivals(source.name, survey), *_values(source.name, survey)]
     return f"\n{comments}{_section(section, hints)}"
 
 
@@ -157,6 +157,15 @@ def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
     names = [each for each in listed if missing.get(each, "").endswith(RATED_FIX)]
     if names:
         yield _line("rated_rpm", {each.removesuffix("_rpm"): 0 for each in names}).rstrip() + "   # at 100 %"
+
+
+def _values(source: str, survey: Survey) -> Iterator[str]:
+    """The MQTT topics of values, for a person to say which channel each carries."""
+    topics = [kind.device for kind in survey.kinds if kind.source == source and kind.name == "value"]
+    if topics:
+        yield "[source.values]   # values that come: put the channel before the topic that carries it, and its unit"
+    for topic in sorted(topics):
+        yield _line("channel", {"topic": topic, "unit": ""}).rstrip()
 
 
 def _rivals(source: str, survey: Survey) -> Iterator[str]:

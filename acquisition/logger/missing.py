@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
-from acquisition.config.sections import LineSource
+from acquisition.config.sections import LineSource, MqttLinks
 from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
@@ -202,7 +202,7 @@ def _can_carry(message: str, name: str, survey: Survey) -> bool:
     owners = [
         thruster
         for source in survey.config.sources
-        if isinstance(source, LineSource)
+        if isinstance(source, LineSource | MqttLinks)
         for thruster, known in source.thrusters.numbers.items()
         if number == str(known)
     ]

@@ -24,6 +24,7 @@ from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import ADDRESS_CLAIM
+from acquisition.decoders.told_time import SENTENCE_BEHIND
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.recording.messages import MessageSink
@@ -175,13 +176,12 @@ class Survey(FrameProcessor):
                     header = header_of(piece)
                     yield Kind(frame.origin, str(header.system_id), _mavlink_name(header.message_id))
         elif frame.protocol == "nmea0183":
-            tagged = split_tag(frame.payload)
-            tag, fields = split_sentence(tagged.sentence) or ("", [])
-            name = tag if tag.startswith("P") else tag[-3:]
-            number = f" {fields[0]}" if name in _NUMBERED and fields else ""
-            talker = "" if tag.startswith("P") else tag[:-3]
-            device = f"{talker}@{tagged.source}" if tagged.source else talker
-            yield Kind(frame.origin, device, f"{name}{number}" if tag else "no sentence")
+            yield _sentence_kind(frame.origin, frame.payload)
+        else:
+            topic, _, message = frame.payload.partition(b"\0")
+            line = SENTENCE_BEHIND.fullmatch(message.decode("latin-1").strip())
+            name = "value" if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
+            yield Kind(frame.origin, topic.decode("utf-8", "replace"), name)
 
     def _can_kind(self, frame: Frame) -> Kind:
         kind = frame.flags & ~(FrameFlag.LATE | FrameFlag.WHOLE)
@@ -201,6 +201,16 @@ class Survey(FrameProcessor):
             whole = products.push(int(address), group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
         if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and whole is not None:
             self.devices.setdefault((frame.origin, address), {}).update(_identity(group, whole))
+
+
+def _sentence_kind(line: str, payload: bytes) -> Kind:
+    """The kind of a sentence; a maker's own has no talker."""
+    tagged = split_tag(payload)
+    tag, fields = split_sentence(tagged.sentence) or ("", [])
+    talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
+    number = f" {fields[0]}" if name in _NUMBERED and fields else ""
+    device = f"{talker}@{tagged.source}" if tagged.source else talker
+    return Kind(line, device, f"{name}{number}" if tag else "no sentence")
 
 
 def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:

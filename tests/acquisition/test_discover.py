@@ -5,13 +5,16 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import sqlite3
 import struct
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion
 
 from acquisition.config.configuration import load_config, parse_config
 from acquisition.core.channels import NAMES
@@ -25,7 +28,7 @@ from acquisition.emulator import NullModem, emulate
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.record import record
 from tests.acquisition.can_frames import identifier_of
-from tests.acquisition.conftest import DBC, SIGNALS, free_port, write_voyage
+from tests.acquisition.conftest import DBC, SIGNALS, Broker, free_port, write_voyage
 from tests.conftest import Command
 
 VARIATION = "no variation: set magnetic_variation_deg or add a source of 127258"
@@ -150,6 +153,54 @@ def test_on_the_emulators_three_buses_all_13_channels_are_recorded_at_first_try(
         player.join()
 
 
+MQTT = [
+    ("ship/NMEA/gyro", lambda at: f"2026-05-17T12:00:{at:02d}Z {sentence('HEHDT,12.3,T').decode()}"),
+    (
+        "ship/NMEA/gps",
+        lambda at: f"2026-05-17T12:00:{at:02d}Z {sentence('GPVTG,30.0,T,,M,5.6,N,10.4,K,A').decode()}",
+    ),
+    ("ship/mru/Heading", lambda at: f"12.5,2026-05-17T12:00:{at:02d}Z"),
+]
+"""Topics, and what is published on them each second."""
+
+
+def test_a_log_of_mqtt_messages_is_recorded_and_topics_of_values_are_named(tmp_path: Path) -> None:
+    with closing(sqlite3.connect(tmp_path / "log.db")) as log, log:
+        log.execute("CREATE TABLE LOG (ID INTEGER, RUN_ID INTEGER, UNIX_TIME REAL, TOPIC TEXT, MESSAGE BLOB)")
+        for at in range(10):
+            for topic, text in MQTT:
+                log.execute("INSERT INTO LOG VALUES (?, 1, ?, ?, ?)", (at, 1_779_019_200.1 + at, topic, text(at)))
+    found = discover(parse_places([str(tmp_path / "log.db")]), folder=tmp_path)
+    assert recorded(found, tmp_path) == set(found.channels)
+    assert {"heading_deg", "surge_mps", "sway_mps"} <= set(found.channels)
+    assert '# channel = { topic = "ship/mru/Heading", unit = "" }' in found.configuration
+
+
+@pytest.mark.slow
+def test_a_broker_is_listened_to_at_its_topics_of_sentences(tmp_path: Path, broker: Broker) -> None:
+    ending = threading.Event()
+
+    def publish() -> None:
+        client = Client(CallbackAPIVersion.VERSION2)
+        client.connect("127.0.0.1", broker.port)
+        client.loop_start()
+        number = 0
+        while not ending.wait(0.1):
+            number += 1
+            for topic, text in MQTT:
+                client.publish(topic, text(number % 60))
+        client.disconnect()
+        client.loop_stop()
+
+    publisher = threading.Thread(target=publish)
+    publisher.start()
+    found = discover(parse_places([f"mqtt:127.0.0.1:{broker.port}"]), 3.0, folder=tmp_path)
+    assert 'topics = ["ship/NMEA/gps", "ship/NMEA/gyro"]' in found.configuration
+    assert recorded(found, tmp_path, 2.0) >= {"heading_deg", "surge_mps", "sway_mps"}
+    ending.set()
+    publisher.join()
+
+
 Log = Callable[..., Discovery]
 
 
@@ -261,6 +312,8 @@ def test_what_a_line_carries_shows_in_its_bytes() -> None:
 
 
 def test_the_form_of_a_gateway_shows_in_its_lines() -> None:
+    late = 500 * sentence("HEHDT,12.3,T") + b"A173321.107 23FF7 1F513 012F3070002F30709F\n"
+    assert form_of(late) == "n2k_ascii"
     assert form_of(b"A173321.107 23FF7 1F513 012F3070002F30709F\n") == "n2k_ascii"
     assert form_of(sentence("HEHDT,12.3,T")) == ""
 
@@ -308,6 +361,7 @@ def test_packs_are_taken_in_whose_channels_come_and_engines_are_counted(tmp_path
         ("/dev/ttyUSB0@38400", "serial", {"device": "/dev/ttyUSB0", "baud_rate": 38400}),
         ("udp:10110", "udp", {"address": "0.0.0.0", "port": 10110}),
         ("udp:239.192.0.1:60001", "udp", {"address": "239.192.0.1", "port": 60001}),
+        ("mqtt:10.0.0.7", "mqtt", {"address": "10.0.0.7", "port": 1883, "topics": ["#"]}),
         ("tcp:10.0.0.7:2000", "tcp", {"address": "10.0.0.7", "port": 2000}),
     ],
 )  # fmt: skip
