@@ -7,6 +7,7 @@ declared for each of several equal things, engines say, has ``{each}`` in its na
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -14,7 +15,7 @@ from dataclasses import dataclass as plain_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Discriminator, Field, PositiveInt, StringConstraints, Tag
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PositiveInt, StringConstraints, Tag
 from pydantic.dataclasses import dataclass
 
 from acquisition.config.toml_file import line_of, parse_toml, read_text, validate
@@ -29,6 +30,7 @@ PACKS = Path(__file__).parents[2] / "trials" / "packs"
 STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 PERCENT = "percent"
+_TAG = re.compile(r"[A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,}")
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -60,6 +62,14 @@ class Conversion:
         return Linear(self.scale * first.scale, self.scale * first.offset + self.offset)
 
 
+def _tag(sentence: str) -> str:
+    if not _TAG.fullmatch(sentence):
+        raise ValueError(
+            "is no sentence; write its three letters, as DPT, or the whole tag of a maker's own, as PSXN"
+        )
+    return sentence
+
+
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class SentenceField(Conversion):
     """A field of an NMEA 0183 sentence, counted from 1 after the comma, as manuals do.
@@ -68,7 +78,7 @@ class SentenceField(Conversion):
     fields have to hold, ``time`` which field tells the time of day (hhmmss).
     """
 
-    sentence: Annotated[str, StringConstraints(pattern=r"^([A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,})$")]
+    sentence: Annotated[str, AfterValidator(_tag)]
     field: PositiveInt
     when: dict[Annotated[str, StringConstraints(pattern=r"^[1-9]\d?$")], tuple[str, ...] | str] = Field(
         default_factory=dict
@@ -113,16 +123,16 @@ Origin = SentenceField | Transducer | GroupField | MavlinkField
 
 
 def _kind_of(given: Any) -> str | None:
-    """The key that tells what kind of origin this is."""
+    """What kind of origin this is, by the key that each kind has; no such word is a key itself."""
     kinds = ("sentence", "transducer", "group", "message")
-    return next((key for key in kinds if isinstance(given, dict) and key in given), None)
+    return next((f"by {key}" for key in kinds if isinstance(given, dict) and key in given), None)
 
 
 _AnyOrigin = Annotated[
-    Annotated[SentenceField, Tag("sentence")]
-    | Annotated[Transducer, Tag("transducer")]
-    | Annotated[GroupField, Tag("group")]
-    | Annotated[MavlinkField, Tag("message")],
+    Annotated[SentenceField, Tag("by sentence")]
+    | Annotated[Transducer, Tag("by transducer")]
+    | Annotated[GroupField, Tag("by group")]
+    | Annotated[MavlinkField, Tag("by message")],
     Discriminator(
         _kind_of,
         custom_error_type="no_origin",
@@ -285,7 +295,10 @@ def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> Declared
         channel = declare(name, section.unit, *section.range, section.meaning, section.state)
     for origin in section.origins:
         if origin.unit is not None or origin.full_scale is not None:
-            origin.step_to(channel)
+            try:
+                origin.step_to(channel)
+            except ConfigurationError as error:
+                raise ConfigurationError(f"{name}: {error.what}", fix=error.fix) from error
     return DeclaredChannel(channel, section.origins)
 
 

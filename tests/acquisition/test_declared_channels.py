@@ -551,6 +551,15 @@ def test_redecoding_takes_the_packs_that_the_recording_carries(recorded: Path, t
         assert before[name].value.tolist() == after[name].value.tolist()
 
 
+def test_what_was_not_declared_at_sea_can_be_afterwards(recorded: Path, tmp_path: Path) -> None:
+    """All that came is in the raw input."""
+    drum = '[[channel]]\nname = "drum"\nunit = "1"\nrange = [0, 9]\nstate = true\n'
+    drum += 'from = [{ sentence = "PWNC", field = 1 }]\n'
+    text = f'[trial]\nname = "later"\n{drum}[[source]]\nname = "deck"\nchannels = ["heading_deg", "drum"]\n'
+    redecode([recorded], tmp_path / "later.mcap", parse_config(f'{text}type = "file"\npath = "winch.log"\n', "x"))
+    assert set(read_recording(tmp_path / "later.mcap").series["drum"].value) == {1.0}
+
+
 def test_a_pack_of_the_users_own_is_carried_too(tmp_path: Path) -> None:
     write_log(tmp_path, seconds=5)
     (tmp_path / "deck.toml").write_text(WINCH)
@@ -699,6 +708,17 @@ def test_a_script_declares_what_it_writes(tmp_path: Path) -> None:
     assert again["engine_kw"].tolist() == table["engine_kw"].tolist()
     with pytest.raises(InputError, match="engine_kw are no channels"):
         st.write(table, tmp_path / "c.mcap")
+
+
+def test_an_mqtt_topic_and_a_sentence_under_one_carry_declared_channels() -> None:
+    fuel = '[source.values]\nport_fuel_rate_lph = { topic = "ship/fuel", unit = "l/min" }\n'
+    config = config_of(f'type = "mqtt"\ntopics = ["ship/NMEA/#"]\n{fuel}', ["port_fuel_rate_lph", "heave_m"])
+    told = (
+        b"ship/fuel\0" + b"1.5,2026-05-17T12:00:00Z",
+        b"ship/NMEA/mru\0" + sentence("PSXN,23,1,2,3,-0.24").strip(),
+    )
+    found = decoded(config, [Frame("x", "mqtt", payload, START_NS, 0) for payload in told])
+    assert found == [{"port_fuel_rate_lph": pytest.approx(90.0)}, {"heave_m": -0.24}]
 
 
 def test_dbc_signals_and_named_values_carry_declared_channels() -> None:
