@@ -9,7 +9,7 @@ import pytest
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from hybrid.diagnosis.coarse_model import alike, is_coarse, replications
+from hybrid.diagnosis.coarse_model import alike, is_coarse, one_is_enough, replications
 from hybrid.diagnosis.diagnose import diagnose
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.nuisance_basis import OPERATION
@@ -79,6 +79,17 @@ def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
 
     rivals = {"yaw_inertia": ("loading",), "trim": ("yaw_damping", "skeg", "drift_moment")}
     assert alike(by_leg_m, ("yaw_inertia", "trim"), rivals) == [("trim", "yaw_damping")]
+
+
+def test_one_cause_is_believed_before_many() -> None:
+    """Unless many predict better beyond doubt, or the best of so many effects would bring as much by chance."""
+    before_m = np.array([0.95, 1.0, 1.05, 1.0, 0.9, 1.1, 1.0, 1.0, 0.97, 1.03])
+    scatter = 0.1 * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, -1])
+    alone_m = 0.6 * before_m + scatter
+    assert one_is_enough(before_m, alone_m, alone_m - 0.05 + 2.0 * scatter, 50)
+    assert not one_is_enough(before_m, alone_m, 0.5 * alone_m, 50)
+    assert not one_is_enough(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 50)
+    assert one_is_enough(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 1)
 
 
 @pytest.mark.slow
