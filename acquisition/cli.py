@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acquisition.core.process import stop_on_signals
+from acquisition.core.text import printable
 
 if TYPE_CHECKING:
     import threading
@@ -208,7 +209,7 @@ def redecode(
         result = run(recording, output, None if config is None else load_config(config), progress)
     typer.echo(summary(result.health, [output]), err=True)
     if result.unknown:
-        kept = ", ".join(f"{name} {count:,}" for name, count in result.unknown.items())
+        kept = ", ".join(f"{printable(name)} {count:,}" for name, count in result.unknown.items())
         typer.echo(f"warning: kept raw, as no source of the configuration is called so: {kept}", err=True)
     typer.echo(output)
 
@@ -252,7 +253,7 @@ def import_(
     from acquisition.tables.import_table import import_table
 
     summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel)
-    typer.echo(str(summary), err=True)
+    typer.echo(printable(str(summary)), err=True)
     typer.echo(output)
 
 
@@ -329,7 +330,7 @@ def migrate(
         return
     typer.echo(f"{migrated.converted.total():,} of {migrated.found.messages:,} messages converted", err=True)
     if migrated.kept:
-        kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.kept.items())
+        kept = ", ".join(f"{printable(topic)} {count:,}" for topic, count in migrated.kept.items())
         typer.echo(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
     typer.echo(output)
 

@@ -19,6 +19,8 @@ from errno import EACCES, ENOSPC, EPERM, EROFS
 from pathlib import Path
 from typing import Self
 
+from acquisition.core.text import printable
+
 _CURES = {
     ENOSPC: "make room on the disk",
     EACCES: "choose another folder, or ask for the right to write there",
@@ -39,7 +41,7 @@ class SeatrialError(Exception):
             text = f"{text}: {why}"
         if fix:
             text = f"{text}; {fix}"
-        super().__init__(" ".join(text.split()))
+        super().__init__(printable(" ".join(text.split())))
 
     def at(self, where: Path | str) -> Self:
         """The same error, of another place."""

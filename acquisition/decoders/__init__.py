@@ -29,6 +29,8 @@ from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channels import with_declared
 from acquisition.core.frames import Frame, Group, Protocol
 
+BAD_DATA = "bad data"
+"""Why a decoder refuses what is no packet of its protocol."""
 Notices = deque[tuple[str, str]]
 """What people should know, as (level, text): an address that changed, a clock that stepped."""
 

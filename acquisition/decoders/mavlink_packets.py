@@ -12,6 +12,8 @@ from binascii import crc_hqx
 from bisect import bisect_left
 from dataclasses import dataclass
 
+from acquisition.decoders import BAD_DATA
+
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -148,9 +150,9 @@ def _cut(data: bytes, *, whole: bool) -> tuple[list[bytes | Fault], int]:
         if piece is None:
             rubbish, at = True, _next_magic(data, at + 1)
             continue
-        pieces += [Fault("bad data"), piece] if rubbish else [piece]
+        pieces += [Fault(BAD_DATA), piece] if rubbish else [piece]
         rubbish, at = False, end
-    return pieces + [Fault("bad data")] * rubbish, at
+    return pieces + [Fault(BAD_DATA)] * rubbish, at
 
 
 def _end_of_sound(data: bytes, at: int, end: int, sound: list[int]) -> int:
@@ -179,7 +181,7 @@ def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None
     if end == at or end > following or (end < len(data) and data[end] not in _HEADER_BYTES):
         return None
     unknown = header_of(data[at:end]).message_id not in _CRC_EXTRA
-    return Fault("unknown message" if unknown else "bad data")
+    return Fault("unknown message" if unknown else BAD_DATA)
 
 
 def _next_magic(data: bytes, at: int) -> int:

@@ -19,11 +19,12 @@ from pathlib import Path
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
-from acquisition.core.frames import Frame, iso
+from acquisition.core.frames import NANO, Frame, iso
+from acquisition.decoders import BAD_DATA
 from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
 from acquisition.logger.display import Picture, mark_on_keys, status
-from acquisition.logger.health import Health
+from acquisition.logger.health import Health, SourceHealth
 from acquisition.logger.live_view import LiveView
 from acquisition.logger.maintenance import Timescale, clock_metadata
 from acquisition.logger.pipeline import Recorder, health_of
@@ -208,20 +209,24 @@ def record_log_files(
         for source in sources:
             source.open()
             stack.callback(source.close)
-        reading = _Reading(FrameProcessor(config, parts, health), parts, stop or threading.Event())
-        frames = heapq.merge(*(reading.frames(source, health) for source in sources), key=attrgetter("received_ns"))
+        reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop or threading.Event())
+        frames = heapq.merge(*(reading.frames(source) for source in sources), key=attrgetter("received_ns"))
         reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
-            _tell_troubles(source, reading)
+            _tell_troubles(source, health.sources[source.name], reading)
+        reading.report_sources()
         reading.tell("info", "recording stopped")
 
 
-def _tell_troubles(source: Source, reading: _Reading) -> None:
+def _tell_troubles(source: Source, seen: SourceHealth, reading: _Reading) -> None:
     if remark := getattr(source, "remark", ""):
         reading.tell("warning", f"{source.name}: {remark}")
     if unreadable := getattr(source, "unreadable", 0):
         lines = "line" if unreadable == 1 else "lines"
         reading.tell("warning", f"{source.name}: {unreadable:,} {lines} of the log could not be read")
+    if bad := seen.reasons.get(BAD_DATA):
+        places = "place" if bad == 1 else "places"
+        reading.tell("warning", f"{source.name}: no packet that can be read at {bad:,} {places} of the log")
     if damage := getattr(source, "damage", ""):
         reading.tell("error", f"{source.name}: {damage}")
 
@@ -229,8 +234,11 @@ def _tell_troubles(source: Source, reading: _Reading) -> None:
 class _Reading:
     """Frames of logs on their way into a recording; ``now_ns`` is how far the logs have come."""
 
-    def __init__(self, processing: FrameProcessor, parts: RecordingParts, stop: threading.Event) -> None:
-        self._processing, self._parts, self._stop = processing, parts, stop
+    def __init__(
+        self, processing: FrameProcessor, parts: RecordingParts, health: Health, stop: threading.Event
+    ) -> None:
+        self._processing, self._parts, self._health, self._stop = processing, parts, health, stop
+        self._reported_ns = 0  # when by the logs' time the state of the sources was last said
         self.now_ns = time.time_ns()  # until a log tells another
         self._told_s = time.monotonic()
         self._untimed: list[str] = []  # sources whose logs have no times, as yet untold
@@ -253,19 +261,28 @@ class _Reading:
             if self.now_ns > until_ns or self._stop.is_set():
                 break
             self._processing.process(frame)
+            if abs(self.now_ns - self._reported_ns) >= NANO:
+                self.report_sources()
             if number % _CHORES_EVERY == _CHORES_EVERY - 1:
                 self._do_chores(number + 1)
 
-    def frames(self, source: Source, health: Health) -> Iterator[Frame]:
+    def report_sources(self) -> None:
+        """Record the state of each source, at the time that the logs have come to."""
+        self._reported_ns = self.now_ns
+        for source in self._health.sources.values():
+            self._parts.write_health(source.as_message(max(self.now_ns, source.last_ns or 0)), self.now_ns)
+
+    def frames(self, source: Source) -> Iterator[Frame]:
         """A log's frames, as fast as they are taken; at the first it shows whether the log has times."""
-        seen = health.sources[source.name]
+        seen = self._health.sources[source.name]
         while (block := source.read(0.0)) is not None:
             if block:
                 if not seen.frames and not _has_times(source, block):
                     self._untimed.append(source.name)
                     self._processing.mute_clocks(source.name)
-                seen.count_in(len(block), block[-1].monotonic_ns)
-                yield from block
+                for frame in block:
+                    seen.count_in(1, frame.monotonic_ns)
+                    yield frame
         seen.state = "ended"
 
     def _do_chores(self, frames: int) -> None:

@@ -21,6 +21,7 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Series
+from acquisition.core.text import printable
 from acquisition.recording.messages import SOURCE_AT, Topic, decode
 from acquisition.recording.records import HEAD, RecordError, parse
 from acquisition.recording.schemas import SAMPLE
@@ -160,7 +161,7 @@ class SeriesBuilder:
             np.frombuffer(self.received_ns, np.int64),
             np.frombuffer(self.value, np.float64),
             np.frombuffer(self.quality, np.uint8),
-            tuple(self.sources),
+            printable(tuple(self.sources)),
             np.frombuffer(self.source, np.int32),
         )
 

@@ -19,6 +19,7 @@ from mcap import records as mcap
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, iso
+from acquisition.core.text import printable
 from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic, decode, frame_of
@@ -40,11 +41,12 @@ REMEDY = "save what is intact with `seatrial recover`"
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What one file holds. ``raw`` counts the undecoded messages by topic, ``events`` are (time, text).
+    """What one file holds; no terminal obeys anything in its texts.
 
-    ``metadata`` is what the file says besides the trial: which part of a recording it is, whose clock it has.
-    ``health`` is the last word on each source: its state, its frames, how many were refused, why, and dropped.
-    ``predictions`` counts what another program foretold beside the recorder.
+    ``raw`` counts the undecoded messages by topic, ``events`` are (time, text). ``metadata`` is what the file says
+    besides the trial: which part of a recording it is, whose clock it has. ``health`` is the last word on each
+    source: its state, its frames, how many were refused, why, and dropped. ``predictions`` counts what another
+    program foretold beside the recorder.
     """
 
     path: Path
@@ -133,10 +135,10 @@ class MessageStream:
 
     def _note(self, record: mcap.McapRecord) -> None:
         if isinstance(record, mcap.Metadata) and record.name != "trial":
-            self.metadata[record.name] = record.metadata
+            self.metadata[record.name] = printable(record.metadata)
         elif isinstance(record, mcap.Metadata):
             try:
-                self.trial = Trial.from_metadata(record.metadata)
+                self.trial = Trial.from_metadata(printable(record.metadata))
             except ValueError as error:  # metadata have no checksum of their own
                 raise self._damaged(f"its run sheet: {error}") from error
         elif isinstance(record, mcap.Attachment):
@@ -285,15 +287,15 @@ def read_recording(path: Path | str) -> Recording:
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={topic.removeprefix(CHANNEL_PREFIX): each.series() for topic, each in samples.items()},
-        raw=dict(raw),
-        events=events,
+        series={printable(topic.removeprefix(CHANNEL_PREFIX)): each.series() for topic, each in samples.items()},
+        raw=printable(dict(raw)),
+        events=printable(events),
         messages=messages,
         closed=stream.closed,
         start_ns=start_ns if messages else 0,
         end_ns=end_ns,
         metadata=stream.metadata,
-        health=health,
+        health=printable(health),
         predictions=predictions,
     )
 

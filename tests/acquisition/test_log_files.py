@@ -19,12 +19,13 @@ from acquisition.core.frames import Frame
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.record import record
 from acquisition.recording.reader import MessageStream, read_recording
-from acquisition.recording.schemas import RAW_PREFIX
+from acquisition.recording.schemas import HEALTH_TOPIC, RAW_PREFIX
 from acquisition.sources import logfile
 from acquisition.sources.logfile import LogFile
 from seatrial import app
 from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import DBC, free_port
+from tests.acquisition.test_mavlink_packets import stream
 
 SECOND = 1_000_000_000
 START_NS = 1_779_019_200 * SECOND
@@ -276,3 +277,35 @@ def test_a_real_log_keeps_every_frame(shared_data: Path, tmp_path: Path) -> None
     assert [(frame.identifier, frame.payload) for frame in frames] == [
         (int(identifier, 16), bytes.fromhex(data)) for identifier, data in lines
     ]
+
+
+def test_recordings_of_logs_say_how_each_source_does_by_the_logs_time(tmp_path: Path) -> None:
+    """Once a second as live, and at the end: frames so far, refusals with their reasons, what has ended."""
+    said, sent = write_logs(tmp_path, seconds=4.0)
+    with (tmp_path / "bridge.log").open("ab") as stream:
+        stream.write(tagged(START_NS + 5 * SECOND, "HEHDT,5.0,T")[:-4] + b"XX\r\n")
+    (path,), _ = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
+    entries = [entry for entry in MessageStream(path) if entry.topic == HEALTH_TOPIC]
+    first, last = [entry.body() for entry in entries[:2]], [entry.body() for entry in entries[-2:]]
+    assert [each["source"] for each in first] == [each["source"] for each in last] == ["source0", "source1"]
+    assert 8 <= len(entries) <= 14
+    assert all(entry.log_ns <= START_NS + 5 * SECOND for entry in entries)
+    assert all(0 <= entry.body()["age_s"] < 6 for entry in entries if "age_s" in entry.body())
+    assert [each["frames"] for each in last] == [len(said) + 1, len(sent)]
+    assert last[0]["reasons"] == {"no sound checksum": 1}
+    assert {each["state"] for each in last} == {"ended"}
+    assert read_recording(path).health["source0"]["rejected"] == 1
+
+
+def test_bad_packets_of_a_telemetry_log_are_told(tmp_path: Path) -> None:
+    packets = [(START_NS // 1000 + n).to_bytes(8, "big") + packet for n, packet in enumerate(stream(20, 7))]
+    damaged = bytearray(b"".join(packets))
+    damaged[len(packets[0]) + 8 + 12] ^= 0xFF
+    (tmp_path / "x.tlog").write_bytes(damaged)
+    config = config_of(tmp_path, 'type = "mavlink_file"\npath = "x.tlog"\n')
+    (path,), health = record(config, tmp_path / "out")
+    told = [text for _, level, text in health.events if level == "warning" and "no packet" in text]
+    assert told == ["source0: no packet that can be read at 1 place of the log"]
+    recording = read_recording(path)
+    assert told[0] in [text for _, text in recording.events]
+    assert recording.health["source0"]["reasons"]["bad data"] == 1

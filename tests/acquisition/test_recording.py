@@ -289,6 +289,31 @@ def test_info_of_a_recording_without_a_message_names_no_time(tmp_path: Path) -> 
     assert "1970" not in shown
 
 
+def test_a_stranger_s_metadata_command_no_terminal(tmp_path: Path) -> None:
+    """Escapes in names, notes, sources, metadata and events are shown, not obeyed; JSON has them as escapes."""
+    evil = "\x1b[2J\x9b31m\u202e\a"
+    path = tmp_path / "evil.mcap"
+    with RecordingWriter(path, Trial(f"name {evil}", vessel=evil, crew_notes=f"calm {evil}")) as writer:
+        writer.write_metadata("part", {"number": evil, "follows": evil, "reason": evil})
+        writer.write_sample(Sample("heading_deg", 12.5, f"gyro{evil}", 5, 1, 4))
+        writer.write_raw(Frame(f"line{evil}", "nmea0183", evil.encode(), 6, 2))
+        writer.write_event(evil, 8)
+        writer.write_health({"source": evil, "state": evil, "reasons": {evil: 1}}, 9)
+    from typer.testing import CliRunner
+
+    from seatrial import app
+
+    for arguments in (["info", str(path)], ["info", str(path), "--json"], ["check", str(path)]):
+        shown = CliRunner().invoke(app, arguments).output
+        assert "name" in shown or arguments[0] == "check"
+        assert not set(shown) & set(evil.replace("[2J", "").replace("31m", "")), arguments
+    recording = read_recording(path)
+    assert recording.trial.crew_notes == r"calm \x1b[2J\x9b31m\u202e\x07"
+    texts = str((recording.trial, recording.metadata, recording.events, recording.health, recording.raw))
+    assert not set(texts) & set("\x1b\x9b\u202e\a")
+    assert "\x1b" not in str(InputError("cannot", where=evil))
+
+
 def test_foreign_topics_of_our_names_are_one_clear_error(tmp_path: Path) -> None:
     from mcap.writer import Writer
 
