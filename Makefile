@@ -8,7 +8,7 @@ PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load watch-load soak fuzz check clean
+.PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -82,6 +82,9 @@ benchmark-measured: $(STAMP) ## effects hidden in measured data (DATA: Esso Osak
 
 load: $(STAMP)   ## ten minutes of a saturated bus, a busy line and an autopilot: losses, CPU, memory
 	$(BIN)/python tests/benchmarks/recorder_load.py 600
+
+flood: $(STAMP)  ## the same for a minute with junk at full speed on one line more: what is kept of it, what others lose
+	$(BIN)/python tests/benchmarks/recorder_load.py 60 junk
 
 watch-load: $(STAMP) ## the same load for 80 s with a twin beside the recorder, stopped and killed: losses, CPU, latency
 	$(BIN)/python -m tests.benchmarks.watch_load $(or $(DURATION),80) $(CALIBRATOR)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -59,11 +60,24 @@ def script(folder: Path, text: str) -> tuple[str, ...]:
     return sys.executable, str(folder / "command.py")
 
 
-def test_the_recording_tells_its_alarms_and_runs_their_command(tmp_path: Path) -> None:
-    """A source that says nothing: half a second of silence is too much."""
-    said = tmp_path / "said.txt"
+def test_a_command_gets_the_text_and_one_that_fails_is_told(tmp_path: Path) -> None:
+    said, told = tmp_path / "said.txt", list[str]()
     words = "os.environ['SEATRIAL_ALARM'] + os.environ['SEATRIAL_STATE'] + input()"
-    command = script(tmp_path, f"import os, sys\nopen({str(said)!r}, 'w').write({words})\nsys.exit(3)")
+    fails = script(tmp_path, f"import os, sys\nopen({str(said)!r}, 'w').write({words})\nsys.exit(3)")
+    rules = [
+        rule(figure="source.gps.age_s", above=-1.0, for_s=0.0, command=fails),
+        rule(name="nobody", figure="source.gps.failed", below=1.0, for_s=0.0, command=("/nowhere/to/be/found",)),
+    ]
+    with Alarms(rules, Health({"gps": SourceHealth("gps")}), lambda level, text: told.append(text)):
+        wait_for(lambda: any("ended with" in text for text in told))
+    assert said.read_text().startswith("windraisedwind: source.gps.age_s is")
+    assert "alarm wind: its command ended with 3" in told
+    assert "alarm nobody: its command cannot be run: No such file or directory" in told
+
+
+def test_the_recording_has_its_alarms_and_the_state_of_the_clock(tmp_path: Path) -> None:
+    """A source that says nothing: half a second of silence is too much."""
+    sign, stop = tmp_path / "sign", threading.Event()
     text = (
         config_text(f'type = "udp"\nport = {free_port()}\n')
         + f"""
@@ -72,24 +86,20 @@ name = "mute"
 figure = "source.line.age_s"
 above = 0.5
 for_s = 0
-command = {list(command)}
-[[alarm]]
-name = "nobody"
-figure = "heading_deg.rate_hz"
-below = 1
-for_s = 0
-command = ["/nowhere/to/be/found"]
+command = ["touch", "{sign}"]
 """
     )
-    paths, health = record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "out", duration_s=4.0)
-    assert set(health.alarms) == {"mute", "nobody"}
-    events = " | ".join(text for _, text in read_recording(paths[0]).events)
-    assert "ALARM mute: source.line.age_s is" in events
-    assert "alarm nobody: its command cannot be run: No such file" in events
-    wait_for(said.exists)
-    assert said.read_text().startswith("muteraisedmute: source.line.age_s is")
-    assert "alarm mute: its command ended with 3" in events
-    assert read_recording(paths[0]).health["host clock"]["state"] == host_clock().state
+
+    def stop_at_the_sign() -> None:
+        wait_for(sign.exists)
+        stop.set()
+
+    threading.Thread(target=stop_at_the_sign).start()
+    paths, health = record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "out", stop=stop)
+    assert list(health.alarms) == ["mute"]
+    recording = read_recording(paths[0])
+    assert any("ALARM mute: source.line.age_s is" in text for _, text in recording.events)
+    assert recording.health["host clock"]["state"] == host_clock().state
 
 
 @pytest.mark.parametrize(("section", "said"), [

@@ -76,7 +76,7 @@ def test_a_flood_on_one_line_costs_the_others_nothing(tmp_path: Path) -> None:
     assert health.over_budget > 0
     assert health.frames - health.over_budget == len(kept)
     assert health.dropped >= health.over_budget
-    assert running.told("junk: over its budget of 20 kB/s by [0-9,]+ frames") == 1
+    assert running.told("junk: over its budget of 20 kB/s by [0-9,]+ frames") >= 1
 
 
 @pytest.mark.parametrize("budget", ["0", "-1", "inf", '"much"'])
