@@ -95,12 +95,10 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
             typer.echo(f"error: {text}", err=True)
     silent = missing_channels(health, trial.expected_channels)
     if silent:
-        from acquisition.logger.missing import LOOKED_AT, by_reason, why_missing
-        from acquisition.logger.survey import survey_of_recording
+        from acquisition.logger.missing import by_reason, reasons_in
 
-        survey = survey_of_recording(trial, paths, LOOKED_AT)
-        for names, reason in by_reason({name: why_missing(name, survey) for name in silent}).items():
-            typer.echo(f"warning: nothing came of {names}: {reason}", err=True)
+        for names, reason in by_reason(reasons_in(trial, paths, silent)).items():
+            typer.echo(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
 
 
 def _check_departure(

@@ -8,6 +8,7 @@ from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from acquisition.config.configuration import TrialConfig
 from acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
 from acquisition.config.sections import LineSource, MqttLinks
 from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
@@ -16,7 +17,7 @@ from acquisition.core.frames import label_parts
 from acquisition.logger.redecode import own_configuration
 from acquisition.logger.survey import Kind, Survey, Tally, is_makers_own, survey_of_recording
 
-LOOKED_AT = 20_000
+LOOKED_AT = 10_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
 RATED_FIX = "give rated_rpm"
 VARIATION_FIX = "set magnetic_variation_deg or add a source of 127258"
@@ -100,6 +101,15 @@ def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
     if survey is None or not survey.kinds:
         return {}
     return {name: why_missing(name, survey) for name in absent}
+
+
+def reasons_in(config: TrialConfig, paths: Iterable[Path], names: Iterable[str]) -> dict[str, str]:
+    """Why channels did not come, by the beginning of a recording; empty words where it cannot be read."""
+    try:
+        survey = survey_of_recording(config, paths, LOOKED_AT)
+    except SeatrialError:
+        return dict.fromkeys(names, "")
+    return {name: why_missing(name, survey) for name in names}
 
 
 def by_reason(missing: Mapping[str, str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import chain, islice
@@ -227,9 +228,15 @@ def survey_of_recording(config: TrialConfig, paths: Iterable[Path], most_frames:
 
     Raises :class:`InputError` for files that are no recordings.
     """
-    entries = chain.from_iterable(map(MessageStream, paths))
-    raw = (each for each in entries if each.topic.startswith(RAW_PREFIX))
-    return survey_of(config, islice((each.frame() for each in raw), most_frames))
+    return survey_of(config, islice(_raw_frames(paths), most_frames))
+
+
+def _raw_frames(paths: Iterable[Path]) -> Iterator[Frame]:
+    """The raw input, without what another program has put under such a topic."""
+    for entry in chain.from_iterable(map(MessageStream, paths)):
+        if entry.topic.startswith(RAW_PREFIX):
+            with suppress(ValueError, KeyError, TypeError):
+                yield entry.frame()
 
 
 def _is_later_part(frame: Frame) -> bool:
