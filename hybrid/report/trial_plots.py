@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from acquisition.core.actuators import name_of_order
 from acquisition.core.arrays import Floats, Ints
-from analysis.report.plots import FAINT, INK, PALETTE, known_groups, series
+from analysis.report.plots import FAINT, INK, PALETTE, declared_groups, known_groups, series
 from analysis.tables.table import table_actuators, table_controls
 from hybrid.calibrators.adaptive.parameters import Parameters
 from hybrid.calibrators.calibrator import DomainOfApplicability
@@ -134,20 +134,23 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
 
 
 _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
+_PANEL_INCH = 1.4
 _MOST = 20  # parameters in one picture
 _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest": 1.0}
 
 
 def time_series(figure: Figure, case: Case, name: str) -> None:
-    """Measured and predicted motion of a recording over thruster settings and wind, held windows shaded."""
+    """Measured and predicted motion over thruster settings, wind and declared channels, held windows shaded."""
     products = case.products[name]
     table = products.one_hz.assign(speed_mps=np.hypot(products.one_hz["surge_mps"], products.one_hz["sway_mps"]))
     windows = None if products.windows is None else products.windows.rows
     predicted = case.predicted(name)
     controls = table_controls(table)
     by_quantity = [[each for each in controls if each.endswith(ending)] for ending in ("_rpm", "_angle_deg")]
-    commands = known_groups(table, [*by_quantity, ["wind_speed_mps"], ["wind_direction_deg"]])
+    declared = known_groups(table, [*declared_groups(table).values()])
+    figure.set_figheight(figure.get_figheight() + _PANEL_INCH * len(declared))
+    commands = known_groups(table, [*by_quantity, ["wind_speed_mps"], ["wind_direction_deg"], *declared])
     orders = {name_of_order(each.name): each.name for actuator in table_actuators(table)
               for each in actuator.channels if actuator.kind != "tunnel"}  # fmt: skip
     grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
