@@ -16,8 +16,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre, add_limits
-from analysis.manoeuvres.measures import WIDEST_S, Plateau, merge_corrections, plateaus, smooth_motion, tolerance_of
+from analysis.manoeuvres.indices import LeftOut, Manoeuvre, add_limits
+from analysis.manoeuvres.measures import (
+    WIDEST_S,
+    Plateau,
+    helm_rate_dps,
+    merge_corrections,
+    plateaus,
+    smooth_motion,
+    tolerance_of,
+    turning_points,
+)
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
@@ -74,22 +83,31 @@ def find_manoeuvres(
     (time [ns since 1970], text) as in a recording. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
+    return manoeuvres_and_left_out(table, length_m, events)[0]
+
+
+def manoeuvres_and_left_out(
+    table: pd.DataFrame, length_m: float | None = None, events: Iterable[tuple[int, str]] = ()
+) -> tuple[tuple[Manoeuvre, ...], tuple[LeftOut, ...]]:
+    """As :func:`find_manoeuvres`, and what only began like a manoeuvre, with the reason, in order of time."""
     motion = motion_of(table, length_m)
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
-        return ()
+        return (), ()
     marks = marks_of(events)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth.fastest_mps, marks)
-    tests = find_thruster_tests(motion, smooth, ~taken)
+    tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for each in tests:
         taken |= _rows_of(motion, each)
-    finders = (find_stops, find_accelerations, find_speed_runs)
+    finders = (find_stops, find_accelerations, find_speed_runs) if motion.drives else ()
     straight = [each for find in finders for each in find(motion, smooth, ~taken)]
-    every = sorted([*steered, *tests, *straight], key=lambda each: each.start)
+    left_out = sorted((each for each in straight if isinstance(each, LeftOut)), key=lambda each: each.start)
+    runs = (each for each in straight if isinstance(each, Manoeuvre))
+    every = sorted([*steered, *tests, *runs], key=lambda each: each.start)
     named = (
         _apply_mark(each, marks) for each in every if motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE
     )
-    return add_limits(named, length_m)
+    return add_limits(named, length_m), tuple(left_out)
 
 
 def _zigzags_and_turns(
@@ -97,23 +115,25 @@ def _zigzags_and_turns(
 ) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
     """Zigzags and turns, and the rows that they take."""
     helm = helm_of(motion)
+    motion = replace(motion, helm_rate_dps=helm_rate_dps(helm, motion.step_s))
     held = helm_plateaus(motion, helm)
-    chains = [chain for chain in zigzag_chains(motion, held, 2) if _is_believable(motion, chain, marks)]
+    extremes = helm_extremes(motion, helm)
+    chains = [chain for chain in zigzag_chains(motion, held, 2, extremes) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
     found = [zigzag(motion, helm, chain) for chain in chains]
     found += [turning_circle(motion, helm, each) for each in held if each.first not in swings
-              and is_turn(motion, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)]  # fmt: skip
+              and is_turn(motion, helm, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)]  # fmt: skip
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
-        taken |= _rows_of(motion, each)
+        taken |= _rows_of(motion, each, each.settings["half_command_s"])
     return found, taken
 
 
 def helm_of(motion: Motion) -> Floats:
-    """The helm [deg], nothing where it steers by thrust and no drive runs."""
-    if not motion.steers_by_thrust:
+    """The helm [deg], nothing where it steers by thrust and no drive runs, if the shafts are known."""
+    push = np.linalg.norm([np.zeros(motion.time_s.size), *motion.drives.values()], axis=0)
+    if not motion.steers_by_thrust or not push.any():
         return motion.helm_deg
-    push = np.linalg.norm([*motion.drives.values()], axis=0)
     running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * motion.drive_noise_rpm)
     return np.where(running, motion.helm_deg, 0.0)
 
@@ -124,10 +144,18 @@ def helm_plateaus(motion: Motion, helm: Floats) -> list[Plateau]:
     return [
         replace(each, first=each.first + offset, end=each.end + offset)
         for offset, end in stretches(~motion.broken)
-        for each in merge_corrections(plateaus(helm[offset:end], motion.step_s, tolerance), motion.step_s)
+        for each in merge_corrections(
+            plateaus(helm[offset:end], motion.step_s, tolerance, rate=motion.helm_rate_dps), motion.step_s
+        )
         if least <= abs(each.level) <= _WIDEST_HELM_DEG
         and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
     ]
+
+
+def helm_extremes(motion: Motion, helm: Floats) -> list[Plateau]:
+    """Where the helm was reversed, as plateaus of one row."""
+    calm, rows = turning_points(helm, motion.step_s)
+    return [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]
 
 
 def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
@@ -137,9 +165,9 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
     return marked or len(chain) >= FEWEST_SWINGS
 
 
-def _rows_of(motion: Motion, each: Manoeuvre) -> NDArray[np.bool_]:
+def _rows_of(motion: Motion, each: Manoeuvre, before_s: float = 0.0) -> NDArray[np.bool_]:
     start, end = ((time.value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
-    return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
+    return np.asarray((motion.time_s >= start - before_s) & (motion.time_s <= end))
 
 
 def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:

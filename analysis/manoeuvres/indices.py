@@ -115,6 +115,22 @@ class Manoeuvre:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """What began like a manoeuvre of a kind and is none, so that it has no indices, and why."""
+
+    kind: str
+    start: pd.Timestamp
+    end: pd.Timestamp
+    why: str
+
+    def as_json(self) -> dict[str, str]:
+        """With the keys of the contract."""
+        return {
+            "kind": self.kind, "start": self.start.isoformat(), "end": self.end.isoformat(), "why": self.why
+        }  # fmt: skip
+
+
 def side_of(positive_to_starboard: float) -> str:
     """The side that a turn or a move is to, by its sign."""
     return "starboard" if positive_to_starboard > 0 else "port"

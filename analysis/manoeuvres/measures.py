@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -30,21 +31,69 @@ APPROACH_S = 10.0
 
 
 _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
-_SLOWEST_RUDDER_DPS = 2.0
-"""Steering gear takes 28 s at most from 35 deg to 30 deg on the other side, 2.3 deg/s (SOLAS II-1/29)."""
+_SLOWER = 1.5  # a single change may be slower than the helm usually goes by this factor
+_LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: what is less is course-keeping
+
+
+def helm_rate_dps(helm: Floats, step_s: float) -> float:
+    """How fast a helm [deg, rows] usually goes over [deg/s]: the steepest third of the way between its extremes.
+
+    The median over all moves that are a third of the largest helm and more; infinite where there are none.
+    """
+    calm, rows = turning_points(helm, step_s)
+    rates = [_steepest(calm[first : last + 1], step_s) for first, last in pairwise(rows)]
+    return float(np.median(rates)) if rates else float("inf")
+
+
+def turning_points(helm: Floats, step_s: float) -> tuple[Floats, list[int]]:
+    """The helm without its noise, and the rows between which it goes over by more than course-keeping does."""
+    calm = running_median(helm, max(3, round(1.5 / step_s)))
+    largest = float(np.percentile(np.abs(calm), 99))
+    return calm, turning_rows(calm, max(_LEAST_MOVE_DEG, _LEAST_MOVE_SHARE * largest, 6.0 * noise_of(helm)))
+
+
+def turning_rows(values: Floats, least: float) -> list[int]:
+    """The rows of the extremes between which ``values`` go up and down by ``least`` and more, in turn.
+
+    >>> turning_rows(np.array([0.0, 1.0, 5.0, 4.5, 5.2, 0.0]), 3.0)
+    [0, 4, 5]
+    """
+    found, low, high, rising = list[int](), 0, 0, 0
+    for row, value in enumerate(values):
+        low, high = row if value < values[low] else low, row if value > values[high] else high
+        if rising >= 0 and values[high] - value >= least:
+            found, rising, low = [*found, high], -1, row
+        elif rising <= 0 and value - values[low] >= least:
+            found, rising, high = [*found, low], 1, row
+    return [*found, high if rising > 0 else low] if rising else []
+
+
+def _steepest(move: Floats, step_s: float) -> float:
+    """The rate at which the fastest third of a move from one extreme to the other is made."""
+    done = np.maximum.accumulate(np.abs(move - move[0]))
+    rows = np.interp(np.linspace(0.1, 0.9, 9) * done[-1], done + 1e-9 * np.arange(done.size), np.arange(done.size))
+    return float(0.3 * done[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min())))
 
 
 def helm_change_s(motion: Motion, change_deg: float) -> float:
-    """How long the helm may take for a change [s]: a rudder as long as its gear needs, a thruster less."""
-    return abs(change_deg) / _SLOWEST_RUDDER_DPS if not motion.steers_by_thrust else 0.0
+    """How long the helm may take for a change [s], by the rate that it usually goes at."""
+    return _SLOWER * abs(change_deg) / motion.helm_rate_dps
 
 
 def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[float, float]:
     """When the helm began to go to a plateau, from where it was before, and was half way there [s]."""
-    change_s = helm_change_s(motion, plateau.level)
-    before = level_before(motion, helm, plateau, longest_s=max(_LONGEST_CHANGE_S, change_s + 5.0) + 1.0)
-    earliest = motion.row_before(plateau.first, max(_LONGEST_CHANGE_S, change_s + 5.0))
+    longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
+    before = level_before(motion, helm, plateau, longest_s + 1.0)
+    earliest = motion.row_before(plateau.first, longest_s)
     return execute_s(motion.time_s, helm, plateau, before, earliest)
+
+
+def execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
+    """How far off an execute may be [s]: half of a row where the change takes less than one, less where it goes
+    through more; and what the noise of the helm makes of a line through half of the change."""
+    rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
+    noise_s = noise_of(helm) / motion.helm_rate_dps / np.sqrt(max(0.5 * rows, 1.0))
+    return float(0.5 * motion.step_s / rows + np.sqrt(3.0) * noise_s)
 
 
 def level_before(
@@ -60,8 +109,8 @@ def level_before(
     ahead = command[first : plateau.first + 1]
     start = float(np.median(ahead[: max(rows, 1)]))
     share = (ahead - start) / (plateau.level - start) if plateau.level != start else np.zeros(ahead.size)
-    under = np.flatnonzero(share < 0.2)
-    end = int(under[-1]) + 1 if under.size else 1
+    half, third = (_last_crossing(share, level) for level in (0.5, 0.3))
+    end = max(1, int(half - _SLOWER * 2.5 * (half - third)))  # where a line through both leaves the old level
     return float(np.median(ahead[max(0, end - max(rows, 1)) : end]))
 
 
@@ -198,12 +247,11 @@ def bootstrap_indices(
     executes_s: Floats,
     half_width: float,
     measure: Measure,
-    unsure_rows: float = 0.5,
+    unsure_s: float,
 ) -> dict[str, tuple[float, float]]:
     """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
 
-    The moments of the commands are only known to a row: each is moved about by ``unsure_rows``, and all together
-    by as much, since what the shape of a command between rows does to one it does to all.
+    The moments of the commands are only known to a part of a row: each is moved about by up to ``unsure_s``.
     """
     random = np.random.default_rng(_SEED)
     smooth = smooth_motion(motion, half_width)
@@ -215,8 +263,7 @@ def bootstrap_indices(
         noisy = {name: getattr(smooth, name) + _draw(spectra[name], smooth.time_s.size, random)
                  for name in POSE_AND_VELOCITY}  # fmt: skip
         again = smooth_motion(smooth.with_columns(noisy), half_width)
-        shifts = random.uniform(-1.0, 1.0, executes_s.shape) + random.uniform(-1.0, 1.0)
-        moved = executes_s + motion.step_s * unsure_rows * shifts
+        moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(again, moved))
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a way are off
     found = {}
@@ -262,7 +309,7 @@ def _spectrum(remainder: Floats, half_rows: float) -> Floats:
 _STEP_S = 1.0
 _STEP_SIGMAS = 6.0
 _BRIDGE_S = 4.0
-_BLINK_SHARE = 0.5
+_BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
 _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
 
 
@@ -281,30 +328,38 @@ def tolerance_of(values: Floats, least: float) -> float:
     return max(least, _STEP_SIGMAS * noise_of(values))
 
 
-def plateaus(values: Floats, step_s: float, tolerance: float, least_s: float = 2.0) -> list[Plateau]:
+def plateaus(
+    values: Floats, step_s: float, tolerance: float, least_s: float = 2.0, rate: float = np.inf
+) -> list[Plateau]:
     """Where ``values`` [rows] change by no more than ``tolerance`` within two seconds, in order of time.
 
-    A slow ramp is a plateau with a spread. Neighbours of one level that only a blink parts are one plateau.
+    Of a command that goes at a ``rate`` at which it does no more than that in two seconds, within as long as it
+    needs for twice the tolerance. A slower ramp is a plateau with a spread. Neighbours of one level that only a
+    blink parts are one plateau.
     """
-    reach = max(1, round(_STEP_S / step_s))
+    reach = max(1, round(max(_STEP_S, tolerance / rate) / step_s))
     calm = running_median(values, max(3, round(1.5 / step_s)))
     change = np.zeros(values.size)
     if values.size > 2 * reach:
         change[reach:-reach] = calm[2 * reach :] - calm[: -2 * reach]
     found = [
-        _plateau(calm, first, end) for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
+        _plateau(calm, first, end, reach, tolerance)
+        for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
 
     def joined(last: Plateau, each: Plateau) -> Plateau | None:
         near = each.first - last.end <= round(_BRIDGE_S / step_s) and abs(each.level - last.level) <= tolerance
-        return _plateau(calm, last.first, each.end) if near else None
+        return _plateau(calm, last.first, each.end, 0, tolerance) if near else None
 
     return _merge_neighbours(found, joined)
 
 
-def _plateau(values: Floats, first: int, end: int) -> Plateau:
+def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
+    """A plateau that goes on for up to ``reach`` rows as long as the values keep to its level: a change within
+    two seconds is seen before it begins."""
     low, middle, high = np.percentile(values[first:end], [10, 50, 90])
-    return Plateau(first, end, float(middle), float(high - low))
+    left = np.abs(values[end : end + reach] - middle) > 0.5 * tolerance + 0.5 * (high - low)
+    return Plateau(first, end + (int(left.argmax()) if left.any() else left.size), float(middle), float(high - low))
 
 
 def is_same_order(one_deg: float, other_deg: float) -> bool:
@@ -335,7 +390,7 @@ def _merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau],
 
 def _is_correction(last: Plateau, each: Plateau, bridge: int) -> bool:
     short, long = sorted((last.end - last.first, each.end - each.first))
-    near = each.first - last.end <= bridge and short <= _BLINK_SHARE * long
+    near = each.first - last.end <= bridge and short <= min(_BLINK_SHARE * long, _BLINKS * bridge)
     return near and last.level * each.level > 0 and is_same_order(last.level, each.level)
 
 
@@ -358,11 +413,23 @@ def execute_s(
     if half - tenth > _CREEP * (rest + 0.25) and before != (near := float(values[earliest + int(half)])):
         # a hand that held the course crept this way before: the order began where the last of it began
         return execute_s(time_s, values, plateau, near, earliest)
-    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), half])
+    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), _half_by_fit(share, half)])
     start, middle = np.interp(rows, np.arange(time_s.size), time_s)
     return float(start), float(middle)
 
 
+def _half_by_fit(share: Floats, half: float) -> float:
+    """The row at which ``share`` rises through a half, near ``half``, by a parabola through its middle 50 %: a slow
+    and noisy command crosses it more than once, and a drive that lags makes a bend."""
+    first = int(np.ceil(_last_crossing(share[: int(half) + 2], 0.25)))
+    last = int(half) + int(_first_crossing(share[int(half) :], 0.75))
+    if np.unique(share[first:last].round(3)).size < _FEWEST_OF_FIT:
+        return half
+    rows = np.arange(first, last) - half
+    return float(np.clip(half + np.polyfit(share[first:last] - 0.5, rows, 2)[-1], first, last))
+
+
+_FEWEST_OF_FIT = 5
 _CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 
 
@@ -383,24 +450,10 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def counting_times(motion: Motion, both: Floats) -> Floats:
-    """The times that indices are counted from, of those of first change and of half way [2, ...].
-
-    The first change of a command is its execute. Between two events nobody knows when a lever began to move, and
-    a line drawn between them begins with the older one: then half way is the better guess.
-    """
-    return np.asarray(both[1 if motion.orders_are_events else 0])
-
-
-def alternative_times(motion: Motion, both: Floats) -> tuple[Floats, str]:
-    """The times that indices are not counted from, and the suffix of the indices that are given for them too."""
-    return (both[0], "first_change") if motion.orders_are_events else (both[1], "half_command")
-
-
 def event_notes(motion: Motion) -> tuple[str, ...]:
     """What to know of the executes of a recording whose orders are events."""
     text = (
-        "orders were recorded as events: indices count from half of each change, whose true moment is not known "
-        "and not in the intervals"
+        "orders were recorded as events: the true moment of half of each change is not known, and not in "
+        "the intervals"
     )
     return (text,) if motion.orders_are_events else ()

@@ -21,13 +21,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import KINDS, Actuator, Actuators
+from acquisition.core.actuators import KINDS, RUDDER, Actuator, Actuators
 from acquisition.core.angles import unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
-from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
+from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
 from acquisition.core.errors import InputError
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.kinematics import integrate, to_earth
+from analysis.kinematics import integrate, to_earth, to_ship
 from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from analysis.quality.motion.series import off_the_turn, wild_headings
 from analysis.quality.samples import runs, white_noise
@@ -36,6 +36,8 @@ from analysis.tables.table import NANO, history_of, require, seconds_of, table_a
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
+_SLOPE_HALF_WIDTH_S, _SLOPE_ROWS = 2.0, 3.0  # as narrow as can be: indices are read off wider fits
+_WILD = 3.0  # times what is exceeded in a fiftieth of the recording: a cut, no motion
 _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
 _RUDDER = "rudder"  # what a ship is steered by whose helm works without thrust
@@ -55,7 +57,8 @@ class Motion:
     position or heading jump as no ship does, as where a piece was cut out of a recording: nothing reaches across.
     ``path_sd_m`` is the standard deviation of a point of the path, by how the positions wander about it.
     ``orders_are_events`` says that the helm was recorded when it changed and filled in between, so that nobody
-    knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it is known.
+    knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it is known, and
+    ``helm_rate_dps`` how fast the helm usually goes over.
     """
 
     origin_ns: int
@@ -77,6 +80,7 @@ class Motion:
     steering: str = "azimuth"
     words: Mapping[str, str] = field(default_factory=dict)
     length_m: float | None = None
+    helm_rate_dps: float = np.inf
 
     @property
     def steers_by_thrust(self) -> bool:
@@ -86,12 +90,12 @@ class Motion:
     @property
     def main_rpm(self) -> Floats:
         """The shaft of the first drive, by which runs are called [rpm, rows]."""
-        return next(iter(self.drives.values()))
+        return next(iter(self.drives.values()), np.zeros(self.time_s.size))
 
     @property
     def drive_noise_rpm(self) -> float:
         """The noise of the noisiest drive's shaft [rpm]."""
-        return max(map(noise_of, self.drives.values()))
+        return max(map(noise_of, self.drives.values()), default=0.0)
 
     @property
     def step_s(self) -> float:
@@ -161,22 +165,33 @@ def steering_of(actuators: Actuators) -> Actuators:
     return tuple(each for each in able if not each.drives) or able
 
 
+def recorded_actuators(table: pd.DataFrame) -> Actuators:
+    """The actuators of the ship that a table is of; a rudder alone where it holds that angle and nothing of hers."""
+    actuators = table_actuators(table)
+    theirs = {channel.name for each in actuators for channel in each.channels}
+    alone = RUDDER in table and not any(name in table and table[name].notna().any() for name in theirs)
+    return (Actuator(_RUDDER, _RUDDER),) if alone else actuators
+
+
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz, of a ship of that length.
 
-    Raises :class:`InputError` where pose, speeds or the first actuator to steer by are missing, or where nothing
-    drives the ship; what is not recorded of the other actuators stands.
+    Speeds and rate of turn that are not recorded are those of the positions and the heading. Raises
+    :class:`InputError` where pose or the first actuator to steer by are missing, or where nothing drives or steers
+    the ship; what is not recorded of the other actuators stands.
     """
-    actuators = table_actuators(table)
+    actuators = recorded_actuators(table)
     steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
-    if not driving:
+    if not (*steering, *driving):
         raise InputError("the ship has nothing that drives her ahead", fix="name the actuators in the trial")
-    require(table, (*POSE_AND_VELOCITY, *(channel.name for channel in (*steering, *driving)[0].channels)))
+    helms = [each.angle.name for each in steering if each.angle is not None]
+    require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     heading = _cleaned_heading(table)
     grid = _with_sharp_settings(resample(table.assign(heading_deg=heading), _rate_hz(table)), table)
     time_ns = times_ns(grid)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
+    grid = _with_velocities(grid, step_s)
     known = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
@@ -201,11 +216,32 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     )  # fmt: skip
 
 
+def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
+    """The grid with the speeds and the rate of turn that it lacks: slopes of local fits of the pose, without those
+    that jump as no ship does."""
+    lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
+    if not lacking:
+        return grid
+    rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
+    north, east = (fill_gaps(grid[name].to_numpy()) for name in POSE[:2])
+    heading = unwrap(fill_gaps(unwrap(grid[POSE[2]].to_numpy())))
+    slopes = (np.gradient(local_quadratic(each, rows), step_s) for each in (north, east, heading))
+    over_north, over_east, yaw_rate = map(_without_jumps, slopes)
+    surge, sway = to_ship(over_north, over_east, np.deg2rad(heading))
+    gaps = grid[[*POSE]].isna().any(axis=1)
+    derived = dict(zip(VELOCITY, (surge, sway, yaw_rate), strict=True))
+    return grid.assign(**{name: np.where(gaps, np.nan, derived[name]) for name in lacking})
+
+
+def _without_jumps(slopes: Floats) -> Floats:
+    return fill_gaps(np.where(np.abs(slopes) > _WILD * np.percentile(np.abs(slopes), 98), np.nan, slopes))
+
+
 def orders_are_events(table: pd.DataFrame) -> bool:
     """Whether a helm's values between its changes are made up: straight lines, or lines that were repaired."""
     repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
-    angles = [each.angle.name for each in steering_of(table_actuators(table)) if each.angle is not None]
+    angles = [each.angle.name for each in steering_of(recorded_actuators(table)) if each.angle is not None]
     return bool(repaired & set(angles)) or bool(check_orders(table[[*filter(table.__contains__, angles)]]).findings)
 
 
@@ -256,6 +292,8 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     """The heading without samples that the yaw rate and the neighbours contradict, such as those that a logger
     interpolated straight through 360 -> 0."""
     heading = table["heading_deg"].to_numpy(dtype=float, copy=True)
+    if "yaw_rate_dps" not in table or not table["yaw_rate_dps"].notna().any():
+        return heading
     rows = np.flatnonzero(np.isfinite(heading))
     seconds = seconds_of(table)[rows]
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
@@ -355,8 +393,9 @@ def _helm_and_thrust(
 ) -> tuple[Floats, Floats]:
     """Helm [deg] and thrust along the bow [rpm^2]."""
     pushes = {each: _push(grid, each) for each in driving}
-    ahead = np.sum([push.real for push in pushes.values()], axis=0)
-    if not steering or not steering[0].drives:
+    ahead = np.sum([np.zeros(len(grid)), *(push.real for push in pushes.values())], axis=0)
+    shafts_known = any(each.channels[0].name in grid for each in steering)
+    if not steering or not steering[0].drives or not shafts_known:
         known = [each for each in steering if each.angle is not None and each.angle.name in grid]
         return np.mean([_angle(grid, each) for each in known], axis=0) if known else np.zeros(len(grid)), ahead
     turned = [pushes[each] for each in steering]

@@ -15,8 +15,8 @@ import pandas as pd
 
 from acquisition.core.files import write_text
 from acquisition.core.trial import software_version
-from analysis.manoeuvres.find import find_manoeuvres
-from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
+from analysis.manoeuvres.find import manoeuvres_and_left_out
+from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
 from analysis.tables.table import provenance_of
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ class RecordingManoeuvres:
     recording: str
     table: pd.DataFrame
     manoeuvres: tuple[Manoeuvre, ...]
+    left_out: tuple[LeftOut, ...] = ()
 
 
 def manoeuvres_of(path: Path, length_m: float | None = None) -> RecordingManoeuvres:
@@ -40,13 +41,20 @@ def manoeuvres_of(path: Path, length_m: float | None = None) -> RecordingManoeuv
 
     recording = read_recording(path)
     table = table_of(recording)
-    return RecordingManoeuvres(str(path), table, find_manoeuvres(table, length_m, recording.events))
+    return RecordingManoeuvres(str(path), table, *manoeuvres_and_left_out(table, length_m, recording.events))
 
 
 def summary(found: Iterable[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
     return {
-        "recordings": [{"recording": each.recording, "manoeuvres": as_json(each.manoeuvres)} for each in found],
+        "recordings": [
+            {
+                "recording": each.recording,
+                "manoeuvres": as_json(each.manoeuvres),
+                "left_out": [left.as_json() for left in each.left_out],
+            }
+            for each in found
+        ],
         "length_m": length_m,
         "software_version": software_version(),
     }
@@ -86,9 +94,7 @@ def _digits(value: float, significant: int) -> int:
 HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit")
 
 
-_SECONDARY = re.compile(
-    r"time_to_check_yaw_|half_command|first_change|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed"
-)
+_SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
 
 
 def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
@@ -123,7 +129,7 @@ def subline(manoeuvre: Manoeuvre) -> str:
 
 
 _FIRST_INDICES = 3
-_LATER = ("half_command", "time_to_check", "initial_turning")  # left to the manoeuvre's own table
+_LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own table
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
@@ -159,7 +165,14 @@ def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group
         for row in rows:
             table.add_row(*map(Text, row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
+    blocks += [Text(""), *(Text(left_out_line(each), style="dim") for each in found.left_out)]
     return Group(*blocks)
+
+
+def left_out_line(each: LeftOut) -> str:
+    """What was left out and why, in one line."""
+    seconds = (each.end - each.start).total_seconds()
+    return f"{each.start:%H:%M:%S} left out, no {number_text(1, each.kind)[2:]}: {each.why} ({seconds:.0f} s)"
 
 
 def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:

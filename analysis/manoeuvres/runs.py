@@ -14,6 +14,7 @@ from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import (
     TRACK_REACH_LENGTHS,
     Index,
+    LeftOut,
     Manoeuvre,
     index_of,
     indices_of,
@@ -41,7 +42,7 @@ _STRAIGHT_DEG = 3.0
 _STEADY_SHARE = 0.04
 _LEAST_RUN_S, _LEAST_HELD_S = 30.0, 5.0
 _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
-_STOPPED_SHARE = 0.6
+_STOPPED_SHARE, _AT_REST_SHARE = 0.6, 0.1
 _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
 _RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
@@ -83,19 +84,39 @@ def steady_rows(smooth: Motion) -> NDArray[np.bool_]:
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
 
-def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
-    """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked."""
+def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+    """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked.
+
+    Left out are those in which the ship turns slowly all the time, or gains or loses speed.
+    """
     good = free & straight_rows(smooth) & steady_rows(smooth) & motion.known
     good &= smooth.surge_mps > _UNDER_WAY_SHARE * smooth.fastest_mps
-    found = []
+    found = list[tuple[int, int]]()
     for held in shaft_plateaus(motion):
         if held.level <= 0.0:
             continue
         inside = np.zeros(good.size, dtype=bool)
         inside[held.first : held.end] = good[held.first : held.end]
-        found += [_speed_run(motion, first, end)
-                  for first, end in stretches(inside, round(_LEAST_RUN_S / motion.step_s))]  # fmt: skip
-    return _pair_reciprocal(sorted(found, key=lambda each: each.start))
+        found += stretches(inside, round(_LEAST_RUN_S / motion.step_s))
+    reasons = {rows: _no_speed_run(smooth, *rows) for rows in sorted(found)}
+    runs = [_speed_run(motion, *rows) for rows, why in reasons.items() if not why]
+    left_out = [
+        LeftOut("speed_run", motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]), why)
+        for (first, end), why in reasons.items() if why
+    ]  # fmt: skip
+    return [*_pair_reciprocal(runs), *left_out]
+
+
+def _no_speed_run(smooth: Motion, first: int, end: int) -> str:
+    """Why a stretch is no speed run, "" for one: the lines through its heading and speed have to be level."""
+    rows = np.linspace(-0.5, 0.5, end - first)
+    turned, gained = (float(rows @ values[first:end] / (rows @ rows))
+                      for values in (smooth.heading_deg, smooth.surge_mps))  # fmt: skip
+    if abs(turned) > _STRAIGHT_DEG:
+        return f"the ship turned by {abs(turned):.0f} deg"
+    if abs(gained) > _STEADY_SHARE * float(smooth.surge_mps[first:end].mean()):
+        return f"the speed changed by {abs(gained):.2f} m/s"
+    return ""
 
 
 def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
@@ -190,10 +211,14 @@ def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) 
     return found
 
 
-def find_stops(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
-    """Thrust taken off or reversed with way on the ship, until she has lost two fifths of it and more."""
+def find_stops(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+    """Thrust taken off or reversed with way on the ship, until she has none.
+
+    Left out are those at whose end she still has more than a tenth of it; one that loses less than two fifths is
+    no stop at all.
+    """
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
-    found = []
+    found = list[Manoeuvre | LeftOut]()
     for last, each, start in shaft_steps(motion, free):
         before = smooth.at("surge_mps", start)
         off = each.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
@@ -202,7 +227,12 @@ def find_stops(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[
             continue
         stopped = np.flatnonzero(after <= 0.0)
         row = each.first + int(stopped[0]) if stopped.size else each.end - 1
-        found.append(_change_of_speed(motion, "stopping", last, each, start, float(motion.time_s[row])))
+        end, left = float(motion.time_s[row]), float(smooth.surge_mps[row])
+        if left > _AT_REST_SHARE * before:
+            why = f"the ship still made {left:.2f} m/s when the thrust changed again"
+            found.append(LeftOut("stopping", motion.utc(start), motion.utc(end), why))
+        else:
+            found.append(_change_of_speed(motion, "stopping", last, each, start, end))
     return found
 
 
@@ -212,7 +242,7 @@ def _change_of_speed(
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     width = half_width_s(part, (end - start) / 2.0)
-    found = bootstrap_indices(part, np.array([start, end]), width, measure)
+    found = bootstrap_indices(part, np.array([start, end]), width, measure, motion.step_s)
     indices = indices_of(found, motion.length_m)
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
     stops_astern = reverse and kind == "stopping"
@@ -220,8 +250,6 @@ def _change_of_speed(
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
              "stopping": "stopping with thrust astern" if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
-    at_rest = motion.at("surge_mps", end) <= 0.1 * settings["approach_mps"]
-    note = () if at_rest or kind == "acceleration" else ("the ship still had way on her at the end",)
     return Manoeuvre(
         kind=kind,
         name=names[kind],
@@ -230,7 +258,6 @@ def _change_of_speed(
         side="",
         settings=settings,
         indices=with_limits(indices, {"track_reach_m": limit}),
-        notes=note,
     )
 
 
@@ -333,7 +360,7 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuv
     part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)
     width = half_width_s(part, (span[1] - span[0]) / 2.0)
-    found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS)
+    found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
     turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
     sideways = aside if kind == "crabbing" else turned
     return Manoeuvre(

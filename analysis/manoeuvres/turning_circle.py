@@ -20,14 +20,13 @@ from analysis.manoeuvres.indices import Current, Manoeuvre, indices_of, nominal_
 from analysis.manoeuvres.measures import (
     Plateau,
     along_and_across,
-    alternative_times,
     approach_of,
     approach_settings,
     bootstrap_indices,
-    counting_times,
     crossing_s,
     distance_m,
     event_notes,
+    execute_unsure_s,
     half_width_s,
     helm_execute_s,
     smooth_motion,
@@ -41,12 +40,12 @@ _STEADIEST_APPROACH = 0.25
 REMOVED = "_current_removed"
 
 
-def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float) -> bool:
+def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float, least_deg: float) -> bool:
     """Whether a held helm turns a ship that came straight and with way on her by ``least_deg`` at least."""
     heading = motion.heading_deg[each.first : each.end]
     seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
-    before = approach_of(motion, float(motion.time_s[each.first]) - 2.0)
+    before = approach_of(motion, helm_execute_s(motion, helm, each)[0] - 1.0)
     if motion.broken[each.first : each.end].any():
         return False
     with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
@@ -62,7 +61,8 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = half_width_s(part, quarter_s)
-    found = bootstrap_indices(part, np.array([start, half, end]), width, circle_indices)
+    found = bootstrap_indices(part, np.array([start, half, end]), width, circle_indices,
+                              execute_unsure_s(motion, helm, each.level))  # fmt: skip
     settings = {
         f"{motion.steering}_deg": each.level,
         "turned_deg": abs(turned),
@@ -75,7 +75,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
     return Manoeuvre(
         kind="turning_circle" if whole else "course_change",
         name=f"{'turning circle' if whole else 'turn'} {nominal_deg(each.level):.0f} deg",
-        start=motion.utc(start),
+        start=motion.utc(half),
         end=motion.utc(end),
         side=side_of(turned),
         settings=settings,
@@ -88,16 +88,11 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
 def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """The indices of a smooth motion between execute and end; also with the current removed where it is known.
 
-    ``executes`` holds the first change of the command, the moment at which it was half done, and the end [s].
-    The advance counts from the first, and beside it from the second; the other way round, as all else, where
-    orders are known from events only.
+    ``executes`` holds the first change of the command, before which the approach is, the moment at which it was
+    half done, from which all counts, and the end [s].
     """
-    start, end = float(executes[0]), float(executes[2])
-    count = float(counting_times(motion, executes))
-    beside, name = alternative_times(motion, executes)
+    start, count, end = map(float, executes)
     values = _indices_over_ground(motion, start, count, end)
-    if "advance_m" in values:
-        values[f"advance_{name}_m"] = values["advance_m"] - distance_m(motion, count, float(beside))
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned >= LEAST_TURN_DEG:
         north, east = drift_pairs(motion, start, end)

@@ -7,23 +7,23 @@ execute in the old direction. It is read off a fit of the heading, as the larges
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.indices import Index, Manoeuvre, indices_of, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     Plateau,
-    alternative_times,
     approach_of,
     approach_settings,
     bootstrap_indices,
-    counting_times,
     crossing_s,
     distance_m,
     event_notes,
     execute_s,
+    execute_unsure_s,
     half_width_s,
     helm_change_s,
     helm_execute_s,
@@ -37,15 +37,21 @@ _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
+_CUT_SHORT_S, _CUT_SHARE = 4.0, 0.85  # a helm that is reversed on its way stands no longer, and short of the order
+_FIRST_TURN_SHARE = 0.5  # of the switching angle
+_SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # how far a helm may be off the others', and in ranges of theirs
 _SWITCH_SHARE = 0.16  # people switch early and late
 _INITIAL_TURN_DEG = 10.0
 _GATHERED_WAY = 0.2  # of the approach's speed: no ship gains it by swinging
 
 
-def zigzag_chains(motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_SWINGS) -> list[list[Plateau]]:
+def zigzag_chains(
+    motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_SWINGS, extremes: Sequence[Plateau] = ()
+) -> list[list[Plateau]]:
     """The runs of held helm that alternate from side to side at one angle, each answered by the ship.
 
-    ``held`` are the plateaus of the helm that are off the middle, in order of time.
+    ``held`` are the plateaus of the helm that are off the middle, in order of time, and ``extremes`` where it was
+    reversed without having been held: that may be a first swing, whose slow helm was not there yet.
     """
     chains: list[list[Plateau]] = []
     for each in held:
@@ -53,7 +59,43 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_
             chains[-1].append(each)
         else:
             chains.append([each])
-    return [chain for chain in chains if len(chain) >= fewest and _ship_answers(motion, chain)]
+    ordered = (_as_ordered(_with_first(motion, _without_course_keeping(chain), extremes)) for chain in chains)
+    return [chain for chain in ordered if len(chain) >= fewest and _ship_answers(motion, chain)]
+
+
+def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
+    """The swings with one before that was cut short, if the helm came from there and the ship turned after it."""
+    nearest = [each for each in extremes if each.end <= chain[0].first][-1:]
+    more = [*nearest, *chain]
+    if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *more[:2]):
+        return chain
+    begun = _first_row(motion, more)
+    turned = np.abs(np.diff(motion.heading_deg[[begun, *(each.end - 1 for each in more)]]))
+    return more if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
+
+
+def _first_row(motion: Motion, chain: list[Plateau]) -> int:
+    """The row before the first swing, and before the ship turned, where the helm was put over slowly."""
+    return motion.row_before(chain[0].first, helm_change_s(motion, chain[0].level) + motion.step_s)
+
+
+def _as_ordered(chain: list[Plateau]) -> list[Plateau]:
+    """The swings with the helm that was ordered: a slow one is reversed before it is there."""
+    ordered = float(np.median([abs(each.level) for each in chain]))
+    return [
+        each if abs(each.level) > _CUT_SHARE * ordered
+        else replace(each, level=float(np.copysign(ordered, each.level)))
+        for each in chain
+    ]  # fmt: skip
+
+
+def _without_course_keeping(chain: list[Plateau]) -> list[Plateau]:
+    """The swings without a last one whose helm is none of theirs, as when she is brought back on her course."""
+    levels = np.abs([each.level for each in chain])
+    if levels.size <= FEWEST_SWINGS:
+        return chain
+    own = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
+    return chain[:-1] if abs(levels[-1] - np.median(levels[1:-1])) > own else chain
 
 
 def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
@@ -62,9 +104,10 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     shortest_s = min(last.end - last.first, each.end - each.first) * motion.step_s
     if motion.broken[last.first : each.end].any():
         return False
+    cut_short = abs(last.level) < abs(each.level) and (last.end - last.first) * motion.step_s <= _CUT_SHORT_S
     return (
         last.level * each.level < 0
-        and is_same_order(last.level, -each.level)
+        and (cut_short or is_same_order(last.level, -each.level))
         and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s, helm_change_s(motion, last.level - each.level))
     )
 
@@ -73,7 +116,7 @@ def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
     """Whether the ship turns to the other side in each swing but the last, and none of them is a circle."""
     ends = np.array([each.end - 1 for each in chain])
     at_ends = motion.heading_deg[ends]
-    before = motion.heading_deg[max(chain[0].first - 1, 0)]
+    before = motion.heading_deg[_first_row(motion, chain)]
     turned = np.diff(np.append(before, at_ends))
     sides = np.sign([each.level for each in chain])
     alternates = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
@@ -95,10 +138,11 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
 def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
     both = executes_of(motion, helm, chain)
-    executes = counting_times(motion, both)
-    part = motion.around(executes[0], executes[-1], _MARGIN_S)
+    executes, times = both[1], np.append(both[0, 0], both[1])
+    part = motion.around(times[0], times[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
-    found = bootstrap_indices(part, both, half_width_s(part, swing_s), zigzag_indices)
+    unsure_s = execute_unsure_s(motion, helm, chain[0].level)
+    found = bootstrap_indices(part, times, half_width_s(part, swing_s), zigzag_indices, unsure_s)
     settings = _settings(part, chain, both)
     indices = indices_of(found, motion.length_m)
     angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
@@ -108,20 +152,34 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
     return Manoeuvre(
         kind="zigzag",
         name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}",
-        start=motion.utc(both[0, 0]),
+        start=motion.utc(executes[0]),
         end=motion.utc(executes[-1]),
         side=side_of(_first_side(part, executes)),
         settings=settings,
         indices=indices,
         executes=tuple(motion.utc(each) for each in executes[1:-1]),
-        notes=(*steady, *event_notes(motion)),
+        notes=(*steady, *_slow_helm_note(part, both, indices), *event_notes(motion)),
+    )
+
+
+def _slow_helm_note(part: Motion, both: Floats, indices: Mapping[str, Index]) -> tuple[str, ...]:
+    """What the first overshoot is from the moment at which the helm began to move, where that matters."""
+    index = indices.get("overshoot_1_deg")
+    begun, half = np.interp(both[:, 1], part.time_s, part.heading_deg)
+    more = abs(half - begun)
+    if index is None or part.orders_are_events or not more > 0.5 * (index.high - index.low):
+        return ()
+    way_s = both[1, 1] - both[0, 1]
+    return (
+        f"the helm took {way_s:.1f} s to half of its way: from where it began to move overshoot 1 is "
+        f"{index.value + more:.1f} deg",
     )
 
 
 def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, float]:
     # Of an order that is known from events only the moment lies between its first change and half of it.
-    executes = both.mean(axis=0) if part.orders_are_events else both[0]
-    heading = np.interp(executes[:-1], part.time_s, part.heading_deg)
+    ordered = both.mean(axis=0) if part.orders_are_events else both[0]
+    heading = np.interp(ordered[:-1], part.time_s, part.heading_deg)
     return {
         f"{part.steering}_deg": float(np.median([abs(each.level) for each in chain])),
         "switch_deg": _switch_deg(heading),
@@ -145,19 +203,18 @@ def _first_side(motion: Motion, executes: Floats) -> float:
     return 1.0 if motion.at("heading_deg", executes[1]) > motion.at("heading_deg", executes[0]) else -1.0
 
 
-def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
-    """The indices of a smooth motion; ``both`` [2, swings + 1] as from :func:`executes_of`.
+def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
+    """The indices of a smooth motion; ``times`` [swings + 2] are the first change of the command,
+    each execute and the end [s].
 
-    An overshoot counts from the first change of the command; beside it stands the one from half way of the
-    change, which is what a reader of slowly moved levers finds. Where orders are known from events only all
-    counts from half way, and the overshoot from the first change stands beside it. What was not reached is
-    missing; after an approach that was not steady, all that hangs on the approach; of one in which the ship still
-    gathered way, the loss of speed.
+    All counts from the executes, the moments at which a change of the command was half done. What was not reached
+    is missing; after an approach that was not steady, all that hangs on the approach; of one in which the ship
+    still gathered way, the loss of speed.
     """
-    executes = counting_times(motion, both)
-    approach = approach_of(motion, both[0, 0])
+    executes = times[1:]
+    approach = approach_of(motion, times[0])
     heading, steady = _deviation_deg(motion, executes, approach)
-    values, beside = _overshoots(motion, heading, both)
+    values, beside = _overshoots(motion, heading, executes)
     if executes.size >= 5:
         values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3]))
     if steady:
@@ -186,22 +243,17 @@ def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, floa
     return _first_side(motion, executes) * (motion.heading_deg - base), steady
 
 
-def _overshoots(motion: Motion, heading: Floats, both: Floats) -> tuple[dict[str, float], dict[str, float]]:
-    """Every overshoot and the mean of three and more; beside them those from the other moment of the command, and
-    the times it took to check the yaw."""
-    executes, others, name = counting_times(motion, both), *alternative_times(motion, both)
+def _overshoots(motion: Motion, heading: Floats, executes: Floats) -> tuple[dict[str, float], dict[str, float]]:
+    """Every overshoot and the mean of three and more; beside them the times it took to check the yaw."""
     swings = executes.size - 2
     values: dict[str, float] = {}
     beside: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
-        last = executes[number + 1] if number < swings else motion.time_s[-1]
-        time_s, top = peak(motion.time_s, towards, executes[number], float(last))
-        if number == swings and time_s >= executes[-1]:
+        time_s, top = peak(motion.time_s, towards, executes[number], float(executes[number + 1]))
+        if number == swings and time_s >= executes[-1] - 2.0 * motion.step_s:
             continue  # the helm was taken off before the ship had answered
-        at_execute, at_other = np.interp([executes[number], others[number]], motion.time_s, towards)
-        values[f"overshoot_{number}_deg"] = top - float(at_execute)
-        beside[f"overshoot_{number}_{name}_deg"] = top - float(at_other)
+        values[f"overshoot_{number}_deg"] = top - float(np.interp(executes[number], motion.time_s, towards))
         beside[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
     if len(values) > 2:
         values["overshoot_mean_deg"] = float(np.mean(list(values.values())))

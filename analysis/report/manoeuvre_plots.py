@@ -34,10 +34,10 @@ def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
     return start, end
 
 
-def counted_s(motion: Motion, manoeuvre: Manoeuvre) -> float:
-    """What a turn's indices count from: its execute, or half of the change where orders are events [s]."""
-    start = seconds_of(motion, manoeuvre)[0]
-    return start + manoeuvre.settings["half_command_s"] if motion.orders_are_events else start
+def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
+    """The heading of the approach, before the command began to change."""
+    begun = seconds_of(motion, manoeuvre)[0] - manoeuvre.settings["half_command_s"]
+    return approach_of(motion, begun)["approach_unwrapped_deg"]
 
 
 def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
@@ -61,7 +61,7 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3), gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
-    base = approach_of(motion, start)["approach_unwrapped_deg"]
+    base = _course_deg(motion, manoeuvre)
     heading = motion.heading_deg - base
     above.plot(time_s, heading, color=BLUE, linewidth=1.8, label="heading off the approach")
     above.plot(time_s, motion.helm_deg, color=ORANGE, label=motion.steering)
@@ -113,9 +113,8 @@ def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> None:
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
     left, right = figure.subplots(1, 2, width_ratios=(1.7, 1), gridspec_kw=_MARGINS)
-    first, end = seconds_of(motion, manoeuvre)
-    ahead_deg = approach_of(motion, first)["approach_unwrapped_deg"]
-    start = counted_s(motion, manoeuvre)
+    start, end = seconds_of(motion, manoeuvre)
+    ahead_deg = _course_deg(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
     current = manoeuvre.current
     main = shown

@@ -31,6 +31,7 @@ from analysis.manoeuvres.indices import (
     index_of,
     overshoot_limit_deg,
 )
+from analysis.manoeuvres.measures import crossing_s
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.runs import stopping_indices
 from analysis.manoeuvres.turning_circle import circle_indices
@@ -75,7 +76,10 @@ _SHOWN = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StandardTest:
-    """One simulated test: its motion, the times at which helm or shafts were ordered [s], and its indices."""
+    """One simulated test: its motion, its executes [s] and its indices.
+
+    At an execute the helm was half over; of a stop it is the order of the shafts.
+    """
 
     kind: str
     name: str
@@ -268,9 +272,9 @@ def _turning_circle(vessel: Vessel, rpm: float, side: float) -> StandardTest:
         motion, start = _sailed(vessel, (helm(-side * helm_deg, rpm),), _CIRCLE_LENGTHS)
         turned = np.flatnonzero(side * motion.heading_deg >= _CIRCLE_DEG)
         motion = motion.rows(0, int(turned[0]) + 1 if turned.size else motion.time_s.size)
-        executes = (start, start, float(motion.time_s[-1]))
-        return _test("turning_circle", side * helm_deg, motion, executes,
-                     circle_indices(motion, np.array(executes)), length_m, limits)  # fmt: skip
+        half, end = _half_s(motion, start, 0.5 * helm_deg, 1.0), float(motion.time_s[-1])
+        return _test("turning_circle", side * helm_deg, motion, (start, half, end),
+                     circle_indices(motion, np.array([start, half, end])), length_m, limits)  # fmt: skip
 
     return _within_range(largest_helm_deg(vessel), sailed)
 
@@ -281,7 +285,10 @@ def _zigzag(vessel: Vessel, rpm: float, angle_deg: float) -> StandardTest:
     motion, start = _sailed(vessel, legs, _ZIGZAG_LENGTHS)
     executes = _executes_s(motion, start, angle_deg)
     motion = motion.between(0.0, executes[-1])
-    values = zigzag_indices(motion, np.array([executes, executes]))
+    goals = [0.5 * angle_deg, *np.zeros(_SWINGS - 1)]
+    ordered = zip(executes[:-1], goals, strict=True)
+    executes[:-1] = [_half_s(motion, each, goal, (-1.0) ** number) for number, (each, goal) in enumerate(ordered)]
+    values = zigzag_indices(motion, np.array([start, *executes]))
     speed_mps = motion.at("surge_mps", start)
     limits = {f"overshoot_{number}_deg": overshoot_limit_deg(number, angle_deg, angle_deg, length_m, speed_mps)
               for number in (1, 2)}  # fmt: skip
@@ -290,6 +297,14 @@ def _zigzag(vessel: Vessel, rpm: float, angle_deg: float) -> StandardTest:
     else:
         values.pop("initial_turning_m", None)
     return _test("zigzag", angle_deg, motion, executes, values, length_m, limits)
+
+
+def _half_s(motion: Motion, order_s: float, goal_deg: float, side: float) -> float:
+    """When the helm, counted to the side it is first put over to, was half way after an order [s]; at once where a
+    ship has none."""
+    first = np.sign(motion.helm_deg[np.argmax(np.abs(motion.helm_deg) > 0.0)])
+    half_s = crossing_s(motion.time_s, side * first * motion.helm_deg, goal_deg, order_s, float(motion.time_s[-1]))
+    return half_s if np.isfinite(half_s) else order_s
 
 
 def _executes_s(motion: Motion, start: float, switch_deg: float) -> list[float]:

@@ -49,23 +49,16 @@ def zigzag_of(table: pd.DataFrame) -> Manoeuvre:
 def test_measured_azimuths_are_no_events(recorded: pd.DataFrame) -> None:
     found = zigzag_of(recorded)
     assert not motion_of(recorded).orders_are_events
-    assert "overshoot_1_half_command_deg" in found.indices
-    assert not any("first_change" in name for name in found.indices)
     assert not any("events" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("mended", [False, True])
-def test_of_events_the_half_way_counts_and_a_note_says_so(recorded: pd.DataFrame, mended: bool) -> None:
+def test_a_zigzag_of_events_is_found_and_a_note_says_what_they_are(recorded: pd.DataFrame, mended: bool) -> None:
     events = as_events(recorded)
     found = zigzag_of(repaired(events) if mended else events)
     assert found.name == zigzag_of(recorded).name
     assert any("recorded as events" in note for note in found.notes)
-    assert not any("half_command" in name for name in found.indices)
-    for number in (1, 2):
-        main, first = (found.indices[f"overshoot_{number}{which}_deg"].value for which in ("", "_first_change"))
-        assert main <= first + 0.2
     assert found.indices["overshoot_1_deg"].limit == 25.0
-    assert found.indices["overshoot_1_first_change_deg"].limit is None
 
 
 @pytest.mark.parametrize("mended", [False, True])
@@ -74,9 +67,8 @@ def test_what_events_say_agrees_with_what_was_measured(recorded: pd.DataFrame, m
     events = as_events(recorded)
     found, measured = zigzag_of(repaired(events) if mended else events), zigzag_of(recorded)
     for number in (1, 2):
-        apart = (found.indices[f"overshoot_{number}_deg"].value
-                 - measured.indices[f"overshoot_{number}_half_command_deg"].value)  # fmt: skip
-        assert abs(apart) < 3.0  # a second of this ship's fastest turn
+        values = [each.indices[f"overshoot_{number}_deg"].value for each in (found, measured)]
+        assert abs(values[0] - values[1]) < 3.0  # a second of this ship's fastest turn
 
 
 def test_a_circle_of_events_counts_its_advance_from_half_way(sail: Sail) -> None:
@@ -85,6 +77,5 @@ def test_a_circle_of_events_counts_its_advance_from_half_way(sail: Sail) -> None
     for each in (table, as_events(table)):
         both.append(next(found for found in find_manoeuvres(each) if found.kind == "turning_circle").indices)
     measured, events = both
-    assert events["advance_first_change_m"].value >= events["advance_m"].value
-    assert abs(events["advance_m"].value - measured["advance_half_command_m"].value) < 5.0
+    assert abs(events["advance_m"].value - measured["advance_m"].value) < 5.0
     assert abs(events["tactical_diameter_m"].value - measured["tactical_diameter_m"].value) < 2.0

@@ -1,8 +1,7 @@
 """R/V Gunnerus, elongated, 27 October 2022: zigzags and circles against figures measured by others.
 
 The published advances and overshoots count from the middle of the change of command: the orders were stored as
-events and interpolated, so that a change lasts two to nine seconds. So do the main indices here, as the recording
-gives itself away; those from the first change stand beside.
+events and interpolated, so that a change lasts two to nine seconds. So do the indices here, as all do.
 """
 
 from __future__ import annotations

@@ -53,9 +53,8 @@ def test_the_screen_shows_the_main_indices_and_all_on_request(recording: Path) -
                    for option in ([], ["--all"]))  # fmt: skip
     for name in ("overshoot 1 ", "overshoot 2 ", "overshoot mean", "period"):
         assert name in short
-    assert "half command  " not in short
     assert "time to check yaw" not in short
-    for name in ("overshoot 3 ", "overshoot 1 half command", "time to check yaw 1"):
+    for name in ("overshoot 3 ", "time to check yaw 1"):
         assert name in full
 
 

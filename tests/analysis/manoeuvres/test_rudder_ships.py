@@ -43,9 +43,7 @@ def test_a_zigzag_by_rudder_has_the_overshoots_of_its_heading(name: str, angle: 
     assert found.settings["rudder_deg"] == pytest.approx(angle, abs=0.3)
     exact = truth(ship, orders, duration_s)
     helm, heading = exact.filter(like="rudder").iloc[:, 0].to_numpy(), exact["heading_deg"].to_numpy()
-    moving = np.abs(np.diff(helm)) > 1e-9
-    begun = np.flatnonzero(moving & ~np.append(False, moving[:-1]))
-    executes = [row for row in begun if np.abs(helm[row]) > 0.9 * angle]
+    executes = [row for row in range(1, helm.size) if helm[row] * helm[row - 1] <= 0.0 and helm[row - 1]]
     for number, (row, end) in enumerate(pairwise(executes[:3]), start=1):
         overshoot = np.abs(heading[row:end]).max() - np.abs(heading[row])
         index = found.indices[f"overshoot_{number}_deg"]
@@ -64,12 +62,13 @@ def test_a_turning_circle_by_rudder_has_the_sizes_of_its_track(name: str, angle:
     assert found.helm_deg == found.settings["rudder_deg"]
     exact = truth(ship, orders, duration_s)
     north, east, heading = (np.abs(exact[each].to_numpy()) for each in ("north_m", "east_m", "heading_deg"))
+    execute = 300 + int(np.flatnonzero(np.abs(exact.filter(like="rudder").iloc[300:, 0]) > 17.5)[0])
     at = np.interp([90.0, 180.0], heading[300:], np.arange(300.0, heading.size))
     rows = np.arange(heading.size)
     for name_of, size in {
-        "advance_m": np.interp(at[0], rows, north) - north[300],
-        "transfer_m": np.interp(at[0], rows, east),
-        "tactical_diameter_m": np.interp(at[1], rows, east),
+        "advance_m": np.interp(at[0], rows, north) - north[execute],
+        "transfer_m": np.interp(at[0], rows, east) - east[execute],
+        "tactical_diameter_m": np.interp(at[1], rows, east) - east[execute],
     }.items():
         assert found.indices[name_of].value == pytest.approx(size, rel=0.02)
     assert found.indices["advance_m"].limit == 450.0

@@ -1,0 +1,68 @@
+"""Executes at any rate of the helm, of ships with rudders and with azimuth thrusters, as in the benchmark."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analysis.manoeuvres import find_manoeuvres
+from analysis.manoeuvres.measures import helm_rate_dps, turning_rows
+from tests.benchmarks.manoeuvre_trials import Score, case_of, judge, sail
+
+TANKER = [0, 5, 10, 15, 20, 25]
+"""The trials of the tanker of 180 m, at 0.5, 1, 2.5, 5, 10 and 20 deg/s."""
+AZIMUTHS = [3, 8, 13, 28]
+
+
+@pytest.mark.parametrize("number", [*TANKER, *AZIMUTHS])
+def test_every_execute_is_found_and_none_invented(number: int) -> None:
+    score = Score()
+    assert judge(case_of(number), score) == []
+    assert score.found == score.true == 2
+
+
+@pytest.mark.parametrize("number", [0, 10, 3])
+def test_position_heading_and_a_helm_are_enough(number: int) -> None:
+    case = case_of(number)
+    table, _, true, length_m = sail(case)
+    angles = [name for name in table if name.endswith("angle_deg")]
+    bare = table[["north_m", "east_m", "heading_deg", *angles]].copy()
+    bare.attrs = {}
+    found = {each.kind: each for each in find_manoeuvres(bare, length_m)}
+    whole = {each.kind: each for each in find_manoeuvres(table, length_m)}
+    for kind, times in true:
+        assert (found[kind].start - table.index[0]).total_seconds() == pytest.approx(times[1], abs=1.0)
+        for name, index in found[kind].indices.items():
+            own = whole[kind].indices[name]
+            assert index.low <= own.high, name
+            assert own.low <= index.high, name
+
+
+def test_the_yards_tanker_has_her_first_execute_and_her_overshoot_beside_the_limit() -> None:
+    """A ship of 180 m at 2.5 deg/s: the overshoot is the one after the second execute, to the first side."""
+    case = case_of(10)
+    table, exact, ((_, times), _), length_m = sail(case)
+    (found,) = (each for each in find_manoeuvres(table, length_m) if each.kind == "zigzag")
+    assert found.side == ("starboard" if case.side > 0 else "port")
+    heading = case.side * np.rad2deg(np.unwrap(np.deg2rad(exact["heading_deg"])))
+    second, third = (round(10.0 * each) for each in times[2:4])
+    truth = float(heading[second:third].max() - heading[second])
+    overshoot = found.indices["overshoot_1_deg"]
+    assert overshoot.value == pytest.approx(truth, abs=1.5 * (overshoot.high - overshoot.value))
+    assert any(note.startswith("the helm took") for note in found.notes)
+
+
+@pytest.mark.parametrize("rate_dps", [0.5, 2.5, 20.0])
+@pytest.mark.parametrize("step_s", [0.2, 1.0])
+def test_the_rate_of_a_helm_is_that_of_its_moves(rate_dps: float, step_s: float) -> None:
+    """Of moves through several rows; holds between them and noise do not count."""
+    time_s = np.arange(0.0, 600.0, step_s)
+    wanted = np.interp(time_s % 300.0, [50.0, 50.0 + 20.0 / rate_dps, 150.0, 150.0 + 40.0 / rate_dps, 290.0,
+                                        290.0 + 20.0 / rate_dps], [0.0, 20.0, 20.0, -20.0, -20.0, 0.0])  # fmt: skip
+    noisy = wanted + np.random.default_rng(1).normal(0.0, 0.1, time_s.size)
+    slowest = min(rate_dps, 40.0 / step_s)
+    assert helm_rate_dps(noisy, step_s) == pytest.approx(slowest, rel=0.35)
+
+
+def test_a_helm_that_never_moves_has_no_turning_rows() -> None:
+    assert turning_rows(np.zeros(100), 1.0) == []
