@@ -166,7 +166,7 @@ def steering_of(actuators: Actuators) -> Actuators:
 
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
-    """The actuators of the ship that a table is of; a rudder alone where it holds that angle and nothing of hers."""
+    """The actuators of the ship that a table is of; a rudder alone where it holds that angle and none of hers."""
     actuators = table_actuators(table)
     theirs = {channel.name for each in actuators for channel in each.channels}
     alone = RUDDER in table and not any(name in table and table[name].notna().any() for name in theirs)
