@@ -8,7 +8,7 @@ PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load soak fuzz check clean
+.PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -88,6 +88,9 @@ flood: $(STAMP)  ## the same for a minute with junk at full speed on one line mo
 
 watch-load: $(STAMP) ## the same load for 80 s with a twin beside the recorder, stopped and killed: losses, CPU, latency
 	$(BIN)/python -m tests.benchmarks.watch_load $(or $(DURATION),80) $(CALIBRATOR)
+
+load-mqtt: $(STAMP) ## ten minutes of 1,000 messages a second through an MQTT broker: losses, CPU, memory
+	$(BIN)/python -m tests.benchmarks.mqtt_load 600
 
 soak: $(STAMP)   ## a week at sea through the recorder, in some ten minutes: memory and open files
 	$(BIN)/python tests/benchmarks/recorder_soak.py 7

@@ -10,7 +10,7 @@ _MAGIC = {
     b"%PDF": "a PDF document",
     b"PAR1": "a Parquet table: `seatrial import` reads it",
     b"MATLAB": "a .mat table: `seatrial import` reads it",
-    b"SQLite format 3": "an SQLite database",
+    b"SQLite format 3": 'an SQLite database: `type = "mqtt_file"` reads a log of MQTT messages',
     b"\xff\xfe": "text in UTF-16: save it as UTF-8",
     b"\xfe\xff": "text in UTF-16: save it as UTF-8",
     b"BZh": "packed by bzip2: unpack it",

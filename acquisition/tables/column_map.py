@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Collection, Iterable
 from dataclasses import field, replace
 from datetime import datetime
 from difflib import get_close_matches
@@ -135,14 +136,25 @@ class ApparentWind:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class Long:
+    """The columns of a long table, which has a row for each value: whose it is, the value, perhaps its unit."""
+
+    variable: str = "variable"
+    value: str = "value"
+    unit: str | None = None
+
+
+@dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
     """A whole map. ``absent`` names channels that the table has not and that stay away.
 
+    With ``long`` the variables of a long table are its columns.
     ``actuator`` lists the ship's, as in a vessel file. Rows without a time or with text for a number are an error,
     or dropped and counted where ``unreadable_rows`` says "drop".
     """
 
     time: TimeColumn
+    long: Long | None = None
     actuator: tuple[ActuatorSection, ...] = ()
     channel: tuple[ChannelSection, ...] = ()
     pack: tuple[PackSection, ...] = ()
@@ -220,8 +232,8 @@ class _Asked:
     def numbers(self, name: str, keys: tuple[str, ...]) -> Floats:
         return parse_numbers(self.raw, self.known(name, keys))
 
-    def known(self, name: str, keys: tuple[str, ...]) -> str:
-        given = list(map(str, self.raw.columns.columns))
+    def known(self, name: str, keys: tuple[str, ...], names: Iterable[str] | None = None) -> str:
+        given = list(map(str, self.raw.columns.columns if names is None else names))
         if name not in given:
             near = get_close_matches(name, given, n=1, cutoff=0.4) or given
             raise ConfigurationError(
@@ -241,10 +253,14 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
     :class:`InputError` for cells that are no numbers and rows without a time.
     """
-    asked, time = _Asked(raw, map_path), columns.time
+    asked, time, units = _Asked(raw, map_path), columns.time, dict[str, str]()
     name = asked.known(time.column, ("time", "column"))
     start = time.start if time.in_name is None else _start_in_name(raw, time)
+    twice = 0
+    if columns.long is not None:
+        asked.raw, units, twice = _widened(asked, columns.long, columns)
     dropped = asked.drop_unreadable(time, start, columns) if columns.unreadable_rows == "drop" else {}
+    dropped |= {"twice of one variable and time": twice} if twice else {}
     index = parse_times(asked.raw, name, time.zone, start, seconds=time.format == "seconds")
     trial, known = replace(columns.trial.as_trial(), channels=as_text(declared)), with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped)
@@ -254,13 +270,54 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             result.sources[name] = "assumed"
         else:
             values = asked.numbers(entry.column, ("channels", name, "column"))
-            step = entry.step_to(known[name])
+            step = entry.step_to(known[name], units.get(entry.column))
             result.table[name] = _turned_back(known[name], step.scale * values + step.offset)
             result.sources[name] = f"table: {entry.column}"
     _add_position(result, columns, asked)
     _add_true_wind(result, columns, asked)
-    result.passed_over = tuple(name for name in map(str, raw.columns.columns) if name not in asked.used)
+    given = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
+    result.passed_over = tuple(name for name in map(str, given) if name not in asked.used)
     return result
+
+
+def _widened(asked: _Asked, long: Long, columns: ColumnMap) -> tuple[RawTable, dict[str, str], int]:
+    """A long table with a column for each variable that the map asks for, and a row for each time, in their order.
+
+    Also the units that are told, by variable, and how many values another of the same variable and time replaces.
+    """
+    variable, value = (asked.known(name, ("long",)) for name in (long.variable, long.value))
+    rows = asked.raw.columns
+    for channel, entry in columns.channels.items():
+        if entry.column is not None:
+            asked.known(entry.column, ("channels", channel, "column"), rows[variable].unique())
+    rows = rows[rows[variable].isin(columns.columns_of_numbers)]
+    time, units = columns.time.column, {}
+    if long.unit is not None:
+        told = rows.dropna(subset=[asked.known(long.unit, ("long", "unit"))]).drop_duplicates(variable)
+        units = dict(zip(told[variable], told[long.unit].astype("str"), strict=True))
+    twice = rows.duplicated([time, variable], keep="last")
+    wide = rows.pivot_table(index=time, columns=variable, values=value, aggfunc="last", sort=False)
+    return replace(asked.raw, columns=wide.reset_index()), units, int(twice.sum())
+
+
+def long_map(raw: RawTable, known: Collection[str]) -> ColumnMap | None:
+    """The map of a long table that needs none: columns have the usual names, variables those of channels."""
+    given = list(map(str, raw.columns.columns))
+    found = [next((name for name in names if name in given), None) for names in _LONG]
+    time, variable, value, unit = found
+    if time is None or variable is None or value is None or set(given) - set(found):
+        return None
+    named = [name for name in map(str, raw.columns[variable].unique()) if name in known]
+    seconds = pd.api.types.is_numeric_dtype(raw.columns[time])
+    return ColumnMap(
+        time=TimeColumn(time, "seconds" if seconds else "iso"),
+        long=Long(variable, value, unit),
+        channels={name: Column(column=name) for name in named},
+    )
+
+
+_LONG = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
+"""The usual names of a long table's columns."""
 
 
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:

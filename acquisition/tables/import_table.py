@@ -27,7 +27,7 @@ from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.tables.column_map import apply_column_map, load_column_map
+from acquisition.tables.column_map import apply_column_map, load_column_map, long_map
 from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
@@ -123,7 +123,12 @@ def read_table_file(
     """
     raw = read_raw(path)
     ship = None if vessel is None else load_actuators(vessel)
-    if map_path is None:
+    long = long_map(raw, channel_names(ship or DEFAULT)) if map_path is None else None
+    if long is not None:
+        file = apply_column_map(raw, long, path)
+        file = _for_ship(file, ship or actuators_in_columns(map(str, file.table), file.trial), raw)
+        fix = "give it a constant in a map (--columns), or say --allow-missing"
+    elif map_path is None:
         file = _standard(raw, ignore_unknown, ship)
         fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
     else:

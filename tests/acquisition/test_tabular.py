@@ -14,7 +14,7 @@ from scipy.io import savemat
 
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.units import from_degrees_and_minutes
+from acquisition.core.units import KNOT_MPS, from_degrees_and_minutes
 from acquisition.recording.reader import read_recording
 from acquisition.tables.column_map import true_wind
 from acquisition.tables.import_table import import_table, quality_flags, read_table_file
@@ -400,3 +400,62 @@ def test_info_shows_a_columns_unit_in_brackets(tmp_path: Path) -> None:
     import_table(packed(tmp_path, TURNING.rename(columns={"x": "x [m]"})), tmp_path / "out.mcap", columns)
     shown = CliRunner().invoke(app, ["info", str(tmp_path / "out.mcap")], env={"COLUMNS": "200"})
     assert "table: x [m]" in shown.output
+
+
+LONG_MAP = """
+absent = ["yaw_rate_dps"]
+[time]
+column = "timestamp"
+zone = "UTC"
+[long]
+variable = "var"
+unit = "unit"
+[trial]
+name = "long"
+origin = { latitude_deg = 63.44, longitude_deg = 10.4 }
+[channels]
+heading_deg = { column = "ship/MRU/Heading" }
+surge_mps = { column = "ship/Vbw/Ahead" }
+sway_mps = { column = "ship/Vbw/Aside", unit = "m/s" }
+"""
+
+
+def long_table(path: Path) -> None:
+    rows = ["timestamp;var;value;unit", "2024-09-10 06:30:01.5;ship/Mode;None;"]
+    for second in (3, 1, 2):
+        rows += [f"2024-09-10 06:30:0{second};ship/MRU/Heading;{second}.5;deg"]
+        rows += [f"2024-09-10 06:30:0{second};ship/Vbw/Ahead;{second};knots"] * (2 if second == 2 else 1)
+    path.write_text("\n".join([*rows, "2024-09-10 06:30:07;ship/Vbw/Aside;0.5;knots"]))
+
+
+def test_a_long_table_is_read_through_its_map(tmp_path: Path) -> None:
+    """A row a value, its unit beside it unless the map says another; in the file's order, gaps left empty."""
+    long_table(tmp_path / "long.csv")
+    (tmp_path / "map.toml").write_text(LONG_MAP)
+    file = read_table_file(tmp_path / "long.csv", tmp_path / "map.toml", allow_missing=True)
+    assert [each.second for each in file.table.index] == [3, 1, 2, 7]
+    assert file.table["heading_deg"].tolist()[:3] == [3.5, 1.5, 2.5]
+    assert file.table["surge_mps"].tolist()[:3] == pytest.approx([3 * KNOT_MPS, KNOT_MPS, 2 * KNOT_MPS])
+    assert file.table["sway_mps"].tolist()[3] == 0.5
+    assert file.table["heading_deg"].isna().tolist() == [False, False, False, True]
+    assert file.passed_over == ("ship/Mode",)
+    assert file.dropped == {"twice of one variable and time": 1}
+
+
+def test_a_variable_that_a_long_table_has_not_is_named_with_what_may_be_meant(tmp_path: Path) -> None:
+    long_table(tmp_path / "long.csv")
+    (tmp_path / "map.toml").write_text(LONG_MAP.replace("MRU/Heading", "MRU/Heeding"))
+    with pytest.raises(ConfigurationError, match="did you mean 'ship/MRU/Heading'") as caught:
+        read_table_file(tmp_path / "long.csv", tmp_path / "map.toml", allow_missing=True)
+    assert "map.toml, line 13" in str(caught.value)
+
+
+def test_a_long_table_of_channels_needs_no_map(tmp_path: Path) -> None:
+    text = "timestamp;variable;value;unit\n2026-05-17T12:00:00Z;heading_deg;1.5;rad\n"
+    (tmp_path / "long.csv").write_text(
+        f"{text}2026-05-17T12:00:01Z;surge_mps;3;\n2026-05-17T12:00:01Z;fuel;3;l/h\n"
+    )
+    file = read_table_file(tmp_path / "long.csv", allow_missing=True)
+    assert file.table["heading_deg"].dropna().tolist() == pytest.approx([np.rad2deg(1.5)])
+    assert file.table["surge_mps"].dropna().tolist() == [3.0]
+    assert file.passed_over == ("fuel",)
