@@ -49,6 +49,12 @@ class Told(NamedTuple):
     unit: str = ""
 
 
+def topic_and_message(payload: bytes) -> tuple[str, str]:
+    """The topic in a frame, and its message as Latin-1."""
+    topic, _, message = payload.partition(b"\0")
+    return topic.decode("utf-8", "replace"), message.decode("latin-1")
+
+
 def read_message(text: str, entry: TopicValue) -> Told:
     """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
 
@@ -121,8 +127,7 @@ class MqttDecoder:
         if hash(frame.payload) in self._seen:
             self.refused["came twice"] += 1
             return []
-        name, _, message = frame.payload.partition(b"\0")
-        topic, text = name.decode("utf-8", "replace"), message.decode("latin-1")
+        topic, text = topic_and_message(frame.payload)
         if topic in self._values:
             return self._decode_values(frame, topic, text)
         groups = []
@@ -159,7 +164,8 @@ class MqttDecoder:
                 self._remember(frame.payload)
                 self.clock.announce(told.time_ns, frame)  # to tell how far it is from ours, and when it is set
                 self.clock.forget()  # what tells no time is not stamped by others' time
-            label = f"{frame.origin}/{topic.translate(_IN_LABELS)}"
+            device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
+            label = f"{frame.origin}/{device}:{signal}"
             for group in self.clock.group(frame, label, [(channel, value)], told.time_ns):
                 samples += group
         return self._grouped(samples)

@@ -15,7 +15,7 @@ from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
 from acquisition.logger.redecode import own_configuration
-from acquisition.logger.survey import Kind, Survey, Tally, is_makers_own, survey_of_recording
+from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, Tally, is_makers_own, survey_of_recording
 
 LOOKED_AT = 10_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
@@ -72,6 +72,7 @@ _REMEDIES = {
     "no fix": "but without a fix: see to the antenna",
     "not available": "but its values are not available: see to the sensor",
     "no value": "but its fields are empty: see to the sensor",
+    "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
     "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
 }
 _UNREAD = {
@@ -185,13 +186,12 @@ def _remedy(quantity: str, survey: Survey) -> str:
 
 def _refused(name: str, survey: Survey) -> str:
     """A message that could carry it comes, but there is nothing to take from it."""
-    could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind.name, name, survey)}
+    could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
     for kind, tally in sorted(could.items(), key=lambda each: -each[1].count):
         reason = _reason(kind, tally)
         if reason:
-            return (
-                f"{kind.name} comes, {reason}" if reason.startswith(("but", "without")) else f"{kind.name} {reason}"
-            )
+            what = kind.device if kind.name == TOPIC_VALUE else kind.name
+            return f"{what} comes, {reason}" if reason.startswith(("but", "without")) else f"{what} {reason}"
     return ""
 
 
@@ -203,8 +203,11 @@ def _reason(kind: Kind, tally: Tally) -> str:
     return _UNREAD.get(kind.name, "")
 
 
-def _can_carry(message: str, name: str, survey: Survey) -> bool:
+def _can_carry(what: Kind, name: str, survey: Survey) -> bool:
     """Whether a message can carry a channel; one of a thruster's number only that thruster's."""
+    message = what.name
+    if message == TOPIC_VALUE:
+        return what.device in _topics(name, survey)
     origins = _origins(name, survey)
     if name in _CARRIERS or origins:
         return message in _CARRIERS.get(name, ()) or message in origins
@@ -221,7 +224,7 @@ def _can_carry(message: str, name: str, survey: Survey) -> bool:
 
 def sources_of(name: str, survey: Survey) -> set[str]:
     """The sources on which a message comes that can carry a channel."""
-    return {kind.source for kind in survey.kinds if _can_carry(kind.name, name, survey)}
+    return {kind.source for kind in survey.kinds if _can_carry(kind, name, survey)}
 
 
 def _nothing(name: str, survey: Survey) -> str:
@@ -231,6 +234,8 @@ def _nothing(name: str, survey: Survey) -> str:
     for provider in providers:
         if provider in silent:
             return f"nothing at all comes from {provider!r}"
+    if topics := _topics(name, survey):
+        return f"nothing comes under {' or '.join(topics)}"
     carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
@@ -239,6 +244,12 @@ def _nothing(name: str, survey: Survey) -> str:
     own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_own(kind.name)})[:_MOST_NAMED])
     frames = f"the maker's own frames ({own})" if own else "the maker's own frames"
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
+
+
+def _topics(name: str, survey: Survey) -> list[str]:
+    """The MQTT topics that are said to carry a channel."""
+    sources = (each for each in survey.config.sources if isinstance(each, MqttLinks))
+    return [each.values[name].topic for each in sources if name in each.values]
 
 
 def _origins(name: str, survey: Survey) -> list[str]:

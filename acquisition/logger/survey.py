@@ -22,6 +22,7 @@ from acquisition.core.trial import Trial
 from acquisition.decoders import Decoder
 from acquisition.decoders.fast_packets import FastPackets
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
+from acquisition.decoders.mqtt import topic_and_message
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import ADDRESS_CLAIM
@@ -33,6 +34,8 @@ from acquisition.recording.reader import MessageStream
 from acquisition.recording.schemas import RAW_PREFIX
 
 PRODUCT_INFORMATION = 126996
+TOPIC_VALUE = "value"
+"""The name of what comes under a topic of MQTT, its device, and is no sentence."""
 _PRODUCT_BYTES = 134
 _NUMBERED = frozenset({"TRD", "TRC"})  # sentences of several like things, which a number tells apart
 _MOST_KINDS = 5_000  # what comes off a wire has no end
@@ -179,10 +182,10 @@ class Survey(FrameProcessor):
         elif frame.protocol == "nmea0183":
             yield _sentence_kind(frame.origin, frame.payload)
         else:
-            topic, _, message = frame.payload.partition(b"\0")
-            line = SENTENCE_BEHIND.fullmatch(message.decode("latin-1").strip())
-            name = "value" if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
-            yield Kind(frame.origin, topic.decode("utf-8", "replace"), name)
+            topic, message = topic_and_message(frame.payload)
+            line = SENTENCE_BEHIND.fullmatch(message.strip())
+            name = TOPIC_VALUE if line is None else _sentence_kind("", line["inner"].encode("latin-1")).name
+            yield Kind(frame.origin, topic, name)
 
     def _can_kind(self, frame: Frame) -> Kind:
         kind = frame.flags & ~(FrameFlag.LATE | FrameFlag.WHOLE)

@@ -23,10 +23,12 @@ from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.encoders.mqtt import told
 from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.missing import why_missing
 from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
+from acquisition.logger.survey import survey_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
@@ -481,3 +483,17 @@ def test_a_damaged_log_gives_what_is_before_the_damage(tmp_path: Path) -> None:
     texts = [text for _, text in recording.events]
     assert any("the log is damaged" in text for text in texts)
     assert any("1 line of the log could not be read" in text for text in texts)
+
+
+def test_why_a_channel_does_not_come_is_said_of_its_topic(tmp_path: Path) -> None:
+    """Of what comes by MQTT the survey knows topics and sentences."""
+    config = configured(tmp_path, section())
+    frames = [message("ship/mru/Heading", "north"), message("ship/mru/YawRate", "0.1", flags=FrameFlag.RETAINED)]
+    frames += [message("ship/NMEA/VTG", f"{at(0)} {sentence('GPVTG,84.4,T,,M,5.1,N,,K,A').decode()}")]
+    survey = survey_of(config, frames)
+    assert [each.device for each in survey.kinds] == ["ship/mru/Heading", "ship/mru/YawRate", "ship/NMEA/VTG"]
+    assert [each.name for each in survey.kinds] == ["value", "value", "VTG"]
+    assert why_missing("heading_deg", survey) == "ship/mru/Heading comes, but is refused: no number"
+    assert "only as the broker has retained it" in why_missing("yaw_rate_dps", survey)
+    assert why_missing("port_rpm", survey) == "nothing comes under ship/port/Speed"
+    assert why_missing("sway_mps", survey).startswith("VTG comes, but no heading")
