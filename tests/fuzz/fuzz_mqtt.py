@@ -2,8 +2,8 @@
 
 ``pip install atheris``, then ``python tests/fuzz/fuzz_mqtt.py -max_total_time=600 -rss_limit_mb=300``.
 
-The first byte chooses the topic: sentences, a number, degrees and minutes, JSON. Nothing may raise, every value must
-be finite, and every channel sample must be one that its channel can hold.
+The first byte chooses the topic: sentences, a number, degrees and minutes, JSON. Nothing may raise, every value is
+finite, and every channel sample is one that its channel can hold.
 """
 
 from __future__ import annotations
