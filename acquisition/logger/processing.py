@@ -84,7 +84,7 @@ class FrameProcessor:
         )
         self._selector = Selector(config.sources, fixes)
         self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
-        self._variation: Sample
+        self._variation: Sample | None = None
         self._contradict: set[str] = set()
         self._seeks_origin = config.trial.origin is None
         self._in_storm: set[str] = set()
@@ -140,6 +140,8 @@ class FrameProcessor:
 
     def _tell_contradiction(self, sample: Sample, frame: Frame) -> None:
         """Say once of each other source of a magnetic variation that it tells another."""
+        if self._variation is None:
+            return
         off_deg = sample.value - self._variation.value
         if abs(off_deg) > _VARIATION_ERROR_DEG and sample.source not in self._contradict:
             self._contradict.add(sample.source)

@@ -73,7 +73,7 @@ class Selector:
 
     The talkers of satellite receivers are names of one receiver, which may change from one fix to the next, until
     two of them tell the same thing side by side. Every line may provide what is listed ``anywhere``, after those
-    that list it.
+    that list it, which are waited for at first: what is taken from another would change at once.
     """
 
     def __init__(
@@ -98,6 +98,8 @@ class Selector:
         self._first_line: dict[str, int] = {}
         for (_, quantity), rank in self._lines.items():
             self._first_line[quantity] = min(rank, self._first_line.get(quantity, rank))
+        self._anywhere, self._listed = anywhere, len(sources)
+        self._since_ns: int | None = None
         self._lists_devices = {line for line, _ in self._devices}
         self._fixes = fixes or {}
         self._patience_ns = patience_ns
@@ -115,6 +117,8 @@ class Selector:
             return False, ""
         holder = self._holders.get(sample.quantity)
         if holder is None:
+            if sample.quantity == self._anywhere and self._waits(sample, rank):
+                return False, ""
             self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns, sample.source_ns)
             return True, ""
         if holder.source == sample.source or self._continues(holder, sample):
@@ -126,6 +130,17 @@ class Selector:
             self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns, sample.source_ns)
             return True, "" if _is_one_receiver(*pair) and pair not in self._rivals else text
         return False, ""
+
+    def _waits(self, sample: Sample, rank: Rank) -> bool:
+        """Whether a line or device that is listed before the sample's may yet be heard."""
+        *_, line, device, _ = rank
+        first = self._first_line[sample.quantity]
+        before = (line > first and first < self._listed) or (
+            device > 0 and label_parts(sample.source)[0] in self._lists_devices
+        )
+        if self._since_ns is None:
+            self._since_ns = sample.monotonic_ns
+        return before and sample.monotonic_ns - self._since_ns <= SILENT_NS
 
     def _continues(self, holder: _Holder, sample: Sample) -> bool:
         """Whether the holder itself goes on under another talker: in its turn, and never beside the other name."""

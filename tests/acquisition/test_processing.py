@@ -18,6 +18,7 @@ from rich.console import Console
 
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.frames import Frame
+from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.encoders import Moment, make_encoder
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.display import Picture
@@ -251,6 +252,9 @@ def magnetic(heading_deg: float, at_s: float, variation_deg: float | None = None
     return can_frame(identifier_of(127250, 36), data, at_s)
 
 
+TRUE_WITH_VARIATION = struct.pack("<BHhhB", 1, 15_000, 0x7FFF, round(math.radians(-11.0) * 1e4), 0xFC)
+
+
 def test_two_variations_do_not_make_the_heading_jump(tmp_path: Path) -> None:
     """A plotter's and the compass's own differ by 4.55 deg: one of them is taken, and it is said which."""
     frames = []
@@ -279,6 +283,28 @@ def test_the_variation_that_is_listed_first_is_taken_and_outlasts_silence(tmp_pa
         frames += [variation(9, -11.0, 0.1 * number), magnetic(100.0, 0.1 * number)]
     recording, _ = record_frames(tmp_path, listed, frames)
     assert recording.series["heading_deg"].value == pytest.approx(84.45, abs=0.01)
+
+
+def test_the_variation_of_a_listed_device_is_waited_for(tmp_path: Path) -> None:
+    """Another's, which comes first and often, would be replaced within a second: a jump at the start."""
+    listed = BUS + 'devices = [{ name = "compass", address = 36 }]\n'
+    frames = []
+    for number in range(100):
+        frames += [
+            can_frame(identifier_of(127250, 7), TRUE_WITH_VARIATION, 0.1 * number),
+            magnetic(100.0, 0.1 * number),
+        ]
+        frames += [variation(36, -15.55, 0.1 * number)] * (number % 10 == 5)
+    recording, _ = record_frames(tmp_path, listed, frames)
+    of_compass = [index for index, name in enumerate(recording.series["heading_deg"].sources) if "compass" in name]
+    series = recording.series["heading_deg"]
+    derived = series.value[np.isin(series.source_index, of_compass)]
+    assert derived == pytest.approx(84.45, abs=0.01)
+    assert len(derived) == 94  # as soon as the compass has told its own, after half a second
+    alone = [each for each in frames if parameter_group(each.identifier)[0] != 127258]
+    recording, _ = record_frames(tmp_path, listed, alone)
+    series = recording.series["heading_deg"]
+    assert series.value[-1] == pytest.approx(89.0, abs=0.01)  # nobody else came: the other's serves
 
 
 def test_a_variation_serves_that_no_source_lists(tmp_path: Path) -> None:
