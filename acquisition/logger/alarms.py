@@ -35,7 +35,8 @@ def check_alarms(rules: Iterable[AlarmSection], health: Health) -> None:
     known = list(health.figures(time.monotonic_ns()))
     for rule in rules:
         if rule.figure not in known:
-            near = get_close_matches(rule.figure, known, n=3) or known[:8]
+            near = get_close_matches(rule.figure, known, n=3) or [each for each in known if rule.figure in each]
+            near = near[:3] or known[:8]
             raise ConfigurationError(
                 f"there is no figure {rule.figure!r}", where=f"alarm {rule.name!r}", fix=f"say {' or '.join(near)}"
             )

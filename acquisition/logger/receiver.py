@@ -139,6 +139,8 @@ class Receiver:
             if self.source.lost > self._lost_before:
                 self._count_lost(self.source.loss, self.source.lost - self._lost_before)
                 self._lost_before = self.source.lost
+        for why in tuple(self._untold):
+            self._tell_sum(why)
         self.close()
 
     def _marked(self, frames: list[Frame], began_s: float, ended_s: float) -> list[Frame]:
@@ -227,8 +229,11 @@ class Receiver:
         self._dropped_before += count
         self._untold[why] += count
         if time.monotonic() - self._told_s.get(why, float("-inf")) > _TELL_EVERY_S:
-            self._tell("error", f"{self._health.name}: {why.format(self._untold.pop(why))}")
+            self._tell_sum(why)
             self._told_s[why] = time.monotonic()
+
+    def _tell_sum(self, why: str) -> None:
+        self._tell("error", f"{self._health.name}: {why.format(self._untold.pop(why))}")
 
     def _failed(self, error: SourceError) -> None:
         if self._health.failed_ns is None:

@@ -113,9 +113,14 @@ def test_a_rule_that_says_nothing_is_refused(section: str, said: str) -> None:
         parse_config(text, "trial.toml")
 
 
-def test_a_figure_that_there_is_not_is_told_before_anything_is_written(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("figure", "said"), [("heading_deg.age", "say heading_deg.age_s"), ("yaw", "say yaw_rate_dps")]
+)
+def test_a_figure_that_there_is_not_is_told_before_anything_is_written(
+    tmp_path: Path, figure: str, said: str
+) -> None:
     text = config_text(f'type = "udp"\nport = {free_port()}\n')
-    text += '\n[[alarm]]\nname = "a"\nfigure = "heading_deg.age"\nabove = 1\n'
-    with pytest.raises(ConfigurationError, match=r"say heading_deg.age_s"):
+    text += f'\n[[alarm]]\nname = "a"\nfigure = "{figure}"\nabove = 1\n'
+    with pytest.raises(ConfigurationError, match=said):
         record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "out", duration_s=1.0)
     assert not (tmp_path / "out").exists()

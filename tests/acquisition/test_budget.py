@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
 import time
@@ -76,7 +77,8 @@ def test_a_flood_on_one_line_costs_the_others_nothing(tmp_path: Path) -> None:
     assert health.over_budget > 0
     assert health.frames - health.over_budget == len(kept)
     assert health.dropped >= health.over_budget
-    assert running.told("junk: over its budget of 20 kB/s by [0-9,]+ frames") >= 1
+    over = [re.search("junk: over its budget of 20 kB/s by ([0-9,]+) frames", text) for text in running.events]
+    assert sum(int(each[1].replace(",", "")) for each in over if each) == health.over_budget
 
 
 @pytest.mark.parametrize("budget", ["0", "-1", "inf", '"much"'])
