@@ -106,6 +106,18 @@ def sensor_of(source: str) -> str:
     return f"{line}/{'GN' if talker in _SATELLITE_TALKERS else talker}{at}{tag}"
 
 
+class Fix(NamedTuple):
+    """What a satellite receiver says of its fix, as far as it says it.
+
+    ``kind`` is by the numbers of GGA, 0 for none; ``height_m`` is above the ellipsoid of WGS 84, or above mean sea
+    level where the receiver tells no other; ``sigma_m`` are standard deviations to the east, to the north, upwards.
+    """
+
+    kind: int | None = None
+    height_m: float | None = None
+    sigma_m: tuple[float, float, float] | None = None
+
+
 Group = list[Sample]
 """The samples of one message: they share source and times, so that pairs stay pairs."""
 

@@ -27,7 +27,7 @@ from acquisition.config.declarations import Declarations, GroupField, SentenceFi
 from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channels import with_declared
-from acquisition.core.frames import Frame, Group, Protocol
+from acquisition.core.frames import Fix, Frame, Group, Protocol
 
 BAD_DATA = "bad data"
 """Why a decoder refuses what is no packet of its protocol."""
@@ -46,8 +46,8 @@ class Decoder(typing.Protocol):
     """How many frames or values were refused, by reason."""
     notices: Notices
     """What there is to tell since it was last emptied; the caller empties it."""
-    fixes: dict[str, int]
-    """What each sensor's satellite receiver said last of its fix: 0 none, else by the numbers of GGA."""
+    fixes: dict[str, Fix]
+    """What each sensor's satellite receiver said last of its fix."""
 
     def decode(self, frame: Frame) -> list[Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""

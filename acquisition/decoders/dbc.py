@@ -22,7 +22,7 @@ from acquisition.config.sections import Signal
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame, FrameFlag, Group
+from acquisition.core.frames import Fix, Frame, FrameFlag, Group
 from acquisition.core.units import Linear
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
@@ -113,7 +113,7 @@ class DbcDecoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.fixes: dict[str, int] = {}
+        self.fixes: dict[str, Fix] = {}
         self._clock = clock
         self._devices = devices or BusDevices((), self.notices)
         self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}

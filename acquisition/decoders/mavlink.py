@@ -19,7 +19,7 @@ from acquisition.config.sections import MavlinkFileSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators, shafts
 from acquisition.core.channels import BY_NAME, channel_names, with_declared
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame, Group
+from acquisition.core.frames import Fix, Frame, Group
 from acquisition.core.units import DEG_PER_RAD, Linear
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, is_possible
@@ -46,6 +46,14 @@ _LARGEST_ANGLE_DEG = 360.01  # a whole turn, and what rounding adds to it
 
 def _known(value: int, unit: float) -> float:
     return nan if value == _UNKNOWN else value * unit
+
+
+def _fix(message: Any) -> Fix:
+    """What GPS_RAW_INT says of the fix; what it does not know is 0 in the fields that version 2 has added."""
+    across_m, up_m = message.h_acc / 1e3, message.v_acc / 1e3
+    sigma_m = (across_m, across_m, up_m) if across_m > 0.0 and up_m > 0.0 else None
+    height_m = (message.alt_ellipsoid or message.alt) / 1e3
+    return Fix(_FIX_OF_TYPE.get(message.fix_type, 1), height_m, sigma_m)
 
 
 def _position(latitude: int, longitude: int) -> Values:
@@ -124,7 +132,7 @@ class MavlinkDecoder:
         one that is not known."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.fixes: dict[str, int] = {}
+        self.fixes: dict[str, Fix] = {}
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         known = with_declared(tuple(each.channel for each in declared))
@@ -199,7 +207,7 @@ class MavlinkDecoder:
             case "LOCAL_POSITION_NED":
                 return [(kind, _local_velocity(message)), ("GPS_GLOBAL_ORIGIN", self._local_position(message))]
             case "GPS_RAW_INT":
-                self.fixes[f"{frame.origin}/{self._system_id}"] = _FIX_OF_TYPE.get(message.fix_type, 1)
+                self.fixes[f"{frame.origin}/{self._system_id}"] = _fix(message)
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []

@@ -18,7 +18,7 @@ from acquisition.config.declarations import SentenceField, Transducer
 from acquisition.config.sections import Clock, Thrusters
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
-from acquisition.core.frames import Frame, Group, sensor_of
+from acquisition.core.frames import Fix, Frame, Group, sensor_of
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.decoders.declared_sentences import DeclaredSentences
@@ -110,7 +110,7 @@ class Nmea0183Decoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.fixes: dict[str, int] = {}
+        self.fixes: dict[str, Fix] = {}
         self._tell_gga: set[str] = set()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
@@ -138,7 +138,7 @@ class Nmea0183Decoder:
         groups: list[Group] = []
         if kind in self._readers:
             reading = self._readers[kind](Fields(fields))
-            if reading.refused or not (reading.values or reading.date):
+            if reading.refused or not (reading.values or reading.date or reading.sigma_m):
                 self.refused[reading.refused or "no value"] += 1
             if kind in self._declared:
                 values = [each for each in reading.values if each[0] not in self._declared.channels_in(kind)]
@@ -155,15 +155,18 @@ class Nmea0183Decoder:
         self, reading: Reading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
     ) -> list[Group]:
         label = _label(frame.origin, talker, kind, tagged, reading)
-        self._note_fix(kind, sensor_of(label), reading.fix)
+        self._note_fix(kind, sensor_of(label), reading)
         return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
 
-    def _note_fix(self, kind: str, sensor: str, fix: int | None) -> None:
+    def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
         if kind == "GGA":
             self._tell_gga.add(sensor)
-        if fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
-            self.fixes[sensor] = fix
+        known = self.fixes.get(sensor, Fix())
+        if reading.sigma_m is not None:
+            self.fixes[sensor] = known._replace(sigma_m=reading.sigma_m)
+        elif reading.fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
+            self.fixes[sensor] = known._replace(kind=reading.fix, height_m=reading.height_m)
 
     def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
         """When the sentence says its values were true; what tells the date too also sets the line's clock."""

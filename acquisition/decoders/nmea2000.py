@@ -14,7 +14,7 @@ from acquisition.config.declarations import GroupField
 from acquisition.config.sections import Clock, Device
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
-from acquisition.core.frames import Frame, FrameFlag, Group, Quality
+from acquisition.core.frames import Fix, Frame, FrameFlag, Group, Quality
 from acquisition.decoders import NO_SATELLITES, Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
@@ -75,7 +75,7 @@ class Nmea2000Decoder:
         """Raises :class:`ConfigurationError` for a declared field that is not known."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.fixes: dict[str, int] = {}
+        self.fixes: dict[str, Fix] = {}
         self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.devices = BusDevices(devices, self.notices)
@@ -99,8 +99,8 @@ class Nmea2000Decoder:
             self._announce(told_ns, frame, group, device, reading.quality)
         sensor, quality = f"{frame.origin}/{device}", reading.quality
         if reading.fix is not None:
-            self.fixes[sensor] = reading.fix
-        elif group == POSITION and self.fixes.get(sensor) in NO_SATELLITES:
+            self.fixes[sensor] = Fix(reading.fix, reading.height_m)
+        elif group == POSITION and self.fixes.get(sensor, Fix()).kind in NO_SATELLITES:
             quality = Quality.SUSPECT  # the last position, again and again
         source, groups = f"{sensor}:{group}", []
         if reading.instance is None or self._is_first_instance(device, group, reading.instance):

@@ -201,7 +201,7 @@ class Reading(NamedTuple):
     """What a message says to us.
 
     ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about, ``fix``
-    is what a receiver says of its fix, by the numbers of GGA.
+    and ``height_m`` are what a receiver says of its fix, as in :class:`acquisition.core.frames.Fix`.
     """
 
     values: Iterable[tuple[str, Value]]
@@ -209,6 +209,7 @@ class Reading(NamedTuple):
     quality: Quality = Quality.NOT_EVALUATED
     instance: int | None = None
     fix: int | None = None
+    height_m: float | None = None
 
 
 def given(values: Values) -> Values:
@@ -262,7 +263,9 @@ def _gnss_position(message: Message) -> Reading:
         return Reading([("latitude_deg", "no fix")], quality=Quality.MISSING, fix=0)
     quality = Quality.NOT_EVALUATED if method in _SATELLITE_METHODS else Quality.SUSPECT
     fix = int(method) if method in _METHODS else None
-    return Reading(_position(message).values, quality=quality, fix=fix)
+    told = message["altitude"]
+    height_m = None if isinstance(told, str) else told
+    return Reading(_position(message).values, quality=quality, fix=fix, height_m=height_m)
 
 
 def _course_and_speed(message: Message) -> Reading:

@@ -81,8 +81,8 @@ class Fields:
 @dataclass(frozen=True, slots=True)
 class Reading:
     """What one sentence says. ``meaning`` tells apart the different things that one kind of sentence can say;
-    ``refused`` is why something in it was left out, empty if nothing was. ``fix`` is what the receiver says of its
-    fix, by the numbers of GGA.
+    ``refused`` is why something in it was left out, empty if nothing was. ``fix``, ``height_m`` and ``sigma_m`` are
+    what the receiver says of its fix, as in :class:`Fix`.
     """
 
     values: Values = field(default_factory=list)
@@ -92,6 +92,8 @@ class Reading:
     date: dt.date | None = None
     seconds_of_day: float | None = None
     fix: int | None = None
+    height_m: float | None = None
+    sigma_m: tuple[float, float, float] | None = None
 
 
 Reader = Callable[[Fields], Reading]
@@ -124,7 +126,22 @@ def _gga(fields: Fields) -> Reading:
         return Reading(refused=NOT_VALID, fix=0)
     quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
     number = int(fix) if fix in tuple("123456789") else None
-    return Reading(_position(fields, 1), quality=quality, seconds_of_day=fields.seconds_of_day(0), fix=number)
+    height_m, geoid_m = fields.measured(8, "M"), fields.measured(10, "M")
+    return Reading(
+        _position(fields, 1),
+        quality=quality,
+        seconds_of_day=fields.seconds_of_day(0),
+        fix=number,
+        height_m=None if height_m is None else height_m + (geoid_m or 0.0),
+    )
+
+
+def _gst(fields: Fields) -> Reading:
+    """The errors of the fix: standard deviations of latitude, longitude and height [m]."""
+    north_m, east_m, up_m = (fields.number(index) for index in (5, 6, 7))
+    if north_m is None or east_m is None or up_m is None:
+        return Reading()
+    return Reading(sigma_m=(east_m, north_m, up_m))
 
 
 def _gll(fields: Fields) -> Reading:
@@ -251,6 +268,7 @@ def _mwd(fields: Fields) -> Reading:
 
 _READERS: dict[str, Reader] = {
     "GGA": _gga,
+    "GST": _gst,
     "GLL": _gll,
     "RMC": _rmc,
     "ZDA": _zda,

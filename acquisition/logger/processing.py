@@ -10,7 +10,7 @@ from itertools import chain
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import CanFrames
 from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Frame, FrameFlag, Group, Sample
+from acquisition.core.frames import Fix, Frame, FrameFlag, Group, Sample, sensor_of
 from acquisition.decoders import Decoder, decoders_by_protocol
 from acquisition.logger.derive import Derivation
 from acquisition.logger.health import Health
@@ -79,10 +79,10 @@ class FrameProcessor:
             {each.name: each.mounting for each in config.sources},
             config.magnetic_variation_deg,
         )
-        fixes = ChainMap(
+        self._fixes = ChainMap(
             *(each.fixes for decoders in self._decoders.values() for each in chain(*decoders.values()))
         )
-        self._selector = Selector(config.sources, fixes)
+        self._selector = Selector(config.sources, self._fixes)
         self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
         self._variation: Sample | None = None
         self._contradict: set[str] = set()
@@ -171,7 +171,11 @@ class FrameProcessor:
         """The fix for the map, from the source that the position channels come from."""
         latitude, longitude = samples.get("latitude_deg"), samples.get("longitude_deg")
         if latitude is not None and longitude is not None:
-            self._writer.write_position(latitude.value, longitude.value, latitude.received_ns, latitude.measured_ns)
+            fix, times = (
+                self._fixes.get(sensor_of(latitude.source), Fix()),
+                (latitude.received_ns, latitude.measured_ns),
+            )
+            self._writer.write_position(latitude.value, longitude.value, *times, fix)
 
     def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:
         """The first fix became the origin: the recording must say so."""

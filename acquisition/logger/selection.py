@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from acquisition.config.sections import AnySource, CanFrames
-from acquisition.core.frames import Sample, label_parts, sensor_of
+from acquisition.core.frames import Fix, Sample, label_parts, sensor_of
 from acquisition.decoders import NO_SATELLITES
 from acquisition.logger.health import SILENT_NS
 
@@ -31,6 +31,7 @@ _OF_A_FIX = frozenset({"GGA", "GNS", "RMC", "GLL", "VTG", "129025", "129026", "1
 # By the numbers of GGA: fixed and floating ambiguities, then precise, differential, corrected by satellite; plain.
 _GRADE = {4: 0, 5: 1, 3: 2, 2: 2, 9: 2}
 _PLAIN_GRADE = 3
+_NO_WORD = Fix()
 _ITS_TURN = 0.75  # of the time from one message to the next: what comes earlier comes beside it
 
 Rank = tuple[bool, bool, int, int, int, int]
@@ -79,7 +80,7 @@ class Selector:
     def __init__(
         self,
         sources: tuple[AnySource, ...],
-        fixes: Mapping[str, int] | None = None,
+        fixes: Mapping[str, Fix] | None = None,
         patience_ns: int = SILENT_NS,
         anywhere: str = "",
     ) -> None:
@@ -160,7 +161,7 @@ class Selector:
         return False
 
     def _rank(self, source: str, quantity: str) -> Rank | None:
-        fix = self._fixes.get(sensor_of(source)) if quantity in POSITION else None
+        fix = self._fixes.get(sensor_of(source), _NO_WORD).kind if quantity in POSITION else None
         key = source, quantity, fix
         if key not in self._ranks:
             if (

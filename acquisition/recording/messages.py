@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import orjson
 from google.protobuf.message import DecodeError
 
-from acquisition.core.frames import NANO, Frame, FrameFlag, Sample
+from acquisition.core.frames import NANO, Fix, Frame, FrameFlag, Sample
 from acquisition.core.trial import Trial
 from acquisition.recording.descriptors import message_class, plain
 from acquisition.recording.schemas import (
@@ -35,6 +35,8 @@ ENCODING = "protobuf"
 ENCODING_BEFORE = "json"
 
 NOT_SAID = float("nan")
+_NO_FIX = Fix()
+_DIAGONAL_KNOWN = 2
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 _NUMBERS = struct.Struct("<BdBdBqBI")  # the first four fields of a sample, each behind its tag
 _VALUE, _SOURCE_TIME, _MONOTONIC, _QUALITY = 1 << 3 | 1, 2 << 3 | 1, 3 << 3 | 1, 4 << 3 | 5
@@ -157,16 +159,19 @@ class MessageSink(ABC):
         topic = raw_topic(frame.protocol, frame.origin)
         self.write(topic, encode(topic, body), frame.received_ns, stamp)
 
-    def write_position(self, latitude_deg: float, longitude_deg: float, received_ns: int, measured_ns: int) -> None:
-        """Record a fix for the map panels of viewers."""
+    def write_position(
+        self, latitude_deg: float, longitude_deg: float, received_ns: int, measured_ns: int, fix: Fix = _NO_FIX
+    ) -> None:
+        """Record a position for the map panels of viewers, with the height and the errors that its fix tells."""
+        east, north, up = (sigma_m**2 for sigma_m in fix.sigma_m or (0.0, 0.0, 0.0))
         body = {
             "timestamp": _timestamp(measured_ns),
             "frame_id": "WGS84",
             "latitude": latitude_deg,
             "longitude": longitude_deg,
-            "altitude": 0.0,
-            "position_covariance": [0.0] * 9,
-            "position_covariance_type": 0,
+            "altitude": fix.height_m or 0.0,
+            "position_covariance": [east, 0.0, 0.0, 0.0, north, 0.0, 0.0, 0.0, up],
+            "position_covariance_type": 0 if fix.sigma_m is None else _DIAGONAL_KNOWN,
         }
         self.write(POSITION_TOPIC, encode(POSITION_TOPIC, body), received_ns, measured_ns)
 

@@ -131,7 +131,13 @@ _LOCATION_FIX = Kind(
             "frame_id": {"type": "string", "number": 7},
             "latitude": {**_value("number", "[deg]"), "number": 1},
             "longitude": {**_value("number", "[deg]"), "number": 2},
-            "altitude": {**_value("number", "[m]; 0 where it is not known"), "number": 3},
+            "altitude": {
+                **_value(
+                    "number",
+                    "Above the ellipsoid, or the mean sea level if no other is told [m]; 0 if it is not known",
+                ),
+                "number": 3,
+            },
             "position_covariance": {
                 "type": "array",
                 "items": {"type": "number"},

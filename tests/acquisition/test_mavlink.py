@@ -18,7 +18,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from acquisition.config.sections import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
 from acquisition.core.errors import ConfigurationError, SourceError
-from acquisition.core.frames import Frame, Sample
+from acquisition.core.frames import Fix, Frame, Sample
 from acquisition.decoders.mavlink import MavlinkDecoder
 from acquisition.emulator import NullModem
 from acquisition.sources import Source, make_source
@@ -292,3 +292,12 @@ def test_serial_bytes_arrive(null_modem: NullModem) -> None:
     source.close()
     with pytest.raises(SourceError, match="is not open"):
         source.read(0.1)
+
+
+def test_height_and_errors_of_a_fix_are_known_as_far_as_they_are_told() -> None:
+    told = M.gps_raw_int_encode(0, 3, 634_400_000, 104_000_000, 12_500, 0, 0, 0, 0, 9, 52_500, 300, 500, 0, 0)
+    bare = M.gps_raw_int_encode(0, 3, 634_400_000, 104_000_000, 12_500, 0, 0, 0, 0, 9)
+    for message, fix in ((told, Fix(1, 52.5, (0.3, 0.3, 0.5))), (bare, Fix(1, 12.5, None))):
+        ours = decoder()
+        sent(ours, message)
+        assert list(ours.fixes.values()) == [fix]

@@ -121,6 +121,25 @@ def test_origin_and_map_come_from_the_source_of_the_position(process: Process, t
     assert [each.latitude for each in drawn] == pytest.approx([63.5, 63.51])
 
 
+def test_the_map_has_the_height_and_the_errors_that_the_receiver_tells(process: Process, tmp_path: Path) -> None:
+    """GGA's height above the sea and its geoid are the ellipsoid's; GST's deviations are those of its receiver."""
+    high = "GNGGA,12000{}.00,6326.000000,N,01024.000000,E,4,12,0.6,12.5,M,40.0,M,,"
+    said = [
+        ("first", 0.0, fix(26.0).replace("GP", "GN")),
+        ("first", 1.0, high.format(1)),
+        ("first", 1.1, "GPGST,120000.00,,,,,0.2,0.3,,"),
+        ("first", 1.2, "GNGST,120000.00,1.0,,,,0.2,0.3,0.5"),
+        ("first", 2.0, high.format(2)),
+    ]
+    process(TWO_LINES, said)
+    with (tmp_path / "x.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        drawn = [message for *_, message in reader.iter_decoded_messages(["/position"])]
+    assert [each.altitude for each in drawn] == [0.0, 52.5, 52.5]
+    assert [each.position_covariance_type for each in drawn] == [0, 0, 2]
+    assert list(drawn[-1].position_covariance) == pytest.approx([0.09, 0, 0, 0, 0.04, 0, 0, 0, 0.25])
+
+
 def test_values_that_no_channel_can_hold_are_counted_for_their_source(process: Process) -> None:
     said = [("first", 0.0, "HEHDT,720.0,T"), ("first", 0.1, "HEHDT,359.9,T"), ("first", 0.2, "HEHDT,360.0,T")]
     recording, health = process(TWO_LINES, said)

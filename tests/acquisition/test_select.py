@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.config.sections import CanSource, Device, UdpSource
-from acquisition.core.frames import Sample
+from acquisition.core.frames import Fix, Sample
 from acquisition.logger.health import SILENT_NS
 from acquisition.logger.selection import Selector
 
@@ -176,20 +176,20 @@ def test_the_sentences_of_one_receiver_do_not_compete() -> None:
 
 
 def test_a_position_without_satellites_gives_way_and_comes_back() -> None:
-    fixes = {"first/GN": 4, "second/GN": 1}
+    fixes = {"first/GN": Fix(4), "second/GN": Fix(1)}
     selector = Selector((line("first", ("north_m",)), line("second", ("north_m",))), fixes)
     said = [("first/GP:GGA", 0.0), ("second/GP:GGA", 0.1)]
     assert admitted(selector, *said, quantity="north_m") == ["first/GP:GGA"]
-    fixes["first/GN"] = 6  # dead reckoning
+    fixes["first/GN"] = Fix(6)  # dead reckoning
     said = [("first/GP:GGA", 1.0), ("second/GP:GGA", 1.1), ("first/GP:GGA", 2.0), ("second/GP:GGA", 2.1)]
     assert admitted(selector, *said, quantity="north_m") == ["first/GP:GGA", *2 * ["second/GP:GGA"]]
-    fixes["first/GN"] = 1
+    fixes["first/GN"] = Fix(1)
     assert admitted(selector, ("first/GP:GGA", 3.0), quantity="north_m") == ["first/GP:GGA"]
 
 
 def test_of_those_that_stand_in_the_better_fix_has_the_position() -> None:
     """The first in the file has it, whatever its fix; when it fails, fixes count before the order."""
-    fixes = {"first/GN": 1, "second/GN": 1, "third/GN": 4}
+    fixes = {"first/GN": Fix(1), "second/GN": Fix(1), "third/GN": Fix(4)}
     selector = Selector(tuple(line(name, ("north_m",)) for name in ("first", "second", "third")), fixes)
     every = [f"{name}/GP:GGA" for name in ("third", "first", "second")]
     assert admitted(selector, *((name, 0.0) for name in every), quantity="north_m")[-1] == "first/GP:GGA"
@@ -199,7 +199,7 @@ def test_of_those_that_stand_in_the_better_fix_has_the_position() -> None:
 
 
 def test_of_two_receivers_on_a_bus_the_better_fix_has_the_position() -> None:
-    selector = Selector((bus(channels=("north_m",)),), {"bus/9": 1, "bus/12": 5})
+    selector = Selector((bus(channels=("north_m",)),), {"bus/9": Fix(1), "bus/12": Fix(5)})
     said = [("bus/9:129025 derived", 0.0), ("bus/12:129025 derived", 0.1), ("bus/9:129025 derived", 0.2)]
     assert admitted(selector, *said, quantity="north_m") == [source for source, _ in said[:2]]
 
