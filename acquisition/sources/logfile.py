@@ -28,7 +28,7 @@ from acquisition.sources.file_forms import FILE_FORMS, read_lines
 from acquisition.sources.library_log import LibraryLog, library_form
 from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
 from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
-from acquisition.sources.looks import looks_like
+from acquisition.sources.looks import SQLITE, looks_like
 
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
@@ -75,6 +75,8 @@ class LogFile(LogReader):
         head = file.read(_HEAD_BYTES)
         if packed := head.startswith(_GZIP):
             head = _inflated(head)
+        if head.startswith(SQLITE):  # sentences in it would be found, without their topics and times
+            raise ValueError(f"it looks like {looks_like(head)}")
         path: Path = self._config.path
         make = _maker(head, self._config.form, partial(_opened, path, packed))
         log = self._log = make()

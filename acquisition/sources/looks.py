@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+SQLITE = b"SQLite format 3\0"
 _MAGIC = {
     b"\x89MCAP": "a recording (`seatrial redecode` decodes one anew)",
     b"\x89PNG": "a picture",
@@ -10,7 +11,7 @@ _MAGIC = {
     b"%PDF": "a PDF document",
     b"PAR1": "a Parquet table: `seatrial import` reads it",
     b"MATLAB": "a .mat table: `seatrial import` reads it",
-    b"SQLite format 3": 'an SQLite database: `type = "mqtt_file"` reads a log of MQTT messages',
+    SQLITE: 'an SQLite database: `type = "mqtt_file"` reads a log of MQTT messages',
     b"\xff\xfe": "text in UTF-16: save it as UTF-8",
     b"\xfe\xff": "text in UTF-16: save it as UTF-8",
     b"BZh": "packed by bzip2: unpack it",

@@ -13,9 +13,8 @@ from acquisition.core.frames import Frame
 from acquisition.core.topics import covers
 from acquisition.decoders.clock import is_possible
 from acquisition.sources import LogReader
-from acquisition.sources.looks import looks_like
+from acquisition.sources.looks import SQLITE, looks_like
 
-_MAGIC = b"SQLite format 3\0"
 _ROWS = "SELECT UNIX_TIME, TOPIC, MESSAGE FROM LOG ORDER BY ID"
 _MOST_AT_ONCE = 300
 _HEAD_BYTES = 4096
@@ -28,7 +27,7 @@ class MqttLog(LogReader):
         self.unreadable, self.damage = 0, ""
         self._monotonic_ns, self._topics = 0, dict[str, bool]()
         head = file.read(_HEAD_BYTES)
-        if not head.startswith(_MAGIC):
+        if not head.startswith(SQLITE):
             raise ValueError(f"it is no SQLite database; it looks like {looks_like(head)}")
         try:
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)

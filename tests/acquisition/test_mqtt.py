@@ -470,6 +470,15 @@ def test_what_is_no_log_is_an_error_of_a_line(write: Callable[[Path], object], w
     assert not list((tmp_path / "out").glob("*.mcap"))
 
 
+def test_a_log_of_messages_is_no_log_of_lines(tmp_path: Path) -> None:
+    """Sentences can be seen in its bytes, but not whole ones and not their times."""
+    write_log(tmp_path / "log.db", [(START_NS / 1e9, "ship/x", sentence("HEHDT,12.5,T"))] * 50)
+    source = 'type = "file"\npath = "log.db"\n'
+    (section_of_file,) = configured(tmp_path, source, ("heading_deg",)).sources
+    with pytest.raises(SourceError, match="mqtt_file"):
+        make_source(section_of_file).open()
+
+
 def test_a_damaged_log_gives_what_is_before_the_damage(tmp_path: Path) -> None:
     rows = log_rows(5000)
     rows[3] = (0.0, "ship/mru/Heading", b"1")
