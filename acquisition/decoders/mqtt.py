@@ -107,7 +107,7 @@ class MqttDecoder:
     ) -> None:
         """Raises :class:`ConfigurationError` for a unit that does not measure its channel."""
         self.refused, self.notices, self.fixes = sentences.refused, sentences.notices, sentences.fixes
-        self.clock = SourceClock(config.clock, "mqtt", self.notices)
+        self._stamps, self._clocks = config.clock, dict[str, SourceClock]()
         self._sentences = sentences
         self._values: dict[str, list[tuple[str, TopicValue]]] = {}
         for channel, entry in config.values.items():
@@ -153,6 +153,11 @@ class MqttDecoder:
     def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
         """What the channels of a topic read in a message, a group for those that are told together."""
         samples = []
+        device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
+        label = f"{frame.origin}/{device}:{signal}"
+        if device not in self._clocks:  # each publisher has its own
+            self._clocks[device] = SourceClock(self._stamps, f"mqtt {device}", self.notices)
+        clock = self._clocks[device]
         for channel, entry in self._values[topic]:
             try:
                 told = read_message(text, entry)
@@ -162,11 +167,9 @@ class MqttDecoder:
                 continue
             if told.time_ns is not None:
                 self._remember(frame.payload)
-                self.clock.announce(told.time_ns, frame)  # to tell how far it is from ours, and when it is set
-                self.clock.forget()  # what tells no time is not stamped by others' time
-            device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
-            label = f"{frame.origin}/{device}:{signal}"
-            for group in self.clock.group(frame, label, [(channel, value)], told.time_ns):
+                clock.announce(told.time_ns, frame)  # to tell how far it is from ours, and when it is set
+                clock.forget()  # what tells no time is not stamped by others' time
+            for group in clock.group(frame, label, [(channel, value)], told.time_ns):
                 samples += group
         return self._grouped(samples)
 

@@ -28,6 +28,7 @@ _KEEP_ALIVE_S = 10  # a broker that is cut off without a word is found out after
 _TIMEOUT_S = 3.0  # to connect, and for the broker's answer
 _POLL_S = 0.1
 _MOST_AT_ONCE = 300
+_NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
 
 
 def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
@@ -48,7 +49,7 @@ def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
         raise failure(config, "does not answer", str(error), f"start it, or correct {wrong}") from error
     answer = _await(config, client, lambda: answers[0] if answers else None)
     if answer.is_failure:
-        fix = "correct `user` and its password" if "uth" in str(answer) or "assword" in str(answer) else ""
+        fix = "correct `user` and its password" if answer.value in _NOT_ALLOWED else ""
         raise failure(config, "refuses the connection", str(answer), fix)
     return client
 
@@ -90,7 +91,11 @@ def _await(config: MqttSource, client: Client, answer: Callable[[], Any]) -> Any
     """What the broker answers. Raises :class:`SourceError` if it does not in time."""
     until_s = time.monotonic() + _TIMEOUT_S
     while (found := answer()) is None:
-        pump(config, client, _POLL_S)
+        try:
+            pump(config, client, _POLL_S)
+        except SourceError:  # a broker that says no hangs up
+            if answer() is None:
+                raise
         if time.monotonic() > until_s:
             raise failure(config, "does not answer", "something else may listen there", "correct `port` and `tls`")
     return found

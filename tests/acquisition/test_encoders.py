@@ -43,7 +43,13 @@ SECTIONS = {
     "can": f'type = "can"\ninterface = "virtual"\nchannel = "x"\ndbc = "{DBC}"\n{SIGNALS}',
     "udp": 'type = "udp"\nport = 1\n',
     "mavlink": 'type = "mavlink"\nport = 1\n',
+    "mqtt": 'type = "mqtt"\ntopics = ["ship/#"]\n[source.values]\n'
+    'heading_deg = { topic = "ship/Heading", unit = "rad" }\n'
+    'surge_mps = { topic = "ship/Ahead", unit = "knots" }\n'
+    'port_rpm = { topic = "ship/Speed", unit = "percent", full_scale = 203, scale = -1 }\n'
+    'port_angle_deg = { topic = "ship/Angle", unit = "deg", offset = 10, field = "thrust.angle" }\n',
 }
+PROTOCOLS = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink", "mqtt": "mqtt"}
 START_NS = 1_779_062_280_000_000_000
 # The coarsest step of any wire, in the channel's unit.
 STEP = {"m": 0.02, "deg": 0.0079, "m/s": 0.011, "deg/s": 0.001, "rpm": 0.13}
@@ -71,7 +77,7 @@ def heard(source: AnySource, *moments: Moment) -> tuple[list[dict[str, float]], 
         for packet in encoder.encode(moment):
             sent.append(packet)
             time_ns = START_NS + number * 1_000_000
-            protocol = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink"}[source.type]
+            protocol = PROTOCOLS[source.type]
             flags = FrameFlag.NONE if packet.extended else FrameFlag.STANDARD_ID
             payload = packet.payload.strip() if protocol == "nmea0183" else packet.payload
             frame = Frame("line", protocol, payload, time_ns, time_ns, packet.identifier, flags)  # type: ignore[arg-type]
@@ -126,7 +132,7 @@ def test_positions_all_over_the_earth(
     assume(abs(latitude_deg) + abs(longitude_deg) > 1e-6)  # autopilots say 0, 0 before their first fix
     (packet, *_) = make_encoder(sources[kind]).encode(Moment(START_NS, {}, latitude_deg, longitude_deg))[-1:]
     (decoder, *_) = make_decoders(sources[kind])
-    protocol = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink"}[kind]
+    protocol = PROTOCOLS[kind]
     payload = packet.payload.strip() if kind == "udp" else packet.payload
     frame = Frame("line", protocol, payload, 0, 0, packet.identifier)  # type: ignore[arg-type]
     got = {each.quantity: each.value for each in decoder.decode(frame)[-1]}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import socket
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -226,6 +228,19 @@ def test_a_unit_that_differs_from_the_configuration_is_told_once(tmp_path: Path)
     assert told_of == ["line: ship/vbw/Ahead tells m/s, the configuration says knots of surge_mps"]
 
 
+def test_publishers_whose_clocks_differ_are_told_once_each(tmp_path: Path) -> None:
+    """One is an hour ahead: an event of each, and not a step of the clock with every message."""
+    frames = []
+    for number in range(20):
+        frames += [message("ship/mru/Heading", f"1,{at(number)}", number)]
+        frames += [message("ship/vbw/Ahead", f"1,{at(number + 3600)}", number)]
+    recording, _ = recorded(tmp_path, configured(tmp_path, section()), frames)
+    texts = [text for _, text in recording.events if "clock" in text]
+    assert [text.partition(" s ")[0] for text in texts] == [
+        "line: clock mqtt ship/mru is -0.070", "line: clock mqtt ship/vbw is +3599.930",
+    ]  # fmt: skip
+
+
 def test_decoding_anew_puts_a_wrong_map_right(tmp_path: Path) -> None:
     frames = [message("ship/port/Angle", f"{number},{at(number)}", number) for number in range(5)]
     frames += [message("ship/mru/Heading", "12", 5, FrameFlag.RETAINED)]
@@ -301,6 +316,28 @@ def test_a_password_comes_from_a_file_or_the_environment(tmp_path: Path, monkeyp
         make_source(source).open()
     assert "pass word" not in str(caught.value)
     assert "me" not in str(caught.value).split()
+
+
+def test_a_broker_that_refuses_us_says_why_without_the_password(tmp_path: Path) -> None:
+    """MQTT 3.1.1: the answer to CONNECT is 20 02, no session, reason 5; then the broker hangs up."""
+    server = socket.create_server(("127.0.0.1", 0))
+
+    def refuse() -> None:
+        client, _ = server.accept()
+        with client:
+            client.recv(1000)
+            client.sendall(b"\x20\x02\x00\x05")
+
+    thread = threading.Thread(target=refuse)
+    thread.start()
+    (tmp_path / "secret").write_text("pass word")
+    more = 'user = "me"\npassword_file = "secret"\n'
+    (source,) = configured(tmp_path, section(port=server.getsockname()[1], more=more)).sources
+    with pytest.raises(SourceError, match="refuses the connection: Not authorized; correct `user`") as caught:
+        make_source(source).open()
+    assert "pass word" not in str(caught.value)
+    thread.join()
+    server.close()
 
 
 # --- through a broker ---
