@@ -47,9 +47,15 @@ class Place:
 def parse_places(inputs: Sequence[str]) -> list[Place]:
     """The places that a user names, each with a name of its own.
 
-    Raises :class:`InputError` for what is no place, :class:`ConfigurationError` for a configuration at fault.
+    Raises :class:`InputError` for what is no place, and for logs beside what is live, as their times are not of
+    today; :class:`ConfigurationError` for a configuration at fault.
     """
-    return _with_own_names(place for each in inputs for place in _parse(each))
+    places = _with_own_names(place for each in inputs for place in _parse(each))
+    logs = [each.text for each in places if each.type == "file"]
+    if logs and len(logs) < len(places):
+        fix = "discover the logs and what is live one after the other"
+        raise InputError("is a log, other places are live", where=", ".join(logs), fix=fix)
+    return places
 
 
 def _parse(text: str) -> list[Place]:

@@ -406,7 +406,11 @@ def test_the_command_writes_what_records_and_says_where_it_listened_in_vain(
 
 @pytest.mark.parametrize(
     ("options", "why"),
-    [(["--vessel", "nosuch"], "no vessel 'nosuch'"), (["--dbc", "log.txt"], "is no readable DBC file")],
+    [
+        (["udp:10110"], "is a log, other places are live"),
+        (["--vessel", "nosuch"], "no vessel 'nosuch'"),
+        (["--dbc", "log.txt"], "is no readable DBC file"),
+    ],
 )
 def test_what_is_asked_for_in_vain_is_one_clear_error(
     tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch, options: list[str], why: str
