@@ -421,7 +421,7 @@ def accept(selection: Selection) -> Acceptance:
     Each named effect may then also change with the operating point, as a relative of it would that is in no
     catalogue.
     """
-    accepted = _beside_rivals(accept_names(selection), selection)
+    accepted = _beside_rivals(accept_names(selection))
     if accepted.names:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
@@ -429,20 +429,21 @@ def accept(selection: Selection) -> Acceptance:
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def _beside_rivals(accepted: Acceptance, selection: Selection) -> Acceptance:
-    """The same with what rivals lack that are looked at about themselves; or what is accepted from the likeliest of
-    these on, if that explains more."""
+def _beside_rivals(accepted: Acceptance) -> Acceptance:
+    """The same with what rivals lack that are looked at about themselves; or the likeliest of these in its place.
+
+    That one has to stand all tests, too. Nothing is searched beside it: from a wrong set on a search imitates more.
+    """
     swaps = swaps_about_themselves(accepted.evidence, accepted.names)
-    if not swaps:
+    best = max(swaps, key=lambda each: log_density(each.evidence, each.names), default=None)
+    if best is None:
         return accepted
-    mine = log_density(accepted.evidence, accepted.names)
-    best = max(swaps, key=lambda each: log_density(each.evidence, each.names))
-    if log_density(best.evidence, best.names) > mine:
-        begin = Selection((), best.evidence, best.evidence.equations.model.at, selection.barred, looks=LOOKS - 2)
-        again = accept_names(search_on(begin))
-        if log_density(again.evidence, again.names) > mine:
-            accepted = again
-            swaps = swaps_about_themselves(accepted.evidence, accepted.names)
+    if log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
+        evidence = evidence_of(best.evidence.equations, by_leg=True)
+        tests = {name: acceptance_tests(evidence, best.names, name) for name in best.names}
+        if all(each.accepted for each in tests.values()):
+            accepted = Acceptance(best.names, tests, evidence)
+            swaps = swaps_about_themselves(evidence, best.names)
     less = {(each.name, each.rival): _lacks(accepted, each) for each in swaps}
     return replace(accepted, rival_deficits={**accepted.rival_deficits, **less})
 
