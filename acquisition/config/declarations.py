@@ -195,7 +195,8 @@ class PackFile:
 
 def find_pack(name: str, folder: Path) -> Path:
     """The file of a pack, by its name or by its path from ``folder``. Raises :class:`ConfigurationError`."""
-    for path in (folder / name, folder / f"{name}.toml", PACKS / f"{name}.toml"):
+    file = name if name.endswith(".toml") else f"{name}.toml"
+    for path in (folder / file, PACKS / file):
         if path.is_file():
             return path
     known = ", ".join(sorted(each.stem for each in PACKS.glob("*.toml")))
