@@ -22,7 +22,7 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.frames import Frame, FrameFlag, Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.logger.health import SourceHealth
-from acquisition.recording.messages import Topic, decode, encode, encode_sample
+from acquisition.recording.messages import Topic, decode, encode, encode_raw, encode_sample, frame_of
 from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.schemas import kind_of
 from acquisition.recording.tables import write_table
@@ -144,6 +144,20 @@ def test_a_sample_is_laid_out_as_documented(
     assert math.isnan(parsed["source_time"]) == (source_ns is None)
     assert (parsed["source"], parsed["source_clock"], parsed["quality"]) == (source, clock, quality)
     assert encode("/channel/roll_deg", parsed) == data
+
+
+@given(
+    payload=st.binary(max_size=300), identifier=st.integers(0, 2**32 - 1), flags=st.integers(0, 31),
+    monotonic_ns=st.integers(-(2**63), 2**63 - 1), sender=st.text(max_size=10),
+)  # fmt: skip
+def test_a_frame_comes_back_from_its_message(
+    payload: bytes, identifier: int, flags: int, monotonic_ns: int, sender: str
+) -> None:
+    frame = Frame("bus", "can", payload, 6, monotonic_ns, identifier, FrameFlag(flags), sender=sender)
+    topic = "/raw/can/bus"
+    data = encode_raw(topic, frame)
+    assert frame_of(Topic(topic), data, 6, 6) == frame
+    assert decode(Topic(topic), data) == decode(Topic(topic), encode(topic, decode(Topic(topic), data)))
 
 
 def test_channels_say_their_units(tmp_path: Path) -> None:
