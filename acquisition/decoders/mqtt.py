@@ -55,6 +55,16 @@ def topic_and_message(payload: bytes) -> tuple[str, str]:
     return topic.decode("utf-8", "replace"), message.decode("latin-1")
 
 
+def device_and_signal(topic: str) -> tuple[str, str]:
+    """Who publishes under a topic, which is all but its last level, and what it is, as labels of sources say it.
+
+    >>> device_and_signal("ship/MRU/Heading")
+    ('ship/MRU', 'Heading')
+    """
+    device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
+    return device, signal
+
+
 def read_message(text: str, entry: TopicValue) -> Told:
     """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
 
@@ -153,7 +163,7 @@ class MqttDecoder:
     def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
         """What the channels of a topic read in a message, a group for those that are told together."""
         samples = []
-        device, _, signal = topic.translate(_IN_LABELS).rpartition("/")
+        device, signal = device_and_signal(topic)
         label = f"{frame.origin}/{device}:{signal}"
         if device not in self._clocks:  # each publisher has its own
             self._clocks[device] = SourceClock(self._stamps, f"mqtt {device}", self.notices)

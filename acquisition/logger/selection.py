@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from acquisition.config.sections import AnySource, CanFrames
+from acquisition.config.sections import AnySource, CanFrames, MqttLinks
 from acquisition.core.frames import Fix, Sample, label_parts, sensor_of
 from acquisition.decoders import NO_SATELLITES
+from acquisition.decoders.mqtt import device_and_signal
 from acquisition.logger.health import SILENT_NS
 
 POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
@@ -66,11 +67,12 @@ class _Holder:
 class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
-    The order of the configuration's sources is the order of preference, and within a bus the order of its
-    devices. A position by satellites is preferred to any other, and among those that stand in for the first the
-    better fix, by ``fixes``: what each sensor's receiver says of its fix, by GGA's numbers. Of two messages the
-    finer one has it, and what needs less derivation. What is equal in all this, two devices that are not listed,
-    say, is decided by who came first, until that has been silent for ``patience_ns``.
+    The order of the configuration's sources is the order of preference, and within a bus the order of its devices;
+    of an MQTT broker's a channel's own topic goes before sentences. A position by satellites is preferred to any
+    other, and among those that stand in for the first the better fix, by ``fixes``: what each sensor's receiver
+    says of its fix, by GGA's numbers. Of two messages the finer one has it, and what needs less derivation. What
+    is equal in all this, two devices that are not listed, say, is decided by who came first, until that has been
+    silent for ``patience_ns``.
 
     The talkers of satellite receivers are names of one receiver, which may change from one fix to the next, until
     two of them tell the same thing side by side. Every line may provide what is listed ``anywhere``, after those
@@ -95,6 +97,13 @@ class Selector:
             for source in sources
             if isinstance(source, CanFrames)
             for rank, device in enumerate(source.devices)
+        }
+        self._mapped = {
+            (source.name, device_and_signal(entry.topic)[0], channel)
+            for source in sources
+            if isinstance(source, MqttLinks)
+            for channel, entry in source.values.items()
+            if channel not in POSITION
         }
         self._first_line: dict[str, int] = {}
         for (_, quantity), rank in self._lines.items():
@@ -181,6 +190,8 @@ class Selector:
         kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
         choice = 0 if quantity == VARIATION else 10 * _CHOICE.get(message, 0) + kind + derived
         device_rank = self._devices.get((line, device), len(self._devices))
+        if (line, device, quantity) in self._mapped:
+            device_rank = -1
         if quantity not in POSITION:
             return False, False, 0, line_rank, device_rank, choice
         stands_in = line_rank > self._first_line[quantity] or (device_rank > 0 and line in self._lists_devices)

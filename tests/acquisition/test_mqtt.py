@@ -241,6 +241,17 @@ def test_publishers_whose_clocks_differ_are_told_once_each(tmp_path: Path) -> No
     ]  # fmt: skip
 
 
+def test_a_channel_that_has_a_topic_of_its_own_is_taken_from_no_sentence(tmp_path: Path) -> None:
+    """Unless its topic falls silent."""
+    hdt = sentence("HEHDT,77.0,T").decode()
+    frames = []
+    for number in range(8):
+        frames += [message("ship/NMEA/HDT", f"{at(number)} {hdt}", number)]
+        frames += [message("ship/mru/Heading", f"12,{at(number)}", number)] if 0 < number < 4 else []
+    recording, _ = recorded(tmp_path, configured(tmp_path, section()), frames)
+    assert recording.series["heading_deg"].value.tolist() == [77, 77, 12, 12, 12, 77, 77]
+
+
 def test_decoding_anew_puts_a_wrong_map_right(tmp_path: Path) -> None:
     frames = [message("ship/port/Angle", f"{number},{at(number)}", number) for number in range(5)]
     frames += [message("ship/mru/Heading", "12", 5, FrameFlag.RETAINED)]
