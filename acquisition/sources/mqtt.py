@@ -119,10 +119,11 @@ class MqttConnection(Source):
     def __init__(self, config: MqttSource) -> None:
         super().__init__(config)
         self._frames: list[Frame] = []
+        self._lost: SourceError | None = None
 
     def _connect(self) -> Client:
         config: MqttSource = self._config
-        self._frames = []
+        self._frames, self._lost = [], None
         client = connect(config)
         client.on_message = self._take
         answers: list[Any] = []
@@ -143,12 +144,16 @@ class MqttConnection(Source):
         self._frames.append(Frame(self.name, "mqtt", payload, *now_ns(), flags=flags))
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
-        pump(self._config, self._link, 0.0 if self._frames else timeout_s)
-        before = 0
-        while before < len(self._frames) < _MOST_AT_ONCE:
-            before = len(self._frames)
-            pump(self._config, self._link, 0.0)
+        before = -1
+        try:
+            while self._lost is None and before < len(self._frames) < _MOST_AT_ONCE:
+                before = len(self._frames)
+                pump(self._config, self._link, 0.0 if before else timeout_s)
+        except SourceError as error:  # told once what came before is passed on
+            self._lost = error
         frames, self._frames = self._frames, []
+        if self._lost is not None and not frames:
+            raise self._lost
         self.behind = len(frames) >= _MOST_AT_ONCE
         return frames
 

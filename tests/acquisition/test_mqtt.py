@@ -35,7 +35,7 @@ from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
 from acquisition.recording.writer import RecordingWriter
-from acquisition.sources import make_source
+from acquisition.sources import make_source, mqtt
 from seatrial import app
 from tests.acquisition.conftest import Broker, config_text, wait_for, write_voyage
 from tests.acquisition.test_round_trip import NMEA0183_STEP, load, play_and_record
@@ -307,7 +307,6 @@ def test_the_usual_port_is_that_of_the_encryption(more: str, port: int, tmp_path
 
 def test_a_password_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And is in no error: here nobody listens, or there is none."""
-    from acquisition.sources import mqtt
 
     def asked(more: str) -> str | None:
         (source,) = configured(tmp_path, section(more=f'user = "me"\n{more}')).sources
@@ -421,6 +420,32 @@ def test_a_broker_that_is_restarted_is_told_and_nothing_is_doubled(broker: Broke
     texts = [text for _, text in recording.events]
     assert any("MQTT broker" in text and "is lost" in text for text in texts)
     assert any("is back after" in text for text in texts)
+
+
+def test_what_came_just_before_the_connection_was_lost_is_kept(
+    broker: Broker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (config,) = configured(tmp_path, section(port=broker.port)).sources
+    source = make_source(config)
+    source.open()
+    with publisher(broker.port) as publish:
+        for number in range(5):
+            publish("ship/mru/Heading", f"{number}")
+    came: list[Frame] = []
+    taken, pumped = mqtt.pump, iter(range(4))
+
+    def pump(section: MqttSource, client: Client, timeout_s: float) -> None:
+        if next(pumped, None) is None:
+            raise SourceError("is lost")
+        taken(section, client, 30.0)
+
+    monkeypatch.setattr(mqtt, "pump", pump)
+    while len(came) < 4:
+        came += source.read(0.1) or []
+    with pytest.raises(SourceError, match="is lost"):
+        source.read(0.1)
+    assert [each.payload[-1:] for each in came] == [b"0", b"1", b"2", b"3"]
+    source.close()
 
 
 def test_a_thousand_messages_a_second_are_all_recorded(broker: Broker, tmp_path: Path) -> None:
