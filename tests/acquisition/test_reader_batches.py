@@ -13,6 +13,7 @@ from mcap.writer import Writer
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, Quality, Sample
 from acquisition.core.trial import Trial
+from acquisition.recording import reader
 from acquisition.recording.descriptors import Kind
 from acquisition.recording.messages import encode_sample
 from acquisition.recording.reader import MessageStream, Recording, read_recording
@@ -62,11 +63,13 @@ def rows_of(recording: Recording) -> dict[str, list[tuple[int, int, float, int, 
 
 
 @settings(max_examples=60, deadline=None)
-@given(said=SAID, flushes=st.sets(st.integers(0, 60)))
+@given(said=SAID, flushes=st.sets(st.integers(0, 60)), together_bytes=st.sampled_from([1, 500, 2**22]))
 def test_whole_chunks_are_read_as_single_messages_are(
-    tmp_path_factory: pytest.TempPathFactory, said: list[Sample | str], flushes: set[int]
+    tmp_path_factory: pytest.TempPathFactory, said: list[Sample | str], flushes: set[int], together_bytes: int
 ) -> None:
-    """Values to the last bit, in their order, whatever else stands between them and wherever chunks end."""
+    """Values to the last bit, in their order, whatever else stands between them, wherever chunks end, and however
+    many are unpacked together.
+    """
     path = tmp_path_factory.mktemp("batches") / "mixed.mcap"
     with RecordingWriter(path, Trial()) as writer:
         for number, each in enumerate(said):
@@ -78,7 +81,9 @@ def test_whole_chunks_are_read_as_single_messages_are(
                 writer.write_event(f"mark {number}", number)
             if number in flushes:
                 writer.flush()
-    recording = read_recording(path)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(reader, "_ENOUGH_BYTES", together_bytes)
+        recording = read_recording(path)
     assert rows_of(recording) == one_by_one(path)
     assert list(recording.series) == list(one_by_one(path))
     assert sum(recording.raw.values()) == said.count("raw")

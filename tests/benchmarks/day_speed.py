@@ -117,6 +117,8 @@ def report(found: dict[str, Any]) -> None:
     for name, (seconds, processor_s, peak) in found["steps"].items():
         print(f"  {name:<11}{seconds:8.2f} s {seconds / total:6.1%}   processor {processor_s:8.2f} s   "
               f"peak memory so far {peak:6.0f} MB")  # fmt: skip
+    rate = found["messages"] / found["steps"]["reading"][1] / 1e6
+    print(f"read at {rate:.1f} million messages a second of processor time")
     windows_s = found["steps"]["windows"][0]
     agree = "the same windows" if found["plain_agrees"] else "OTHER WINDOWS"
     print(f"windows {windows_s:.3f} s, row by row {found['plain_s']:.0f} s (extrapolated, {agree}): "
