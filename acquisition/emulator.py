@@ -14,7 +14,7 @@ import threading
 import time
 import tty
 from abc import ABC, abstractmethod
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -46,6 +46,7 @@ _WRITE_TIMEOUT_S = 5.0
 _WAIT_S = 30.0
 _BLOCK_BYTES = 4096
 _POLL_S = 0.1
+_MOST_UNANSWERED = 20  # messages, as many as a broker takes at once unless told otherwise
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,23 +324,34 @@ class _FileTransmitter(Transmitter):
 
 
 class _MqttTransmitter(Transmitter):
-    """A publisher, no faster than the broker takes it; nothing is retained."""
+    """A publisher, no faster than the broker answers: some drop what they have not yet seen to when one leaves."""
 
     def __init__(self, config: MqttSource) -> None:
         from acquisition.sources.mqtt import connect, pump
 
         super().__init__(config, connect(config, keep_alive_s=0))  # a recording may be quiet for long
-        self._pump = partial(pump, config, self._link)
+        self._pump = partial(pump, config, self._link, _POLL_S)
+        self._unanswered: deque[Any] = deque()
 
     def _write(self, packets: list[Packet]) -> None:
         for packet in packets:
             topic, _, message = packet.payload.partition(b"\0")
-            self._link.publish(topic.decode(), message)
-        self._pump(0.0)
-        while self._link.want_write():
-            self._pump(_POLL_S)
+            self._unanswered.append(self._link.publish(topic.decode(), message, qos=1))
+            self._await_answers(_MOST_UNANSWERED)
+
+    def _await_answers(self, most: int) -> None:
+        """Wait until all but so many of the messages are the broker's."""
+        until_s = time.monotonic() + _WRITE_TIMEOUT_S
+        while len(self._unanswered) > most:
+            self._pump()
+            while self._unanswered and self._unanswered[0].is_published():
+                self._unanswered.popleft()
+            if time.monotonic() > until_s:
+                raise TimeoutError("the broker takes nothing")
 
     def close(self) -> None:
+        with suppress(SourceError, *self.errors):  # of a lost connection, which has been told
+            self._await_answers(0)
         self._link.disconnect()
 
 

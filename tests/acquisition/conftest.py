@@ -201,12 +201,16 @@ def null_modem() -> Iterator[NullModem]:
 
 
 class Broker:
-    """A real MQTT broker in a process of its own, mosquitto or else amqtt, which can be restarted."""
+    """A real MQTT broker in a process of its own, mosquitto or else amqtt, which can be restarted.
+
+    ``is_sound`` is false of amqtt: it drops what it has acknowledged and not yet passed on when a publisher leaves.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.port = free_port(socket.SOCK_STREAM)
         self._process: subprocess.Popen[bytes] | None = None
         found = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
+        self.is_sound = found is not None
         if found is not None:
             self._command = [found, "-p", str(self.port)]
         else:

@@ -381,6 +381,8 @@ def recorder(config: TrialConfig, folder: Path) -> Iterator[Recorder]:
 
 def test_what_is_emulated_through_a_broker_is_the_same_recording(broker: Broker, tmp_path: Path) -> None:
     """Values under their topics to the last digit, sentences within their steps, all at their own times."""
+    if not broker.is_sound:
+        pytest.skip("needs mosquitto: amqtt loses what is under way when a publisher leaves")
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     values = "".join(line for line in SHIP.splitlines(keepends=True) if line.partition(" ")[0] in NAMES)
     text = config_text(section(values, port=broker.port), NAMES)
