@@ -31,6 +31,7 @@ APPROACH_S = 10.0
 
 
 _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
+_AHEAD = 1.15  # of the way back to where a change began: noise bends the line by less
 _SLOWER = 1.5  # a single change may be slower than the helm usually goes by this factor
 _LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: what is less is course-keeping
 
@@ -90,9 +91,11 @@ def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[floa
 
 def execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
     """How far off an execute may be [s]: half of a row where the change takes less than one, less where it goes
-    through more; and what the noise of the helm makes of a line through half of the change."""
+    through more; and what the noise of the helm makes of a fit through half of the change and of the levels before
+    and after, medians of some seconds, whose middle it looks for."""
     rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
-    noise_s = noise_of(helm) / motion.helm_rate_dps / np.sqrt(max(0.5 * rows, 1.0))
+    level = 0.5 * np.sqrt(2.0) * 1.25 / np.sqrt(max(_BEFORE_S / motion.step_s, 1.0))
+    noise_s = noise_of(helm) / motion.helm_rate_dps * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
     return float(0.5 * motion.step_s / rows + np.sqrt(3.0) * noise_s)
 
 
@@ -110,7 +113,7 @@ def level_before(
     start = float(np.median(ahead[: max(rows, 1)]))
     share = (ahead - start) / (plateau.level - start) if plateau.level != start else np.zeros(ahead.size)
     half, third = (_last_crossing(share, level) for level in (0.5, 0.3))
-    end = max(1, int(half - _SLOWER * 2.5 * (half - third)))  # where a line through both leaves the old level
+    end = max(1, int(half - _AHEAD * 2.5 * (half - third)))  # before a line through both leaves the old level
     return float(np.median(ahead[max(0, end - max(rows, 1)) : end]))
 
 
@@ -294,15 +297,19 @@ def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:
 def _spectrum(remainder: Floats, half_rows: float) -> Floats:
     """The amplitudes of the noise from those of the remainder, its slow part filled in.
 
-    Below one cycle per half width the local fit follows; the octave above it gives the level there.
+    The local fit follows slow noise and leaves a known share of each frequency; where that is less than half, the
+    octave above gives the level, also of the mean, on which indices hang that are means over most of a manoeuvre.
     """
     amplitude = np.abs(np.fft.rfft(remainder - remainder.mean()))
     frequency = np.fft.rfftfreq(remainder.size)
-    edge = min(1.0 / max(half_rows, 1.0), 0.25)
-    above = (frequency >= edge) & (frequency < 2.0 * edge)
-    if above.any():
-        amplitude[frequency < edge] = np.sqrt(np.mean(amplitude[above] ** 2))
-    amplitude[0] = 0.0
+    kernel = _weights(half_rows)[1]
+    offset = np.arange(kernel.size) - kernel.size // 2
+    left = 1.0 - np.cos(2.0 * np.pi * np.outer(frequency, offset)) @ kernel
+    edge = frequency[np.argmax(left > 0.5)]
+    known = frequency >= edge
+    amplitude[known] /= np.maximum(left[known], 0.5)
+    amplitude[~known] = np.sqrt(np.mean(amplitude[known & (frequency <= 2.0 * edge)] ** 2))
+    amplitude[0] *= np.sqrt(2.0)  # the mean has no imaginary part
     return amplitude
 
 

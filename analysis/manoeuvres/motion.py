@@ -202,7 +202,9 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
-    spread = float(np.hypot(_wander_m(apart[0] - slow[0], step_s), _wander_m(apart[1] - slow[1], step_s)))
+    rests = [whole - part for whole, part in zip(apart, slow, strict=True)]
+    wander_m = float(np.hypot(*(_wander_m(rest, step_s) for rest in rests)))
+    spread = max(wander_m, _path_sd_m(max(map(noise_of, rests)), max(noise_of(surge), noise_of(sway)), step_s))
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     sideways = [each for each in actuators if not each.drives and each.angle is None]
     shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
@@ -343,6 +345,17 @@ def _wander_m(rest: Floats, step_s: float) -> float:
     rows = max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
     means = rest[: rest.size // rows * rows].reshape(-1, rows).mean(axis=1)
     return float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0
+
+
+def _path_sd_m(position_m: float, speed_mps: float, step_s: float) -> float:
+    """How far a point of the path is off by white noise of the positions, which the fit passes some of, and of the
+    speeds, whose integral wanders until the fit takes it back [m, one standard deviation]."""
+    rows = _PATH_HALF_WIDTH_S / step_s
+    impulse = np.zeros(4 * int(np.ceil(rows)) + 1)
+    impulse[impulse.size // 2] = 1.0
+    kernel = local_quadratic(impulse, rows)
+    wandering = np.cumsum(impulse) - np.cumsum(kernel)
+    return float(np.hypot(position_m * np.linalg.norm(kernel), speed_mps * step_s * np.linalg.norm(wandering)))
 
 
 def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, int]]:

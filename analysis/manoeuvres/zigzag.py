@@ -37,7 +37,10 @@ _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
-_CUT_SHORT_S, _CUT_SHARE = 4.0, 0.85  # a helm that is reversed on its way stands no longer, and short of the order
+_CUT_SHORT_S, _CUT_SHORT_DEG = (
+    4.0,
+    2.0,
+)  # a helm reversed on its way stands no longer, and as it goes through so much
 _FIRST_TURN_SHARE = 0.5  # of the switching angle
 _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # how far a helm may be off the others', and in ranges of theirs
 _SWITCH_SHARE = 0.16  # people switch early and late
@@ -59,7 +62,10 @@ def zigzag_chains(
             chains[-1].append(each)
         else:
             chains.append([each])
-    ordered = (_as_ordered(_with_first(motion, _without_course_keeping(chain), extremes)) for chain in chains)
+    ordered = (
+        _as_ordered(motion, _with_first(motion, _without_course_keeping(motion, chain), extremes))
+        for chain in chains
+    )
     return [chain for chain in ordered if len(chain) >= fewest and _ship_answers(motion, chain)]
 
 
@@ -79,23 +85,28 @@ def _first_row(motion: Motion, chain: list[Plateau]) -> int:
     return motion.row_before(chain[0].first, helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
-def _as_ordered(chain: list[Plateau]) -> list[Plateau]:
-    """The swings with the helm that was ordered: a slow one is reversed before it is there."""
+def _as_ordered(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
+    """The swings with the helm that was ordered, the others', where it was reversed before or as it was there."""
     ordered = float(np.median([abs(each.level) for each in chain]))
     return [
-        each if abs(each.level) > _CUT_SHARE * ordered
-        else replace(each, level=float(np.copysign(ordered, each.level)))
+        replace(each, level=float(np.copysign(ordered, each.level))) if _is_cut_short(motion, each) else each
         for each in chain
-    ]  # fmt: skip
+    ]
 
 
-def _without_course_keeping(chain: list[Plateau]) -> list[Plateau]:
-    """The swings without a last one whose helm is none of theirs, as when she is brought back on her course."""
+def _is_cut_short(motion: Motion, each: Plateau) -> bool:
+    return (each.end - each.first) * motion.step_s <= _CUT_SHORT_S + _CUT_SHORT_DEG / motion.helm_rate_dps
+
+
+def _without_course_keeping(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
+    """The swings without a last one whose helm is none of theirs or was not held, as when the ship is brought back
+    on her course."""
     levels = np.abs([each.level for each in chain])
     if levels.size <= FEWEST_SWINGS:
         return chain
     own = max(_SAME_LEVEL_DEG, _LEVEL_RANGES * float(np.ptp(levels[1:-1])))
-    return chain[:-1] if abs(levels[-1] - np.median(levels[1:-1])) > own else chain
+    other = abs(levels[-1] - np.median(levels[1:-1])) > own
+    return chain[:-1] if other or _is_cut_short(motion, chain[-1]) else chain
 
 
 def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
@@ -104,7 +115,7 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     shortest_s = min(last.end - last.first, each.end - each.first) * motion.step_s
     if motion.broken[last.first : each.end].any():
         return False
-    cut_short = abs(last.level) < abs(each.level) and (last.end - last.first) * motion.step_s <= _CUT_SHORT_S
+    cut_short = abs(last.level) < abs(each.level) and _is_cut_short(motion, last)
     return (
         last.level * each.level < 0
         and (cut_short or is_same_order(last.level, -each.level))

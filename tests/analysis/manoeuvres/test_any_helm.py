@@ -14,11 +14,14 @@ TANKER = [0, 5, 10, 15, 20, 25]
 AZIMUTHS = [3, 8, 13, 28]
 
 
-@pytest.mark.parametrize("number", [*TANKER, *AZIMUTHS])
-def test_every_execute_is_found_and_none_invented(number: int) -> None:
+@pytest.mark.parametrize("pose_only", [False, True])
+def test_every_execute_is_found_none_invented_and_intervals_hold_the_truth(pose_only: bool) -> None:
     score = Score()
-    assert judge(case_of(number), score) == []
-    assert score.found == score.true == 2
+    numbers = AZIMUTHS if pose_only else [*TANKER, *AZIMUTHS]
+    wrong = [line for number in numbers for line in judge(case_of(number), score, pose_only=pose_only)]
+    assert wrong == []
+    assert score.found == score.true == 2 * len(numbers)
+    assert score.coverage > 0.9
 
 
 @pytest.mark.parametrize("number", [0, 10, 3])
