@@ -203,7 +203,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     rests = [whole - part for whole, part in zip(apart, slow, strict=True)]
-    wander_m = float(np.hypot(*(_wander_m(rest, step_s) for rest in rests)))
+    wander_m = float(np.linalg.norm([_wander_m(rest, step_s) for rest in rests]))
     spread = max(wander_m, _path_sd_m(max(map(noise_of, rests)), max(noise_of(surge), noise_of(sway)), step_s))
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     sideways = [each for each in actuators if not each.drives and each.angle is None]
