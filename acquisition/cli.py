@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from acquisition.config.configuration import TrialConfig
     from acquisition.logger.health import Health
+    from acquisition.tables.propose import Proposal
+    from acquisition.tables.table_files import RawTable
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
@@ -236,9 +238,18 @@ def emulate(
 
 
 def import_(
-    table: Annotated[Path, typer.Argument(help="A CSV, Parquet or .mat file.")],
+    table: Annotated[Path, typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")],
     output: Output,
     columns: Annotated[Path | None, typer.Option(help="A column map: names and units of a foreign table.")] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take what is proposed; ask nothing.")] = False,
+    answer: Annotated[
+        list[str] | None, typer.Option(help="Answer a question of the proposal: KEY=VALUE, as often as needed.")
+    ] = None,
+    preview: Annotated[Path | None, typer.Option(help="Draw what the columns were taken for: a PNG file.")] = None,
+    write_map: Annotated[
+        Path | None, typer.Option(help="Where the proposed map goes; beside the recording if not given.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a recording that is there.")] = False,
     allow_missing: Annotated[
         bool, typer.Option(help="Accept a table without some of the ship's channels.")
     ] = False,
@@ -247,12 +258,56 @@ def import_(
         str | None, typer.Option(help="Which ship the table tells of: a vessel's name, or its file.")
     ] = None,
 ) -> None:
-    """Turn a table (CSV, Parquet or .mat) into a recording."""
-    from acquisition.tables.import_table import import_table
+    """Turn a table into a recording: in standard names, through a column map, or as it is understood."""
+    from acquisition.tables.import_table import import_proposed, import_table, is_standard
+    from acquisition.tables.table_files import read_raw
 
-    summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel)
+    raw = None if columns else read_raw(table)
+    if raw is None or is_standard(raw):
+        summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel, force)
+    else:
+        written = write_map or output.with_suffix(".columns.toml")
+        proposal = _agree(raw, _pairs(answer or []), vessel, yes, preview)
+        summary = import_proposed(raw, proposal, output, written, vessel, force)
+        typer.echo(f"map for next time: --columns {written}", err=True)
     typer.echo(printable(str(summary)), err=True)
     typer.echo(output)
+
+
+def _pairs(answers: list[str]) -> dict[str, str]:
+    for each in answers:
+        if "=" not in each:
+            raise typer.BadParameter(f"{each!r} is not KEY=VALUE", param_hint="--answer")
+    return {key.strip(): value.strip() for key, _, value in (each.partition("=") for each in answers)}
+
+
+def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool, preview: Path | None) -> Proposal:
+    """Show what is proposed; at a terminal ask what the table does not tell, and whether it is right."""
+    from acquisition.tables.import_table import propose_for
+    from acquisition.tables.preview import draw_preview, proposal_table
+
+    proposal = propose_for(raw, answers, vessel)
+    at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
+    while at_terminal and proposal.questions:
+        question = proposal.questions[0]
+        answers[question.key] = typer.prompt(
+            f"{question.text} {'/'.join(question.options)}", default=question.default, err=True
+        )
+        proposal = propose_for(raw, answers, vessel)
+    from rich.console import Console
+
+    Console(stderr=True).print(proposal_table(proposal))
+    for warning in proposal.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    if preview is not None:
+        draw_preview(raw, proposal, preview)
+        typer.echo(f"preview: {preview}", err=True)
+    if at_terminal and not typer.confirm("import it so?", default=True, err=True):
+        raise typer.Exit(1)
+    if not at_terminal and not yes and not proposal.unanswered:
+        typer.echo("nothing is written: say --yes to import it so, --answer to correct it", err=True)
+        raise typer.Exit(1)
+    return proposal
 
 
 def info(

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
 from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Literal
-from zoneinfo import available_timezones
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -33,6 +32,7 @@ from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
+from acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion
 from acquisition.tables.table_files import (
     RawTable,
     TableFile,
@@ -41,6 +41,7 @@ from acquisition.tables.table_files import (
     read_times,
     readable_rows,
 )
+from acquisition.tables.time_columns import IN_NAMES, TimeColumn, resolve_times
 
 
 def _of_any_ship(name: str, info: ValidationInfo) -> str:
@@ -54,72 +55,54 @@ _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
 @dataclass(frozen=True, config=_STRICT, kw_only=True)
 class Column(Conversion):
-    """One channel's column, or a constant where the table has none; a ``scale`` of -1 turns a sign round."""
+    """One channel's column, or a constant where the table has none; a ``scale`` of -1 turns a sign round.
+
+    Numbers that are ``missing`` in the table stand for no value.
+    """
 
     column: str | None = None
     constant: float | None = None
+    missing: tuple[float, ...] = ()
 
 
-def _known_zone(zone: str) -> str:
-    if zone not in available_timezones():
-        raise ValueError("is no time zone; write UTC, or a name like Europe/Oslo")
-    return zone
-
-
-def _instant(text: str) -> str:
-    try:
-        zoned = datetime.fromisoformat(text).tzinfo is not None
-    except ValueError as error:
-        raise ValueError("is no ISO 8601 time") from error
-    if not zoned:
-        raise ValueError("has no zone; add Z or an offset like +02:00")
-    return text
-
-
-_IN_NAMES = {
-    **dict.fromkeys(("%d", "%m", "%H", "%M", "%S", "%y"), r"\d{1,2}"),
-    "%Y": r"\d{4}", "%j": r"\d{3}", "%b": "[A-Za-z]{3}", "%B": "[A-Za-z]+",
-}  # fmt: skip
-"""What the directives of :meth:`datetime.strptime` that a file's name may hold look like."""
-
-
-def _in_name(text: str) -> str:
-    unknown = set(re.findall("%.?", text)) - set(_IN_NAMES)
-    if unknown or "%" not in text:
-        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S; known are {' '.join(_IN_NAMES)}")
-    return text
-
-
-@dataclass(frozen=True, config=_STRICT)
-class TimeColumn:
-    """The time column: ISO 8601 (``zone`` where the text has none), or seconds.
-
-    Seconds count from ``start``, or from the local time in ``zone`` that the file's name holds in the form
-    ``in_name`` (of :meth:`datetime.strptime`), which is that of the first row, or of the last where
-    ``name_tells`` the "end". With none of them they are taken for seconds since 1970.
-    """
-
-    column: str
-    format: Literal["iso", "seconds"] = "iso"
-    zone: Annotated[str, AfterValidator(_known_zone)] | None = None
-    start: Annotated[str, AfterValidator(_instant)] | None = None
-    in_name: Annotated[str, AfterValidator(_in_name)] | None = None
-    name_tells: Literal["start", "end"] = "start"
+AS_TEXT = "text"
 
 
 def _known_angle_unit(unit: str) -> str:
-    if unit not in ("deg", DEGREES_AND_MINUTES):
-        raise ValueError(f"is neither deg nor {DEGREES_AND_MINUTES}")
+    if unit in (DEGREES_AND_MINUTES, AS_TEXT):
+        return unit
+    try:
+        scale_to("deg", unit)
+    except ConfigurationError as error:
+        raise ValueError(f"is neither deg nor {DEGREES_AND_MINUTES}, {AS_TEXT}, rad, degE7") from error
     return unit
 
 
 @dataclass(frozen=True, config=_STRICT)
 class Position:
-    """Latitude and longitude columns that ``north_m`` and ``east_m`` are made from."""
+    """Latitude and longitude columns that ``north_m`` and ``east_m`` are made from.
+
+    In degrees, in ``ddmm`` (degrees and minutes in one number), or as ``text`` such as 62°28.146'N; the letters N
+    or S and E or W may stand in columns of their own. Numbers that are ``missing`` stand for no fix.
+    """
 
     latitude: str
     longitude: str
     unit: Annotated[str, AfterValidator(_known_angle_unit)] = "deg"
+    north_south: str | None = None
+    east_west: str | None = None
+    missing: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Orientation:
+    """The columns of a quaternion; ``frame`` "enu" is that of ROS (REP 103: x ahead, y to port, east-north-up)."""
+
+    x: str
+    y: str
+    z: str
+    w: str
+    frame: Literal["enu", "ned"] = "enu"
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -135,6 +118,12 @@ class ApparentWind:
     speed_unit: str = "m/s"
 
 
+def _derivable(name: str) -> str:
+    if name not in DERIVED:
+        raise ValueError(f"cannot be derived; {', '.join(DERIVED)} can")
+    return name
+
+
 @dataclass(frozen=True, config=_STRICT)
 class Long:
     """The columns of a long table, which has a row for each value: whose it is, the value, perhaps its unit."""
@@ -146,7 +135,8 @@ class Long:
 
 @dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
-    """A whole map. ``absent`` names channels that the table has not and that stay away.
+    """A whole map. ``absent`` names channels that the table has not and that stay away, ``derive`` those that are
+    computed of others (:mod:`acquisition.tables.derived_columns`).
 
     With ``long`` the variables of a long table are its columns.
     ``actuator`` lists the ship's, as in a vessel file. Rows without a time or with text for a number are an error,
@@ -162,8 +152,10 @@ class ColumnMap:
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
+    orientation: Orientation | None = None
     trial: RunSheet = field(default_factory=RunSheet)
     absent: tuple[AnyChannel, ...] = ()
+    derive: tuple[Annotated[str, AfterValidator(_derivable)], ...] = ()
 
     @property
     def actuators(self) -> Actuators:
@@ -174,16 +166,29 @@ class ColumnMap:
     def columns_of_numbers(self) -> tuple[str, ...]:
         """The table's columns that have to hold numbers."""
         named = [entry.column for entry in self.channels.values()]
-        if self.position:
+        if self.position and self.position.unit != AS_TEXT:
             named += [self.position.latitude, self.position.longitude]
         if self.apparent_wind:
             named += [self.apparent_wind.angle, self.apparent_wind.speed]
+        if self.orientation:
+            named += [getattr(self.orientation, part) for part in "xyzw"]
         return tuple(dict.fromkeys(name for name in named if name is not None))
+
+    @property
+    def columns_asked_for(self) -> tuple[str, ...]:
+        """The table's columns that become channels, those of text among them."""
+        place = self.position
+        text = (place.latitude, place.longitude, place.north_south, place.east_west) if place else ()
+        return tuple(dict.fromkeys((*self.columns_of_numbers, *(name for name in text if name is not None))))
 
 
 def load_column_map(path: Path | str) -> tuple[ColumnMap, Declared]:
     """Read and check a map; with the channels it declares. Raises :class:`ConfigurationError` naming the line."""
-    text = read_text(path)
+    return column_map_of(read_text(path), path)
+
+
+def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
+    """As :func:`load_column_map`, of the text of a map that is, or will be, at ``path``."""
     loaded, ship = parse_for_ship(text, path, ColumnMap)
     declared = tuple(each.channel for each in ship.declared if each.channel.group == "declared")
     known = with_declared(declared)
@@ -211,6 +216,11 @@ def _complaint(channel: Channel, column: Column) -> str:
     return ""
 
 
+def line_in_map(path: Path | str, keys: Sequence[str]) -> str:
+    """The place of a key in a map, for a complaint; of one that is not written yet, its path."""
+    return f"{path}, line {line_of(read_text(path), keys)}" if Path(path).is_file() else str(path)
+
+
 _MOST_TURNS_DEG = 720.0  # an angle beyond this that does not go on from others is a sentinel or a fault, and stays
 
 
@@ -229,8 +239,9 @@ class _Asked:
         self.raw, dropped = readable_rows(self.raw, times, given)
         return dropped
 
-    def numbers(self, name: str, keys: tuple[str, ...]) -> Floats:
-        return parse_numbers(self.raw, self.known(name, keys))
+    def numbers(self, name: str, keys: tuple[str, ...], missing: tuple[float, ...] = ()) -> Floats:
+        values = parse_numbers(self.raw, self.known(name, keys))
+        return np.where(np.isin(values, missing), np.nan, values) if missing else values
 
     def known(self, name: str, keys: tuple[str, ...], names: Iterable[str] | None = None) -> str:
         given = list(map(str, self.raw.columns.columns if names is None else names))
@@ -238,7 +249,7 @@ class _Asked:
             near = get_close_matches(name, given, n=1, cutoff=0.4) or given
             raise ConfigurationError(
                 f"asks for column {name!r}, which {self.raw.path} has not",
-                where=f"{self.map_path}, line {line_of(read_text(self.map_path), keys)}",
+                where=line_in_map(self.map_path, keys),
                 fix=f"did you mean {', '.join(map(repr, near))}?",
             )
         self.used.add(name)
@@ -253,12 +264,15 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
     :class:`InputError` for cells that are no numbers and rows without a time.
     """
-    asked, time, units = _Asked(raw, map_path), columns.time, dict[str, str]()
-    name = asked.known(time.column, ("time", "column"))
-    start = time.start if time.in_name is None else _start_in_name(raw, time)
-    twice = 0
+    asked, units, twice = _Asked(raw, map_path), raw.units, 0
+    name = asked.known(columns.time.column, ("time", "column"))
+    if columns.time.date is not None:
+        asked.known(columns.time.date, ("time", "date"))
     if columns.long is not None:
-        asked.raw, units, twice = _widened(asked, columns.long, columns)
+        asked.raw, twice = _widened(asked, columns.long, columns)
+        units = asked.raw.units
+    asked.raw, time = resolve_times(asked.raw, columns.time)
+    start = time.start if time.in_name is None else _start_in_name(asked.raw, time)
     dropped = asked.drop_unreadable(time, start, columns) if columns.unreadable_rows == "drop" else {}
     dropped |= {"twice of one variable and time": twice} if twice else {}
     index = parse_times(asked.raw, name, time.zone, start, seconds=time.format == "seconds")
@@ -269,35 +283,45 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             result.table[name] = float(entry.constant or 0.0)
             result.sources[name] = "assumed"
         else:
-            values = asked.numbers(entry.column, ("channels", name, "column"))
-            step = entry.step_to(known[name], units.get(entry.column))
+            values = asked.numbers(entry.column, ("channels", name, "column"), entry.missing)
+            step = entry.step_to(known[name], units.get(entry.column) if columns.long else None)
             result.table[name] = _turned_back(known[name], step.scale * values + step.offset)
             result.sources[name] = f"table: {entry.column}"
     _add_position(result, columns, asked)
+    _add_heading(result, columns, asked)
+    result.sources.update(derive(result.table, columns.derive))
     _add_true_wind(result, columns, asked)
     given = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
     result.passed_over = tuple(name for name in map(str, given) if name not in asked.used)
     return result
 
 
-def _widened(asked: _Asked, long: Long, columns: ColumnMap) -> tuple[RawTable, dict[str, str], int]:
-    """A long table with a column for each variable that the map asks for, and a row for each time, in their order.
-
-    Also the units that are told, by variable, and how many values another of the same variable and time replaces.
-    """
-    variable, value = (asked.known(name, ("long",)) for name in (long.variable, long.value))
-    rows = asked.raw.columns
+def _widened(asked: _Asked, long: Long, columns: ColumnMap) -> tuple[RawTable, int]:
+    """As :func:`widen`, of the variables that the map asks for."""
+    variables = asked.raw.columns[asked.known(long.variable, ("long",))].unique()
+    for name in (long.value, *((long.unit,) if long.unit is not None else ())):
+        asked.known(name, ("long",))
     for channel, entry in columns.channels.items():
         if entry.column is not None:
-            asked.known(entry.column, ("channels", channel, "column"), rows[variable].unique())
-    rows = rows[rows[variable].isin(columns.columns_of_numbers)]
-    time, units = columns.time.column, {}
+            asked.known(entry.column, ("channels", channel, "column"), variables)
+    keys = [name for name in (columns.time.column, columns.time.date) if name is not None]
+    return widen(asked.raw, long, keys, columns.columns_asked_for)
+
+
+def widen(raw: RawTable, long: Long, keys: Sequence[str], names: Collection[str]) -> tuple[RawTable, int]:
+    """A long table with a column for each of the variables ``names`` and a row for each time, in their order.
+
+    ``keys`` are the columns that tell the time; the variables' units are those of the table. Also how many values
+    another of the same variable and time replaces.
+    """
+    rows = raw.columns[raw.columns[long.variable].isin(names)]
+    units: dict[str, str] = {}
     if long.unit is not None:
-        told = rows.dropna(subset=[asked.known(long.unit, ("long", "unit"))]).drop_duplicates(variable)
-        units = dict(zip(told[variable], told[long.unit].astype("str"), strict=True))
-    twice = rows.duplicated([time, variable], keep="last")
-    wide = rows.pivot_table(index=time, columns=variable, values=value, aggfunc="last", sort=False)
-    return replace(asked.raw, columns=wide.reset_index()), units, int(twice.sum())
+        told = rows.dropna(subset=[long.unit]).drop_duplicates(long.variable)
+        units = dict(zip(told[long.variable], told[long.unit].astype("str"), strict=True))
+    twice = rows.duplicated([*keys, long.variable], keep="last")
+    wide = rows.pivot_table(index=[*keys], columns=long.variable, values=long.value, aggfunc="last", sort=False)
+    return replace(raw, columns=wide.reset_index().rename_axis(columns=None), units=units), int(twice.sum())
 
 
 def long_map(raw: RawTable, known: Collection[str]) -> ColumnMap | None:
@@ -323,7 +347,7 @@ _LONG = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
 def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     """The instant that the seconds count from, by the time that the file's name holds."""
     form = time.in_name or ""
-    parts = (_IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
+    parts = (IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
     found = re.search("".join(parts), raw.path.name)
     try:
         local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
@@ -347,8 +371,8 @@ def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
     entry = columns.position
     if entry is None:
         return
-    latitude = _degrees(asked, entry.latitude, "latitude", entry.unit)
-    longitude = _degrees(asked, entry.longitude, "longitude", entry.unit)
+    latitude = _degrees(asked, entry, "latitude", entry.north_south)
+    longitude = _degrees(asked, entry, "longitude", entry.east_west)
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         raise InputError(
@@ -367,18 +391,49 @@ def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
         result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
 
 
-def _degrees(asked: _Asked, name: str, key: str, unit: str) -> Floats:
-    values = asked.numbers(name, ("position", key))
-    if unit != DEGREES_AND_MINUTES:
+def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> Floats:
+    """One coordinate of the position [deg]; positive to the north and to the east."""
+    name = getattr(entry, key)
+    if entry.unit == AS_TEXT:
+        return from_text(asked.raw.columns[asked.known(name, ("position", key))])
+    values = asked.numbers(name, ("position", key), entry.missing)
+    if entry.unit != DEGREES_AND_MINUTES:
+        values = values * scale_to("deg", entry.unit)
+    else:
+        wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
+        if wrong.size:
+            raise InputError(
+                f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes",
+                where=str(asked.raw.path),
+                fix='say unit = "deg" under [position] if these are decimal degrees',
+            )
+        values = from_degrees_and_minutes(values)
+    if letters is None:
         return values
-    wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
-    if wrong.size:
-        raise InputError(
-            f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes",
-            where=str(asked.raw.path),
-            fix='say unit = "deg" under [position] if these are decimal degrees',
-        )
-    return from_degrees_and_minutes(values)
+    column = (
+        asked.raw.columns[asked.known(letters, ("position", "north_south"))].astype("str").str.strip().str.upper()
+    )
+    return np.where(column.isin(["S", "W"]), -values, values)
+
+
+def from_text(column: pd.Series[Any]) -> Floats:
+    """Degrees of text such as 62°28.146'N, 62 28 08.8 N, N62.469 or -62.469. NaN for what is none."""
+    text = column.astype("str").str.strip().str.upper().str.replace(",", ".", regex=False)
+    letter = text.str.extract(r"([NSEW])", expand=False)
+    parts = text.str.extract(r"(-?\d+(?:\.\d+)?)(?:\D+?(\d+(?:\.\d+)?))?(?:\D+?(\d+(?:\.\d+)?))?").astype(float)
+    size = parts[0].abs() + parts[1].fillna(0.0) / 60.0 + parts[2].fillna(0.0) / 3600.0
+    negative = letter.isin(["S", "W"]) ^ text.str.contains(r"^\D*-\d")
+    return np.asarray(np.where(negative, -size, size), dtype=float)
+
+
+def _add_heading(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+    """The heading of a quaternion."""
+    entry = columns.orientation
+    if entry is None:
+        return
+    x, y, z, w = (asked.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
+    result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, entry.frame)
+    result.sources["heading_deg"] = f"table: {entry.z} ... derived from the quaternion"
 
 
 def _add_true_wind(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
@@ -388,10 +443,8 @@ def _add_true_wind(result: TableFile, columns: ColumnMap, asked: _Asked) -> None
         return
     needed = [name for name in ("heading_deg", "surge_mps", "sway_mps") if name not in result.table]
     if needed:
-        line = line_of(read_text(asked.map_path), ["apparent_wind"])
-        raise ConfigurationError(
-            f"apparent_wind needs {', '.join(needed)}", where=f"{asked.map_path}, line {line}", fix="map them too"
-        )
+        where = line_in_map(asked.map_path, ["apparent_wind"])
+        raise ConfigurationError(f"apparent_wind needs {', '.join(needed)}", where=where, fix="map them too")
     angle = np.deg2rad(asked.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit))
     speed = asked.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
     motion = [result.table[name].to_numpy(dtype=float) for name in ("heading_deg", "surge_mps", "sway_mps")]

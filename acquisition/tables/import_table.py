@@ -6,7 +6,7 @@ flagged bad, and what was found is counted.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,19 +15,34 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.config.toml_file import line_of, read_text
 from acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
 from acquisition.core.angles import counted_on, in_turn, is_possible
 from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
-from acquisition.core.channels import actuators_of, channel_names, channels_known_to, channels_of_trial, trial_names
-from acquisition.core.declared import declared_from_text
+from acquisition.core.channels import (
+    actuators_of,
+    channel_names,
+    channels_known_to,
+    channels_of_trial,
+    find_channel,
+    trial_names,
+)
+from acquisition.core.declared import Declared, declared_from_text
 from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.tables.column_map import apply_column_map, load_column_map, long_map
+from acquisition.tables.column_map import (
+    ColumnMap,
+    apply_column_map,
+    column_map_of,
+    line_in_map,
+    load_column_map,
+    long_map,
+)
+from acquisition.tables.propose import Proposal, propose
 from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
@@ -52,6 +67,7 @@ class ImportSummary:
     missing: tuple[str, ...] = ()
     passed_over: tuple[str, ...] = ()
     dropped: dict[str, int] = field(default_factory=dict)
+    empty: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         parts = [f"{self.rows:,} rows, {self.samples:,} samples of {len(self.channels)} channels"]
@@ -66,6 +82,8 @@ class ImportSummary:
             parts.append(f"{self.times_twice} times come twice")
         if self.assumed:
             parts.append("assumed: " + ", ".join(f"{name} = {value:g}" for name, value in self.assumed.items()))
+        if self.empty:
+            parts.append(f"without a single value: {', '.join(self.empty)}")
         if self.missing:
             parts.append(f"missing: {', '.join(self.missing)}")
         if self.passed_over:
@@ -80,12 +98,69 @@ def import_table(
     allow_missing: bool = False,
     ignore_unknown: bool = False,
     vessel: Path | str | None = None,
+    force: bool = True,
 ) -> ImportSummary:
     """Write a table file as a recording and say what was found in it; arguments as those of the reader.
 
-    Raises as :func:`read_table_file`, and :class:`StorageError` when the recording cannot be written.
+    Without ``force`` a file that is there is not replaced. Raises as :func:`read_table_file`, and
+    :class:`StorageError` when the recording cannot be written.
     """
-    file = read_table_file(path, map_path, allow_missing, ignore_unknown, vessel)
+    refuse_overwriting(output, force)
+    return _record(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel), output)
+
+
+def import_proposed(
+    raw: RawTable,
+    proposal: Proposal,
+    output: Path | str,
+    map_path: Path | str,
+    vessel: Path | str | None = None,
+    force: bool = False,
+) -> ImportSummary:
+    """Write a table as a recording through a proposed map, and the map to ``map_path`` for next time.
+
+    Raises :class:`InputError` where a question without a default is not answered, and as :func:`import_table`.
+    """
+    if proposal.unanswered:
+        raise InputError(f"{proposal.unanswered[0]}", where=str(raw.path))
+    refuse_overwriting(output, force)
+    refuse_overwriting(map_path, force)
+    columns, declared = column_map_of(proposal.text, map_path)
+    ship = None if vessel is None else load_actuators(vessel)
+    summary = _record(_through_map(raw, columns, declared, map_path, ship, vessel), output)
+    with atomic_file(map_path) as partial:
+        partial.write_text(proposal.text, encoding="utf-8")
+    return summary
+
+
+def propose_for(
+    raw: RawTable, answers: Mapping[str, str] | None = None, vessel: Path | str | None = None
+) -> Proposal:
+    """As :func:`propose`, for the ship of a vessel's name or file."""
+    if vessel is None:
+        return propose(raw, answers)
+    return propose(raw, answers, load_actuators(vessel), name_of_ship(vessel))
+
+
+def is_standard(raw: RawTable) -> bool:
+    """Whether a table's columns are named as the channels: most of them, ``time`` among them."""
+    given = list(map(str, raw.columns.columns))
+    channels = channels_of_trial(raw.trial)
+    long = long_map(raw, channels)
+    if long is not None:
+        return bool(long.channels)
+    ours = [name for name in given if name == "time" or _is_ours(name, channels) or find_channel(name)]
+    return bool(raw.trial.actuators) or ("time" in given and 2 * len(ours) > len(given))
+
+
+def refuse_overwriting(path: Path | str, force: bool) -> None:
+    """Raise :class:`InputError` where a file is there already that ``force`` does not give up."""
+    if not force and Path(path).exists():
+        raise InputError("is there already", where=str(path), fix="name another file, or say --force to replace it")
+
+
+def _record(file: TableFile, output: Path | str) -> ImportSummary:
+    """Write a table as a recording; what was found in it."""
     flags = quality_flags(file.table, file.trial)
     samples = write_table(file.table, output, file.trial, file.sources, flags)
     step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
@@ -103,6 +178,7 @@ def import_table(
         missing=tuple(name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table),
         passed_over=file.passed_over,
         dropped=file.dropped,
+        empty=tuple(str(name) for name, column in file.table.items() if column.isna().all()),
     )
 
 
@@ -133,24 +209,43 @@ def read_table_file(
         fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
     else:
         columns, declared = load_column_map(map_path)
-        file = apply_column_map(raw, columns, map_path, declared)
-        ship = (
-            ship
-            or columns.actuators
-            or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
-            or actuators_in_columns([*file.table, *columns.absent], file.trial)
-        )
-        _check_mapped(columns.channels, ship, file.trial, map_path)
-        file = _for_ship(file, ship, raw)
-        allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
-        fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
+        return _through_map(raw, columns, declared, map_path, ship, vessel, allow_missing)
+    return _checked(file, raw, vessel, allow_missing, fix)
+
+
+def _through_map(
+    raw: RawTable,
+    columns: ColumnMap,
+    declared: Declared,
+    map_path: Path | str,
+    ship: Actuators | None,
+    vessel: Path | str | None,
+    allow_missing: bool = False,
+) -> TableFile:
+    """A table through its map, of the ship that is given, or the map names, or its columns tell of."""
+    file = apply_column_map(raw, columns, map_path, declared)
+    ship = (
+        ship
+        or columns.actuators
+        or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
+        or actuators_in_columns([*file.table, *columns.absent], file.trial)
+    )
+    _check_mapped(columns.channels, ship, file.trial, map_path)
+    file = _for_ship(file, ship, raw)
+    allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
+    fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
+    return _checked(file, raw, vessel, allow_missing, fix)
+
+
+def _checked(file: TableFile, raw: RawTable, vessel: Path | str | None, allow_missing: bool, fix: str) -> TableFile:
+    """The table under its vessel's name; an :class:`InputError` where it lacks a channel that it needs."""
     if vessel is not None:
         file.trial = replace(file.trial, vessel=name_of_ship(vessel))
     missing = [name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table]
     if missing and not allow_missing:
-        raise InputError(f"has no {', '.join(missing)}", where=str(path), fix=fix)
+        raise InputError(f"has no {', '.join(missing)}", where=str(raw.path), fix=fix)
     if file.table.columns.empty:
-        raise InputError("has no column that is a channel", where=str(path), fix="give a map with --columns")
+        raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
     return file
 
 
@@ -170,7 +265,7 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
             hers = ", ".join(each.name for each in ship)
             raise ConfigurationError(
                 f"{_with_hint(name, channels)} is no channel of the ship whose actuators are {hers}",
-                where=f"{map_path}, line {line_of(read_text(map_path), ['channels', name])}",
+                where=line_in_map(map_path, ["channels", name]),
                 fix="correct the name, or say whose actuators these are with --vessel FILE",
             )
 

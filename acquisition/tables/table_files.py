@@ -1,4 +1,5 @@
-"""Table files as they are: CSV, Parquet, .mat and NetCDF to a frame of raw columns, cells to numbers and times.
+"""Table files as they are: text, spreadsheets, Parquet, GPX and others to a frame of raw columns, cells to
+numbers and times.
 
 Rows keep their order and their number. What cannot be read is one :class:`InputError` that says where.
 """
@@ -6,12 +7,9 @@ Rows keep their order and their number. What cannot be read is one :class:`Input
 from __future__ import annotations
 
 import bz2
-import csv
 import gzip
 import json
 import lzma
-import re
-import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
@@ -33,20 +30,24 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
     ".bz2": bz2.open,
     ".xz": lzma.open,
 }
-"""How a CSV file is opened, by what comes after ``.csv``."""
+"""How a text file is opened, by what comes after ``.csv``."""
+_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat")
 _MICRO = 1_000_000
-_DELIMITERS = (",", ";", "\t")
-_PROBE_BYTES = 8192
 _ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 
 
 @dataclass(frozen=True, slots=True)
 class RawTable:
-    """The columns of a file under their own names, and the trial if the file tells of one."""
+    """The columns of a file under their own names, and the trial if the file tells of one.
+
+    ``units`` are those that the file tells beside the names, by column; ``meanings`` what it says of them besides.
+    """
 
     path: Path
     columns: pd.DataFrame
     trial: Trial = field(default_factory=Trial)
+    units: dict[str, str] = field(default_factory=dict)
+    meanings: dict[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -81,13 +82,14 @@ def read_raw(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
     suffix, packed = _kind_of(path)
-    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat, ".nc": _read_netcdf}
+    readers = _readers()
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
-    if suffix.lower() not in readers or packed.lower() not in _OPENERS or (packed and suffix.lower() != ".csv"):
+    if suffix.lower() not in readers or packed.lower() not in _OPENERS or (packed and suffix.lower() not in _TEXT):
         raise InputError(
             "is of no kind that can be imported", where=str(path),
-            fix=f"give .csv, also with {', '.join(filter(None, _OPENERS))}, or .parquet, .mat or .nc",
+            fix=f"give .csv or .tsv, packed with {', '.join(filter(None, _OPENERS))} if you like, .xlsx, .parquet,"
+            " .mat, .nc or .gpx",
         )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), fix="give a table that holds data")
@@ -110,39 +112,87 @@ def _kind_of(path: Path) -> tuple[str, str]:
     return Path(path.name.removesuffix(packed)).suffix, packed
 
 
-def _read_csv(path: Path) -> RawTable:
-    """Comma, semicolon or tab between the cells; with semicolons a comma in a number is the decimal point."""
-    unpacked = _OPENERS[_kind_of(path)[1].lower()]
-    with unpacked(path) as stream:
-        probe = stream.read(_PROBE_BYTES)
-    if b"\0" in probe:
+def _readers() -> dict[str, Callable[[Path], RawTable]]:
+    from acquisition.tables.array_files import read_mat, read_netcdf  # they make raw tables too
+
+    text, sheets = dict.fromkeys(_TEXT, _read_text), dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods"), _read_sheet)
+    return {**text, **sheets, ".parquet": _read_parquet, ".mat": read_mat, ".nc": read_netcdf, ".gpx": _read_gpx}
+
+
+def _read_text(path: Path) -> RawTable:
+    """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
+    from acquisition.tables.text_tables import decode, read_text
+
+    with _OPENERS[_kind_of(path)[1].lower()](path) as stream:
+        content = stream.read()
+    text = decode(content)
+    if "\0" in text:
         raise InputError("is no text", where=str(path), why="it holds zero bytes", fix="save it as CSV in UTF-8")
-    first, *rest = probe.decode("utf-8-sig", errors="ignore").splitlines()
-    delimiter = max(_DELIMITERS, key=first.count)
-    _refuse_twins([name.strip() for name in next(csv.reader([first], delimiter=delimiter))], path)
-    decimal = "," if delimiter == ";" and any("," in line for line in rest) else "."
-    with warnings.catch_warnings(), unpacked(path) as stream:
-        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
-        frame = pd.read_csv(
-            stream, sep=delimiter, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig", low_memory=False,
-            index_col=False,
-        )  # fmt: skip
-    frame.columns = pd.Index([str(name).strip() for name in frame.columns])
-    nameless = [name for name in frame.columns if name.startswith("Unnamed:") and frame[name].isna().all()]
-    frame = frame.drop(columns=nameless)  # what a delimiter at the end of every line leaves
-    return RawTable(path, frame, _trial_beside(path))
+    frame, units = read_text(text, lambda names: refuse_twins(names, path))
+    return RawTable(path, frame, _trial_beside(path), units)
+
+
+def _read_sheet(path: Path) -> RawTable:
+    """The sheet with most filled rows."""
+    from acquisition.tables.text_tables import frame_of_rows
+
+    calamine = optional("python_calamine", "excel", path)
+    book = calamine.CalamineWorkbook.from_path(str(path))
+    sheets = [book.get_sheet_by_name(name).to_python() for name in book.sheet_names]
+    rows: list[Any] = max(sheets, key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[])
+    frame, units = frame_of_rows(rows)
+    refuse_twins(list(frame.columns), path)
+    return RawTable(path, frame, units=units)
+
+
+def _read_gpx(path: Path) -> RawTable:
+    """The points of all tracks, with their time and what else each tells, speed and course say."""
+    from xml.etree import ElementTree as ET
+
+    points = [each for each in ET.parse(path).iter() if _tag(each) in ("trkpt", "rtept")]
+    rows: list[dict[str, Any]] = [
+        {"lat": float(point.get("lat", "nan")), "lon": float(point.get("lon", "nan"))}
+        | {_tag(each): _cell(each.text) for each in point.iter() if each is not point and (each.text or "").strip()}
+        for point in points
+    ]
+    return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
+
+
+def _tag(element: Any) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _cell(text: str | None) -> float | str:
+    try:
+        return float(text or "")
+    except ValueError:
+        return (text or "").strip()
+
+
+def optional(module: str, extra: str, path: Path) -> Any:
+    """A module that only some kinds of files need. Raises :class:`InputError` that says how to come by it."""
+    from importlib import import_module
+
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f"needs the package {module.replace('_', '-')} to be read", where=str(path),
+            fix=f"pip install 'seatrial[{extra}]', or save it as CSV",
+        ) from error  # fmt: skip
 
 
 def _trial_beside(path: Path) -> Trial:
     """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
     beside = path.with_name(f"{path.name}.json")
     try:
-        return _trial(json.loads(beside.read_text(encoding="utf-8"))["trial"])
+        return trial_of(json.loads(beside.read_text(encoding="utf-8"))["trial"])
     except (OSError, ValueError, KeyError, TypeError):
         return Trial()
 
 
-def _refuse_twins(names: list[str], path: Path) -> None:
+def refuse_twins(names: list[str], path: Path) -> None:
+    """Raise :class:`InputError` for columns of one name."""
     twins = [name for name, count in Counter(names).items() if count > 1]
     if twins:
         raise InputError(
@@ -159,96 +209,13 @@ def _read_parquet(path: Path) -> RawTable:
     if isinstance(frame.index, pd.DatetimeIndex) and "time" not in frame:
         frame = frame.rename_axis("time").reset_index()
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
-    _refuse_twins(list(frame.columns), path)
+    refuse_twins(list(frame.columns), path)
     written = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, _trial(json.loads(written)) if written else Trial())
+    return RawTable(path, frame, trial_of(json.loads(written)) if written else Trial())
 
 
-def _read_mat(path: Path) -> RawTable:
-    """Vectors of one length, at the top or in the one struct that holds them.
-
-    The structs ``units`` and ``trial`` of our own exports are understood; a vector of another length is an
-    error, for which of the two is wrong nobody can tell.
-    """
-    from scipy.io import loadmat
-
-    try:
-        loaded: dict[str, Any] = loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:
-        raise InputError(
-            "is a MATLAB 7.3 file", where=str(path), fix="save it with -v7, or export it as CSV or Parquet"
-        ) from error
-    content = {key: value for key, value in loaded.items() if not key.startswith("__")}
-    trial = content.pop("trial", {})
-    content.pop("units", None)
-    vectors = _vectors(content)
-    if not vectors:
-        structs = [
-            vectors for value in content.values() if isinstance(value, dict) and (vectors := _vectors(value))
-        ]
-        if len(structs) != 1:
-            what = "holds no vectors" if not structs else f"holds {len(structs)} structs of vectors"
-            raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
-        vectors = structs[0]
-    lengths = Counter(len(vector) for vector in vectors.values())
-    usual = lengths.most_common(1)[0][0]
-    odd = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
-    if odd:
-        raise InputError(
-            f"holds vectors that are not {usual} long: {', '.join(odd)}", where=str(path), fix="leave them out"
-        )
-    return RawTable(path, pd.DataFrame(vectors), _trial(trial) if isinstance(trial, dict) else Trial())
-
-
-_HDF5 = b"\x89HDF"
-_SINCE = re.compile(r"(seconds|minutes|hours|days) since (.+)")
-_SECONDS = {"seconds": 1.0, "minutes": 60.0, "hours": 3600.0, "days": 86_400.0}
-
-
-def _read_netcdf(path: Path) -> RawTable:
-    """The variables along the dimension of ``time``, in the classic format; fill values become NaN."""
-    from scipy.io import netcdf_file
-
-    with path.open("rb") as stream:
-        if stream.read(4) == _HDF5:
-            raise InputError("is NetCDF-4", where=str(path), fix="bring it to the classic format: nccopy -k nc6")
-    with netcdf_file(path, mmap=False) as file:
-        if "time" not in file.variables:
-            raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
-        rows = file.variables["time"].dimensions
-        columns = {name: _unfilled(each) for name, each in file.variables.items() if each.dimensions == rows}
-        since = _SINCE.match(getattr(file.variables["time"], "units", b"").decode())
-        trial, ours = json.loads(getattr(file, "trial", b"{}")), hasattr(file, "provenance")
-    if ours:  # lat and lon follow from the other columns
-        columns = {name: values for name, values in columns.items() if name not in ("lat", "lon")}
-    frame = pd.DataFrame(columns)
-    if since:
-        start = pd.Timestamp(since[2])
-        seconds = frame["time"] * _SECONDS[since[1]]
-        frame["time"] = (start.tz_localize("UTC") if start.tz is None else start) + pd.to_timedelta(seconds, "s")
-    return RawTable(path, frame, _trial(trial))
-
-
-def _unfilled(variable: Any) -> NDArray[Any]:
-    """A NetCDF variable's values in this machine's order of bytes, NaN where there is none."""
-    values = variable.data.astype(variable.data.dtype.newbyteorder("="))
-    fill = getattr(variable, "_FillValue", None)
-    return values if fill is None else np.where(values == fill, np.nan, values)
-
-
-def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """The numeric and text vectors among a file's variables; a single number is a vector of one."""
-    found = {}
-    for name, value in content.items():
-        if name == "units" or isinstance(value, dict | str):
-            continue
-        array = np.atleast_1d(np.asarray(value))
-        if array.ndim == 1 and array.size and array.dtype.kind in "biufUO":
-            found[name] = array
-    return found
-
-
-def _trial(values: Mapping[str, Any]) -> Trial:
+def trial_of(values: Mapping[str, Any]) -> Trial:
+    """The trial by what a file says of it, as text; what is not known is left out."""
     texts = {str(key): str(value) for key, value in values.items() if value is not None and np.size(value)}
     if "name" in texts:
         texts["trial"] = texts.pop("name")

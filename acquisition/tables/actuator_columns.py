@@ -1,0 +1,130 @@
+"""Which columns are of which actuator: kinds and sides by the words of their names, or the ship's own list."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from acquisition.core.actuators import DEFAULT, KINDS, Actuator, Actuators, name_of_order
+from acquisition.tables.draft import Candidate, Draft
+from acquisition.tables.vocabulary import BOW, ORDER, PORT, STARBOARD, STERN, TUNNEL
+
+_KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
+_ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}
+_LIKE = {
+    "propeller": ("propeller", "controllable_propeller", "waterjet", "azimuth"),
+    "azimuth": ("azimuth", "waterjet"),
+    "rudder": ("rudder",),
+    "tunnel": ("tunnel",),
+}
+"""The kinds of a known ship's actuators that a column of a kind may be of, the likeliest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A column that tells of an actuator: its control channel, or the channel of the orders to it."""
+
+    candidate: Candidate
+    channel: str
+    kind: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class FoundActuators:
+    """The actuators that columns tell of, and the columns."""
+
+    actuators: Actuators
+    columns: tuple[Found, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    candidate: Candidate
+    kind: str
+    side: str
+    is_order: bool
+
+
+def find_actuators(draft: Draft, ship: Actuators = ()) -> FoundActuators:
+    """The columns of actuators, each with the channel that it becomes; of a known ``ship`` her own."""
+    parts = [_part(each) for each in draft.of("rudder", "azimuth", "shaft", "propeller_pitch")]
+    azimuths = {each.side for each in parts if each.kind == "azimuth"}
+    parts = [_with_azimuth(each, azimuths) for each in parts]
+    found: dict[str, Found] = {}
+    kinds: dict[str, str] = {}
+    pitched = {each.side for each in parts if each.candidate.quantity.name == "propeller_pitch"}
+    for part in sorted(parts, key=lambda each: each.is_order):
+        for actuator in _hers(part, ship) if ship else [_new(part, parts, pitched)]:
+            stem = actuator.name + _ENDING[part.candidate.quantity.name]
+            if stem not in {channel.name for channel in actuator.channels}:
+                continue
+            channel = name_of_order(stem) if part.is_order and stem in found else stem
+            if channel in found:
+                other = found[channel].candidate.column
+                draft.note(part.candidate.column, "-", "", f"not used: {other!r} is taken for it")
+                continue
+            why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}"
+            found[channel] = Found(
+                part.candidate, channel, actuator.kind, why + (", its order" if part.is_order else "")
+            )
+            kinds[actuator.name] = actuator.kind
+    actuators = tuple(Actuator(name, kind) for name, kind in kinds.items())
+    if set(actuators) <= set(DEFAULT) and actuators:
+        actuators = DEFAULT
+    return FoundActuators(ship or actuators, tuple(found.values()))
+
+
+def _part(candidate: Candidate) -> _Part:
+    words = candidate.words
+    kind = _KIND_OF[candidate.quantity.name]
+    if candidate.quantity.name == "shaft" and words & (TUNNEL | (BOW | STERN) - {"forward", "aft", "fwd"}):
+        kind = "tunnel"
+    sides = (("port", PORT), ("starboard", STARBOARD), ("bow", BOW), ("stern", STERN))
+    side = next((name for name, known in sides if words & known), "")
+    number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
+    return _Part(candidate, kind, side or number, bool(words & ORDER))
+
+
+def _with_azimuth(part: _Part, azimuths: set[str]) -> _Part:
+    """A shaft at the side of an azimuth thruster is the thruster's."""
+    if part.kind == "propeller" and part.side in azimuths:
+        return _Part(part.candidate, "azimuth", part.side, part.is_order)
+    return part
+
+
+def _hers(part: _Part, ship: Actuators) -> list[Actuator]:
+    """The ship's actuators that a column tells of; without a side all of a kind, as of one order to a pair."""
+    for kind in _LIKE[part.kind]:
+        of_kind = [each for each in ship if each.kind == kind]
+        if not of_kind:
+            continue
+        at_side = [each for each in of_kind if part.side and _is_at(part.side, each.name)]
+        if at_side or not part.side or len(of_kind) == 1:
+            return at_side or of_kind
+    return []
+
+
+def _is_at(side: str, name: str) -> bool:
+    words = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}.get(side, frozenset({side}))
+    return bool(words & set(name.split("_")))
+
+
+def _new(part: _Part, parts: Iterable[_Part], pitched: set[str]) -> Actuator:
+    """An actuator of a ship that nothing else is known of."""
+    if part.kind == "azimuth":
+        return Actuator(
+            _name(part.side, "azimuth") if part.side.isdigit() or not part.side else part.side, "azimuth"
+        )
+    if part.kind == "tunnel":
+        sides = {each.side for each in parts if each.kind == "tunnel"}
+        return Actuator(
+            "tunnel" if len(sides) == 1 and part.side != "stern" else _name(part.side, "tunnel"), "tunnel"
+        )
+    kind = "controllable_propeller" if part.kind == "propeller" and part.side in pitched else part.kind
+    assert kind in KINDS
+    return Actuator(_name(part.side, part.kind), kind)
+
+
+def _name(side: str, kind: str) -> str:
+    return f"{kind}_{side}" if side.isdigit() else f"{side}_{kind}" if side else kind

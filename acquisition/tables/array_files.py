@@ -1,0 +1,193 @@
+"""Files of named arrays as raw tables: MATLAB's, of Simulink too, and NetCDF."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.errors import InputError
+from acquisition.core.trial import Trial
+from acquisition.tables.table_files import RawTable, optional, trial_of
+
+_HDF5 = b"\x89HDF"
+_SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")
+_UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms", "microseconds": "us",
+          "nanoseconds": "ns"}  # fmt: skip
+_TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
+
+
+def read_mat(path: Path) -> RawTable:
+    """Vectors of one length, at the top or in the one struct that holds them, or what Simulink saves with time.
+
+    The structs ``units`` and ``trial`` of our own exports are understood; a vector of another length is an
+    error, for which of the two is wrong nobody can tell.
+    """
+    from scipy.io import loadmat
+
+    try:
+        loaded: dict[str, Any] = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        loaded = _load_hdf5(path)
+    content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
+    trial, units = content.pop("trial", {}), content.pop("units", None)
+    vectors = _vectors(content) or _of_simulink(content) or _of_one_struct(content, path)
+    lengths = Counter(len(vector) for vector in vectors.values())
+    usual = lengths.most_common(1)[0][0]
+    odd = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
+    if odd:
+        raise InputError(
+            f"holds vectors that are not {usual} long: {', '.join(odd)}", where=str(path), fix="leave them out"
+        )
+    told = {str(name): str(unit) for name, unit in units.items()} if isinstance(units, dict) else {}
+    return RawTable(path, pd.DataFrame(vectors), trial_of(trial) if isinstance(trial, dict) else Trial(), told)
+
+
+def _of_one_struct(content: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
+    structs = [each for each in content.values() if isinstance(each, dict)]
+    found = [vectors for each in structs if (vectors := _vectors(_flat(each)))]
+    if len(found) != 1:
+        what = "holds no vectors" if not found else f"holds {len(found)} structs of vectors"
+        raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
+    return found[0]
+
+
+def _flat(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
+    """The fields of a struct and of those in it, their names joined by a point."""
+    result: dict[str, Any] = {}
+    for name, value in struct.items():
+        result |= _flat(value, f"{stem}{name}.") if isinstance(value, dict) else {f"{stem}{name}": value}
+    return result
+
+
+def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """What the blocks "To Workspace" and "Scope" save as a structure with time: ``time``, ``signals.values``.
+
+    A signal is called by its label, else by the variable; the times are those of the first of the structures.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    for variable, struct in content.items():
+        if not (isinstance(struct, dict) and {"time", "signals"} <= set(struct)):
+            continue
+        found.setdefault("time", np.atleast_1d(struct["time"]))
+        signals = struct["signals"] if isinstance(struct["signals"], list | np.ndarray) else [struct["signals"]]
+        for number, signal in enumerate(signals):
+            values, label = np.asarray(signal["values"]), str(np.squeeze(signal.get("label", "")) or "")
+            name = (
+                label if label and label != "[]" else variable if len(signals) == 1 else f"{variable}.{number + 1}"
+            )
+            columns = values if values.ndim == 2 else values[:, np.newaxis]
+            for place in range(columns.shape[1]):
+                found[name if columns.shape[1] == 1 else f"{name}.{place + 1}"] = columns[:, place]
+    return found
+
+
+def _load_hdf5(path: Path) -> dict[str, Any]:
+    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` gives those of older ones."""
+    h5py = optional("h5py", "hdf5", path)
+
+    def value_of(item: Any, file: Any) -> Any:
+        if isinstance(item, h5py.Group):
+            return {name: value_of(each, file) for name, each in item.items()}
+        if item.dtype == h5py.ref_dtype:
+            cells = [value_of(file[each], file) for each in np.ravel(item[()])]
+            return cells[0] if len(cells) == 1 else np.array(cells, dtype=object)
+        if item.attrs.get("MATLAB_empty", 0):
+            return ""
+        values = np.squeeze(item[()].T)
+        return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
+
+    with h5py.File(path) as file:
+        return {name: value_of(item, file) for name, item in file.items()}
+
+
+def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """The numeric and text vectors among a file's variables; a single number is a vector of one."""
+    found = {}
+    for name, value in content.items():
+        if name == "units" or isinstance(value, dict | str):
+            continue
+        array = np.atleast_1d(np.asarray(value))
+        if array.ndim == 1 and array.size and array.dtype.kind in "biufUO" and not isinstance(array[0], dict):
+            found[name] = array
+    return found
+
+
+def read_netcdf(path: Path) -> RawTable:
+    """The variables along the dimension of the time; fill values become NaN, packed numbers are unpacked."""
+    with path.open("rb") as stream:
+        is_hdf5 = stream.read(4) == _HDF5
+    variables, attributes = _netcdf_4(path) if is_hdf5 else _netcdf_classic(path)
+    time = next((name for name in _TIME_NAMES if name in variables), None) or next(
+        (name for name, (_, _, said) in variables.items() if said.get("standard_name") == "time"), None
+    )
+    if time is None:
+        raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
+    rows = variables[time][0]
+    along = {name: each for name, each in variables.items() if each[0] == rows}
+    if "provenance" in attributes:  # of our own exports: lat and lon follow from the other columns
+        along = {name: each for name, each in along.items() if name not in ("lat", "lon")}
+    frame = pd.DataFrame({name: _unpacked(values, said) for name, (_, values, said) in along.items()})
+    since = _SINCE.match(str(along[time][2].get("units", "")))
+    if since:
+        frame[time] = _times_since(frame[time], since)
+    units = {name: str(said["units"]) for name, (_, _, said) in along.items() if "units" in said and name != time}
+    meanings = {name: _meaning(said) for name, (_, _, said) in along.items() if _meaning(said)}
+    return RawTable(path, frame, trial_of(json.loads(attributes.get("trial", "{}"))), units, meanings)
+
+
+def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
+    start = pd.Timestamp(since[2])
+    start = start.tz_localize("UTC") if start.tz is None else start
+    return start + pd.to_timedelta(counted, unit=_UNITS[since[1]])  # type: ignore[call-overload, no-any-return]
+
+
+def _meaning(said: Mapping[str, Any]) -> str:
+    return str(said.get("standard_name") or said.get("long_name") or "")
+
+
+_Variables = dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]]
+
+
+def _netcdf_classic(path: Path) -> tuple[_Variables, dict[str, str]]:
+    """Each variable's dimensions, values and attributes, and the file's attributes."""
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, mmap=False) as file:
+        variables = {
+            name: (each.dimensions, each.data.astype(each.data.dtype.newbyteorder("=")), _texts(each._attributes))
+            for name, each in file.variables.items()
+        }
+        return variables, {name: str(value) for name, value in _texts(file._attributes).items()}
+
+
+def _netcdf_4(path: Path) -> tuple[_Variables, dict[str, str]]:
+    h5py = optional("h5py", "hdf5", path)
+    with h5py.File(path) as file:
+        variables = {}
+        for name, each in file.items():
+            if isinstance(each, h5py.Dataset) and each.ndim:
+                scales = [list(dimension.values()) for dimension in each.dims]
+                dimensions = tuple(scale[0].name if scale else each.name for scale in scales)
+                variables[name] = (dimensions, each[()], _texts(each.attrs))
+        return variables, {name: str(value) for name, value in _texts(file.attrs).items()}
+
+
+def _texts(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    plain = {name: value for name, value in attributes.items() if name not in ("DIMENSION_LIST", "REFERENCE_LIST")}
+    return {name: value.decode() if isinstance(value, bytes) else value for name, value in plain.items()}
+
+
+def _unpacked(values: NDArray[Any], said: Mapping[str, Any]) -> NDArray[Any]:
+    """A variable's values in its unit, NaN where there is none."""
+    missing = [np.ravel(said[name])[0] for name in ("_FillValue", "missing_value") if name in said]
+    scale, offset = (np.ravel(said.get(name, usual))[0] for name, usual in (("scale_factor", 1), ("add_offset", 0)))
+    result = values if (scale, offset) == (1, 0) else values * float(scale) + float(offset)
+    return np.where(np.isin(values, missing), np.nan, result) if missing else result

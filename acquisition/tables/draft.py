@@ -1,0 +1,165 @@
+"""A proposal while it is made, and when it is done: what each column was taken for and why, what is still asked."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.units import to_house
+from acquisition.tables.table_files import RawTable
+from acquisition.tables.unit_names import headed, units_called
+from acquisition.tables.vocabulary import Quantity, matches, words_of
+
+SKIP = "skip"
+"""The answer that leaves a column out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a column was taken for: a channel or a word for it, in which unit, and why."""
+
+    column: str
+    taken_for: str
+    unit: str = ""
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What the table does not tell: the key of the answer, the text, what may be answered, and what is taken if
+    nobody does; without a ``default`` it has to be answered."""
+
+    key: str
+    text: str
+    options: tuple[str, ...] = ()
+    default: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.text} (--answer {self.key}={'|'.join(self.options) or 'VALUE'})"
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A column that may hold a quantity, how much of its name says so, the units that it is headed with, if any."""
+
+    column: str
+    quantity: Quantity
+    cover: float
+    units: tuple[str, ...]
+    words: frozenset[str]
+
+
+@dataclass(slots=True)
+class Draft:
+    """The table and what has been found out of it so far; ``tree`` is the map as TOML would have it."""
+
+    raw: RawTable
+    answers: Mapping[str, str]
+    tree: dict[str, Any] = field(default_factory=dict)
+    readings: list[Reading] = field(default_factory=list)
+    questions: list[Question] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    candidates: list[Candidate] = field(default_factory=list)
+
+    def ask(self, key: str, text: str, options: Sequence[str] = (), default: str | None = None) -> str | None:
+        """The answer to a question, which is noted as long as there is none; the default, if any, meanwhile."""
+        given = self.answers.get(key)
+        if given is not None:
+            if options and given not in options and given != SKIP:
+                raise ConfigurationError(f"answer {key}={given} is none of {', '.join(options)}")
+            return given
+        self.questions.append(Question(key, text, (*options,), default))
+        return default
+
+    def numbers(self, column: str) -> Floats:
+        """A column's numbers, NaN for what is none."""
+        return np.asarray(pd.to_numeric(self.raw.columns[column], errors="coerce").to_numpy(dtype=float))
+
+    def of(self, *names: str) -> list[Candidate]:
+        """The candidates for quantities, the plainest and fullest first; columns without a value come last."""
+        found = [each for each in self.candidates if each.quantity.name in names]
+        return sorted(found, key=lambda each: (self.is_empty(each.column), -each.cover, -self.count(each.column)))
+
+    def count(self, column: str) -> int:
+        """How many cells are filled."""
+        return int(self.raw.columns[column].notna().sum())
+
+    def is_empty(self, column: str) -> bool:
+        """Whether a column has no value at all."""
+        return self.count(column) == 0
+
+    def note(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
+        """Write down what a column was taken for."""
+        self.readings.append(Reading(column, taken_for, unit, tuple(each for each in reasons if each)))
+
+
+def candidates_of(raw: RawTable) -> list[Candidate]:
+    """Each column with the first quantity that its name, or what the file says of it, means and its unit fits."""
+    found = []
+    for column in map(str, raw.columns.columns):
+        head = headed(column)
+        told = units_called(raw.units.get(column, ""))
+        names = [(raw.meanings.get(column, ""), told), (head.name, told or head.units)]
+        names += [(column, told)] if column.endswith(head.text) else []  # what looked like a unit may be none
+        for name, units in names:
+            fitting = [
+                (match, usable)
+                for match in matches(name)
+                if (usable := tuple(unit for unit in units if measures(match.quantity, unit))) or not units
+            ]
+            if fitting:
+                match, usable = fitting[0]
+                found.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
+                break
+    return found
+
+
+def measures(quantity: Quantity, unit: str) -> bool:
+    """Whether a column of a quantity may be in a unit."""
+    if unit == "ddmm":
+        return quantity.name in ("latitude", "longitude")
+    if quantity.name in ("time", "date"):
+        return unit in ("s", "ms", "us", "ns", "min", "h", "d")
+    if quantity.name in ("shaft", "engine_rpm", "rudder", "value") and unit == "percent":
+        return True
+    try:
+        to_house(quantity.unit or "1", unit)
+    except ConfigurationError:
+        return False
+    return True
+
+
+def as_toml(tree: Mapping[str, Any], comments: Mapping[str, str]) -> str:
+    """A map's tables as TOML; ``comments`` by channel stand behind its line."""
+    lines = [f"{key} = {_value(value)}" for key, value in tree.items() if not _is_table(value)]
+    for key, value in tree.items():
+        for each in value if isinstance(value, list) and _is_table(value) else [value]:
+            if isinstance(each, dict):
+                lines += ["", f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
+                lines += [f"{name} = {_value(entry)}{_comment(comments.get(name))}" for name, entry in each.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (
+        isinstance(value, list | tuple) and bool(value) and isinstance(value[0], dict)
+    )
+
+
+def _comment(text: str | None) -> str:
+    return f"  # {' '.join(text.split())}" if text else ""
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(entry)}" for key, entry in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,631 @@
+"""Foreign tables that nobody described: made of a known motion in the manner of yards, loggers and programs,
+imported as they are understood, and held against the motion they were made of."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pymap3d
+import pytest
+from scipy.io import savemat
+
+from acquisition.core.angles import difference
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import is_circular
+from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.tables.draft import Question
+from acquisition.tables.import_table import import_proposed, propose_for
+from acquisition.tables.propose import Proposal
+from acquisition.tables.table_files import read_raw
+from analysis.tables.table import read_table
+from tests.conftest import Command
+
+KNOT = 1852.0 / 3600.0
+START = pd.Timestamp("2026-05-03T23:58:00Z")  # over midnight UTC, a day that might be a month
+PLACE = (57.6, 11.2)
+
+
+@dataclass
+class Truth:
+    """Ten minutes of a ship with one propeller and one rudder: a zigzag that becomes a turning circle."""
+
+    rows: int = 600
+    step_s: float = 1.0
+    start: pd.Timestamp = START
+    place: tuple[float, float] = PLACE
+    table: pd.DataFrame = field(init=False)
+
+    def __post_init__(self) -> None:
+        t = self.step_s * np.arange(self.rows)
+        rate = 0.9 * np.sin(2 * np.pi * t / 120.0) + 0.8 / (1.0 + np.exp((300.0 - t) / 5.0))
+        rate_in = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+        heading = 340.0 + rate_in
+        u, v = 6.5 - 0.3 * rate**2, -0.35 * rate
+        course = np.deg2rad(heading)
+        north_rate, east_rate = u * np.cos(course) - v * np.sin(course), u * np.sin(course) + v * np.cos(course)
+        north, east = (
+            np.concatenate([[0.0], np.cumsum(0.5 * (each[1:] + each[:-1]) * np.diff(t))])
+            for each in (north_rate, east_rate)
+        )
+        latitude, longitude, _ = pymap3d.ned2geodetic(north, east, 0.0, *self.place, 0.0)
+        wind_ahead, wind_side = _felt(heading, u, v, 200.0, 8.0)
+        self.table = pd.DataFrame(
+            {
+                "latitude_deg": latitude,
+                "longitude_deg": longitude,
+                "north_m": north,
+                "east_m": east,
+                "heading_deg": heading % 360.0,
+                "surge_mps": u,
+                "sway_mps": v,
+                "yaw_rate_dps": rate,
+                "speed_over_ground_mps": np.hypot(north_rate, east_rate),
+                "course_over_ground_deg": np.rad2deg(np.arctan2(east_rate, north_rate)) % 360.0,
+                "wind_direction_deg": 200.0,
+                "wind_speed_mps": 8.0,
+                "apparent_wind_angle_deg": np.rad2deg(np.arctan2(wind_side, wind_ahead)) % 360.0,
+                "apparent_wind_speed_mps": np.hypot(wind_ahead, wind_side),
+                "rpm": 95.0 + 3.0 * np.sin(t / 50.0),
+                "rudder": 12.0 * np.sin(2 * np.pi * (t + 8.0) / 120.0) + np.where(t > 300.0, 10.0, 0.0),
+            },
+            index=self.start + pd.to_timedelta(t, unit="s"),
+        )
+
+    def __getattr__(self, name: str) -> Floats:
+        return np.asarray(self.table[name].to_numpy())
+
+    def local(self, zone: str = "UTC") -> pd.DatetimeIndex:
+        return pd.DatetimeIndex(self.table.index).tz_convert(zone).tz_localize(None)
+
+
+def _felt(heading: Floats, u: Floats, v: Floats, direction: float, speed: float) -> tuple[Floats, Floats]:
+    """Where the wind on board comes from, ahead and to starboard."""
+    angle = np.deg2rad(direction - heading)
+    return speed * np.cos(angle) + u, speed * np.sin(angle) + v
+
+
+def imported(path: Path, **answers: str) -> tuple[Proposal, pd.DataFrame]:
+    """What is proposed for a file, and the recording that comes of it."""
+    given = {key.replace("__", "."): value for key, value in answers.items()}
+    raw = read_raw(path)
+    proposal = propose_for(raw, given)
+    output, columns = path.with_suffix(".mcap"), path.with_suffix(".toml")
+    import_proposed(raw, proposal, output, columns)
+    tomllib.loads(columns.read_text(encoding="utf-8"))
+    return proposal, read_table(output)
+
+
+def assert_true(found: pd.DataFrame, truth: Truth, names: str, tolerance: float = 1e-3) -> None:
+    """Channels that are those of the motion, at its instants; ``channel=column`` where they are named apart."""
+    for each in names.split():
+        channel, _, column = each.partition("=")
+        expected = pd.Series(truth.table[column or channel], copy=True)
+        measured = found[channel].dropna()
+        assert len(measured) > 0.9 * len(expected), channel
+        values = np.interp(
+            measured.index.as_unit("ns").asi8,
+            expected.index.as_unit("ns").asi8,
+            np.unwrap(expected, period=360.0) if is_circular(channel) else expected,
+        )
+        off = difference(measured, values) if is_circular(channel) else measured - values
+        assert float(np.max(np.abs(off))) < tolerance, channel
+
+
+MOTION = "heading_deg surge_mps sway_mps yaw_rate_dps"
+PLACES = "latitude_deg longitude_deg"
+CONTROLS = "propeller_rpm=rpm rudder_angle_deg=rudder"
+
+
+def text(path: Path, frame: pd.DataFrame, separator: str = ",", before: str = "", **how: object) -> Path:
+    body = frame.to_csv(index=False, sep=separator, **how)  # type: ignore[call-overload]
+    path.write_bytes((before + body).encode(str(how.get("encoding", "utf-8"))))
+    return path
+
+
+def test_a_german_csv_with_decimal_commas_in_a_windows_code_page(tmp_path: Path) -> None:
+    truth = Truth()
+    local = truth.local("Europe/Berlin")
+    frame = pd.DataFrame(
+        {
+            "Datum": local.strftime("%d.%m.%Y"),
+            "Uhrzeit": local.strftime("%H:%M:%S"),
+            "Breite (°)": truth.latitude_deg,
+            "Länge (°)": truth.longitude_deg,
+            "Kreiselkurs (°)": truth.heading_deg,
+            "Kurs ü. Grund (°)": truth.course_over_ground_deg,
+            "Fahrt ü. Grund (kn)": truth.speed_over_ground_mps / KNOT,
+            "Drehrate (°/min)": 60.0 * truth.yaw_rate_dps,
+            "Ruderlage (°)": truth.rudder,
+            "Drehzahl (1/min)": truth.rpm,
+            "Bemerkung": "",
+        }
+    )
+    path = tmp_path / "probefahrt.csv"
+    content = frame.to_csv(index=False, sep=";", decimal=",", float_format="%.7f")
+    path.write_bytes(("Schiff: MS Erprobung\n\n" + content).encode("cp1252"))
+    _, found = imported(path, zone="Europe/Berlin")
+    assert_true(found, truth, f"{PLACES} {MOTION} {CONTROLS}", 2e-3)
+
+
+def test_an_excel_sheet_with_serial_dates_below_a_title(tmp_path: Path) -> None:
+    pytest.importorskip("python_calamine")
+    from openpyxl import Workbook
+
+    truth = Truth()
+    serial = (truth.local() - pd.Timestamp("1899-12-30")) / pd.Timedelta(days=1)
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.append(["Sea trial report", None, None])
+    sheet.append(["Hull no. 1234"])
+    sheet.append(
+        [
+            "Time (UTC)",
+            "Latitude",
+            "Longitude",
+            "Heading [deg]",
+            "SOG [kn]",
+            "COG [deg]",
+            "Rudder angle PS+ [deg]",
+            "Shaft speed [rpm]",
+        ]
+    )
+    columns = [
+        serial,
+        truth.latitude_deg,
+        truth.longitude_deg,
+        truth.heading_deg,
+        truth.speed_over_ground_mps / KNOT,
+        truth.course_over_ground_deg,
+        -truth.rudder,
+        truth.rpm,
+    ]
+    for row in zip(*columns, strict=True):
+        sheet.append([float(cell) for cell in row])
+    book.create_sheet("Notes").append(["calm"])
+    book.save(tmp_path / "trial.xlsx")
+    proposal, found = imported(tmp_path / "trial.xlsx")
+    assert_true(found, truth, f"{PLACES} heading_deg surge_mps sway_mps", 5e-3)
+    assert_true(found.iloc[1:-1], truth, "yaw_rate_dps", 0.02)
+    assert found["propeller_rpm"].to_numpy() == pytest.approx(truth.rpm)
+    assert not proposal.questions
+
+
+def test_an_excel_sheet_with_cells_of_dates(tmp_path: Path) -> None:
+    pytest.importorskip("python_calamine")
+    truth = Truth(rows=120)
+    frame = pd.DataFrame(
+        {"Zeitstempel": truth.local(), "Heading": truth.heading_deg, "ROT": 60 * truth.yaw_rate_dps}
+    )
+    frame.to_excel(tmp_path / "cells.xlsx", index=False)
+    _, found = imported(tmp_path / "cells.xlsx")
+    assert_true(found, truth, "heading_deg yaw_rate_dps")
+
+
+def test_a_voyage_data_recorders_export(tmp_path: Path) -> None:
+    """Lines before the header, a row of units, dates with slashes that only fit day first, marks for no value."""
+    truth = Truth()
+    rows = {
+        "Date": truth.local().strftime("%d/%m/%Y"),
+        "Time": truth.local().strftime("%H:%M:%S.%f").str[:-3],
+        "LAT": _degrees_minutes(truth.latitude_deg),
+        "N/S": "N",
+        "LON": _degrees_minutes(truth.longitude_deg),
+        "E/W": "E",
+        "HDT": truth.heading_deg.round(4),
+        "ROT": (60.0 * truth.yaw_rate_dps).round(4),
+        "VTG SOG": (truth.speed_over_ground_mps / KNOT).round(4),
+        "VTG COG": truth.course_over_ground_deg.round(4),
+        "RSA STBD": truth.rudder.round(3),
+        "RPM": truth.rpm.round(3),
+    }
+    frame = pd.DataFrame(rows).astype(str)
+    frame.loc[5:8, ["HDT", "ROT"]] = "---"
+    path = tmp_path / "vdr.csv"
+    body = frame.to_csv(index=False).replace(
+        "\n", "\nUTC,UTC,ddmm.mmmm,,dddmm.mmmm,,deg,deg/min,kn,deg,deg,1/min\n", 1
+    )
+    path.write_text(f"VDR Export V2.3\nIMO number,9391001\n# extracted 2026-05-09\n{body}")
+    proposal, found = imported(path)
+    assert_true(found, truth, f"{PLACES} heading_deg yaw_rate_dps", 5e-3)
+    assert_true(found, truth, "surge_mps sway_mps", 0.03)  # where the heading is not told, it is carried on
+    assert not proposal.questions
+    assert found["heading_deg"].isna().sum() == 4
+
+
+def _degrees_minutes(angle: Floats) -> list[str]:
+    whole = np.trunc(angle)
+    return [f"{100 * degrees + minutes:.6f}" for degrees, minutes in zip(whole, 60 * (angle - whole), strict=True)]
+
+
+def test_simulink_saves_a_structure_with_time(tmp_path: Path) -> None:
+    truth = Truth()
+    t = np.arange(600.0)
+
+    def signal(values: Floats, label: str) -> dict[str, object]:
+        return {"values": values[:, np.newaxis], "dimensions": 1.0, "label": label}
+
+    signals = np.array(
+        [
+            signal(truth.surge_mps, "u"),
+            signal(truth.sway_mps, "v"),
+            signal(np.deg2rad(truth.yaw_rate_dps), "r"),
+            signal(np.unwrap(np.deg2rad(truth.heading_deg)), "psi"),
+            signal(truth.north_m, "x"),
+            signal(truth.east_m, "y"),
+            signal(np.deg2rad(truth.rudder), "delta"),
+            signal(truth.rpm / 60.0, "n"),
+        ],
+        dtype=object,
+    )
+    savemat(
+        tmp_path / "sim.mat", {"simout": {"time": t[:, np.newaxis], "signals": signals, "blockName": "ship/out"}}
+    )
+    first = propose_for(read_raw(tmp_path / "sim.mat"))
+    assert {each.key for each in first.unanswered} <= {"unit.delta", "unit.psi"}
+    _, found = imported(tmp_path / "sim.mat", start=START.isoformat(), unit__delta="rad")
+    assert_true(found, truth, f"north_m east_m {MOTION} rudder_angle_deg=rudder", 5e-3)
+
+
+def test_a_matlab_7_3_file_is_read_as_an_older_one(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    truth = Truth(rows=200)
+    with h5py.File(tmp_path / "log.mat", "w", userblock_size=512) as file:
+        group = file.create_group("log")
+        datenum = 719_529.0 + pd.DatetimeIndex(truth.table.index).as_unit("ns").asi8 / 86_400e9
+        for name, values in (
+            ("time", datenum),
+            ("heading", truth.heading_deg),
+            ("lat", truth.latitude_deg),
+            ("lon", truth.longitude_deg),
+            ("sog_kn", truth.speed_over_ground_mps / KNOT),
+        ):
+            group.create_dataset(name, data=np.atleast_2d(values))
+    with (tmp_path / "log.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM")
+    _, found = imported(tmp_path / "log.mat")
+    assert_true(found, truth, f"{PLACES} heading_deg speed_over_ground_mps", 5e-3)
+    assert_true(found.iloc[1:-1], truth, "surge_mps sway_mps", 5e-3)
+
+
+def test_a_long_table_has_a_row_for_each_value(tmp_path: Path) -> None:
+    truth = Truth()
+    parts = {
+        "HDG": (truth.heading_deg, "deg"),
+        "SOG": (truth.speed_over_ground_mps / KNOT, "kn"),
+        "COG": (truth.course_over_ground_deg, "deg"),
+        "Lat": (truth.latitude_deg, "deg"),
+        "Lon": (truth.longitude_deg, "deg"),
+        "ROT": (60 * truth.yaw_rate_dps, "deg/min"),
+    }
+    stamps = [f"{each.isoformat()}Z" for each in truth.local()]
+    rows = [
+        pd.DataFrame({"timestamp": stamps, "variable": name, "value": values, "unit": unit})
+        for name, (values, unit) in parts.items()
+    ]
+    frame = pd.concat(rows).sort_values(["timestamp", "variable"])
+    proposal, found = imported(text(tmp_path / "long.csv", frame, ";"))
+    assert_true(found, truth, f"{PLACES} {MOTION}", 5e-3)
+    assert not proposal.questions
+
+
+def test_a_ros_bag_as_csv_counts_nanoseconds_and_turns_to_port(tmp_path: Path) -> None:
+    truth = Truth()
+    yaw = np.deg2rad(90.0 - truth.heading_deg)
+    frame = pd.DataFrame(
+        {
+            "%time": pd.DatetimeIndex(truth.table.index).as_unit("ns").asi8,
+            "field.header.seq": np.arange(600),
+            "field.pose.pose.position.x": truth.east_m,
+            "field.pose.pose.position.y": truth.north_m,
+            "field.pose.pose.position.z": 0.0,
+            "field.pose.pose.orientation.x": 0.0,
+            "field.pose.pose.orientation.y": 0.0,
+            "field.pose.pose.orientation.z": np.sin(yaw / 2),
+            "field.pose.pose.orientation.w": np.cos(yaw / 2),
+            "field.twist.twist.linear.x": truth.surge_mps,
+            "field.twist.twist.linear.y": -truth.sway_mps,
+            "field.twist.twist.angular.z": -np.deg2rad(truth.yaw_rate_dps),
+            "field.pose.covariance0": 0.1,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "odom.csv", frame))
+    assert_true(found, truth, f"north_m east_m {MOTION}", 5e-3)
+    assert not proposal.questions
+
+
+def test_an_ais_track_has_speeds_in_knots_and_codes_for_no_value(tmp_path: Path) -> None:
+    truth = Truth(rows=120, step_s=10.0)
+    heading = truth.heading_deg.copy()
+    heading[7] = 511.0
+    frame = pd.DataFrame(
+        {
+            "MMSI": 257000000,
+            "BaseDateTime": truth.local().strftime("%Y-%m-%dT%H:%M:%S"),
+            "LAT": truth.latitude_deg,
+            "LON": truth.longitude_deg,
+            "SOG": truth.speed_over_ground_mps / KNOT,
+            "COG": truth.course_over_ground_deg,
+            "Heading": heading,
+            "VesselName": "TEST",
+            "IMO": "IMO1234567",
+            "Length": 180,
+            "Draft": 9.5,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "ais.csv", frame))
+    assert_true(found, truth, f"{PLACES} speed_over_ground_mps course_over_ground_deg heading_deg")
+    assert_true(found, truth, "surge_mps sway_mps", 0.02)  # where the heading is missing it is carried on
+    assert np.isnan(found["heading_deg"].iloc[7])
+    assert [each.key for each in proposal.questions] == ["zone"]
+
+
+def test_a_gpx_track_gives_positions_and_the_speed_along_them(tmp_path: Path) -> None:
+    truth = Truth()
+    points = "\n".join(
+        f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}"><ele>0</ele><time>{time.isoformat()}Z</time></trkpt>'
+        for lat, lon, time in zip(truth.latitude_deg, truth.longitude_deg, truth.local(), strict=True)
+    )
+    path = tmp_path / "track.gpx"
+    path.write_text(f'<gpx xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>{points}</trkseg></trk></gpx>')
+    proposal, found = imported(path)
+    assert_true(found, truth, f"{PLACES}", 1e-6)
+    assert_true(found.iloc[2:-2], truth, "speed_over_ground_mps course_over_ground_deg", 0.1)
+    assert "heading_deg" not in found
+    assert any("heading" in each for each in proposal.warnings)
+
+
+def test_a_tab_separated_table_with_a_row_of_units(tmp_path: Path) -> None:
+    truth = Truth()
+    epoch = pd.DatetimeIndex(truth.table.index).as_unit("ns").asi8 / 1e9
+    frame = pd.DataFrame(
+        {
+            "time": [f"{each:.3f}" for each in epoch],
+            "x": truth.north_m,
+            "y": truth.east_m,
+            "psi": np.deg2rad(truth.heading_deg),
+            "u": truth.surge_mps / KNOT,
+            "v": truth.sway_mps / KNOT,
+            "r": np.deg2rad(truth.yaw_rate_dps),
+            "rudder": truth.rudder,
+            "rpm": truth.rpm,
+        }
+    )
+    body = frame.to_csv(index=False, sep="\t").replace(
+        "\n", "\n[s]\t[m]\t[m]\t[rad]\t[kn]\t[kn]\t[rad/s]\t[deg]\t[rpm]\n", 1
+    )
+    (tmp_path / "run.tsv").write_text(body)
+    proposal, found = imported(tmp_path / "run.tsv")
+    assert_true(found, truth, f"north_m east_m {MOTION} {CONTROLS}", 2e-3)
+    assert not proposal.questions
+
+
+@pytest.mark.parametrize(("unit", "size"), [("ms", 1_000_000), ("us", 1_000)])
+def test_counts_since_1970_are_known_by_their_size_and_speeds_by_the_track(
+    tmp_path: Path, unit: str, size: int
+) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "timestamp": pd.DatetimeIndex(truth.table.index).as_unit("ns").asi8 // size,
+            "lat": truth.latitude_deg,
+            "lng": truth.longitude_deg,
+            "hdg": truth.heading_deg,
+            "speed": truth.speed_over_ground_mps * 3.6,
+            "yaw_rate": np.deg2rad(truth.yaw_rate_dps),
+        }
+    )
+    proposal, found = imported(text(tmp_path / f"epoch_{unit}.csv", frame))
+    assert_true(found, truth, f"{PLACES} heading_deg yaw_rate_dps speed_over_ground_mps", 1e-2)
+    assert not proposal.questions
+
+
+def test_degrees_minutes_and_seconds_as_text_in_french(tmp_path: Path) -> None:
+    truth = Truth(place=(-33.9, -18.4))
+
+    def written(angle: float, letters: str) -> str:
+        seconds = round(3600.0 * abs(angle), 4)
+        return (
+            f"{int(seconds // 3600)}°{int(seconds // 60 % 60):02d}'{seconds % 60:07.4f}\"{letters[int(angle < 0)]}"
+        )
+
+    frame = pd.DataFrame(
+        {
+            "Date": truth.local().strftime("%d/%m/%y"),
+            "Heure UTC": truth.local().strftime("%H:%M:%S"),
+            "Latitude": [written(each, "NS") for each in truth.latitude_deg],
+            "Longitude": [written(each, "EW") for each in truth.longitude_deg],
+            "Cap vrai (°)": truth.heading_deg,
+            "Vitesse fond (nd)": truth.speed_over_ground_mps / KNOT,
+            "Route fond (°)": truth.course_over_ground_deg,
+            "Angle de barre (°)": truth.rudder,
+            "Tours (tr/min)": truth.rpm,
+        }
+    )
+    _, found = imported(text(tmp_path / "essai.csv", frame, ";", encoding="latin-1"))
+    assert_true(found, truth, f"{PLACES} heading_deg surge_mps {CONTROLS}", 5e-3)
+    assert_true(found.iloc[1:-1], truth, "yaw_rate_dps", 0.02)
+
+
+@pytest.mark.parametrize("month_first", [False, True])
+def test_the_order_of_day_and_month_is_found_by_the_span_or_asked(tmp_path: Path, month_first: bool) -> None:
+    truth = Truth(rows=7 * 3600 // 60, step_s=60.0)
+    form = "%m/%d/%Y" if month_first else "%d/%m/%Y"
+    frame = pd.DataFrame(
+        {
+            "Date": truth.local().strftime(form),
+            "Time UTC": truth.local().strftime("%H:%M:%S"),
+            "Heading (deg)": truth.heading_deg,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "two_days.csv", frame))
+    assert pd.Timestamp(found.index[0]) == START
+    assert not proposal.questions
+    one_day = frame.iloc[2:100]
+    asked = propose_for(read_raw(text(tmp_path / "one_day.csv", one_day)))
+    assert [each.key for each in asked.unanswered] == ["date_order"]
+    assert "4 May 2026" in asked.unanswered[0].text
+    assert "5 April 2026" in asked.unanswered[0].text
+    with pytest.raises(InputError, match=r"--answer date_order=day-first\|month-first"):
+        imported(tmp_path / "one_day.csv")
+    _, found = imported(tmp_path / "one_day.csv", date_order="month-first" if month_first else "day-first")
+    assert pd.Timestamp(found.index[0]) == START + pd.Timedelta(minutes=2)
+
+
+def test_norwegian_words_and_apparent_wind_that_nobody_called_so(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "Tid (UTC)": truth.local().strftime("%Y-%m-%d %H:%M:%S"),
+            "Breddegrad": truth.latitude_deg,
+            "Lengdegrad": truth.longitude_deg,
+            "Retning [grader]": truth.heading_deg,
+            "Fart over grunn [knop]": truth.speed_over_ground_mps / KNOT,
+            "Kurs over grunn [grader]": truth.course_over_ground_deg,
+            "Vindretning [grader]": truth.apparent_wind_angle_deg,
+            "Vindhastighet [m/s]": truth.apparent_wind_speed_mps,
+            "Rorvinkel [grader]": truth.rudder,
+            "Turtall [o/min]": truth.rpm,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "tokt.csv", frame))
+    assert_true(found, truth, "apparent_wind_angle_deg apparent_wind_speed_mps surge_mps", 5e-3)
+    assert_true(found, truth, "wind_direction_deg wind_speed_mps", 0.01)
+    assert any("apparent" in reason for each in proposal.readings for reason in each.reasons)
+
+
+def test_netcdf_4_of_others_by_its_standard_names(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    truth = Truth(rows=200)
+    with h5py.File(tmp_path / "cruise.nc", "w") as file:
+        time = file.create_dataset("TIME", data=np.arange(200.0) / 60.0)
+        time.make_scale("TIME")
+        time.attrs["units"] = f"minutes since {START:%Y-%m-%d %H:%M:%S}"
+        for name, values, standard, unit in (
+            ("A1", truth.latitude_deg, "latitude", "degrees_north"),
+            ("A2", truth.longitude_deg, "longitude", "degrees_east"),
+            ("A3", truth.heading_deg * 100.0, "platform_yaw", "degree"),
+            ("A4", truth.speed_over_ground_mps, "speed over ground", "m s-1"),
+        ):
+            variable = file.create_dataset(name, data=values)
+            variable.dims[0].attach_scale(time)
+            variable.attrs["units"], variable.attrs["standard_name"] = unit, standard
+        file["A3"].attrs["scale_factor"] = 0.01
+    _, found = imported(tmp_path / "cruise.nc")
+    assert_true(found, truth, f"{PLACES} heading_deg speed_over_ground_mps")
+
+
+def test_a_speed_that_the_positions_contradict_is_said_with_its_likely_unit(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time UTC": truth.local().astype(str),
+            "lat": truth.latitude_deg,
+            "lon": truth.longitude_deg,
+            "SOG [m/s]": truth.speed_over_ground_mps / KNOT,
+            "ROT [deg/s]": 60.0 * truth.yaw_rate_dps,
+            "HDG": truth.heading_deg,
+            "Torque": "",
+        }
+    )
+    proposal, _ = imported(text(tmp_path / "wrong.csv", frame))
+    assert any("0.514: knots?" in each for each in proposal.warnings)
+    assert any("deg/min?" in each for each in proposal.warnings)
+
+
+def test_what_cannot_be_told_is_asked_and_both_readings_are_named(tmp_path: Path) -> None:
+    truth = Truth(rows=60)
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().astype(str) + "Z",
+            "HDG": truth.heading_deg,
+            "Speed": 10.0 + truth.rudder,
+            "TWS": 9.0,
+            "n_prop": 12.5,
+        }
+    )
+    raw = read_raw(text(tmp_path / "bare.csv", frame))
+    asked = {each.key: each for each in propose_for(raw).unanswered}
+    assert {"unit.speed", "unit.wind", "unit.n_prop"} == set(asked)
+    assert {"m/s", "knots"} <= set(asked["unit.speed"].options)
+    answers = {"unit.speed": "knots", "unit.wind": "m/s", "unit.n_prop": "skip"}
+    proposal = propose_for(raw, answers)
+    assert not proposal.questions
+    assert "n_prop" not in tomllib.loads(proposal.text)["channels"]
+    with pytest.raises(ConfigurationError, match="none of m/s, knots"):
+        propose_for(raw, {"unit.speed": "furlongs"})
+    assert isinstance(asked["unit.speed"], Question)
+
+
+def test_the_command_proposes_refuses_imports_and_writes_the_map(tmp_path: Path, command: Command) -> None:
+    truth = Truth(rows=120)
+    frame = pd.DataFrame(
+        {
+            "Zeit (UTC)": truth.local().astype(str),
+            "Kreiselkurs": truth.heading_deg,
+            "Drehrate": 60 * truth.yaw_rate_dps,
+            "Leer": "",
+        }
+    )
+    table, output = text(tmp_path / "fahrt.csv", frame, ";"), tmp_path / "fahrt.mcap"
+    shown = command("import", table, "-o", output)
+    assert shown.code == 1
+    assert "--yes" in shown.err
+    assert not output.exists()
+    done = command("import", table, "-o", output, "--yes", "--preview", tmp_path / "fahrt.png")
+    assert (done.code, done.out.strip()) == (0, str(output))
+    assert (tmp_path / "fahrt.png").read_bytes().startswith(b"\x89PNG")
+    again = command("import", table, "-o", output, "--yes")
+    assert again.code == 1
+    assert "--force" in again.err
+    other = tmp_path / "again.mcap"
+    assert command("import", table, "-o", other, "--columns", tmp_path / "fahrt.columns.toml").code == 0
+    pd.testing.assert_frame_equal(read_table(other), read_table(output))
+    assert command("import", table, "-o", output, "--yes", "--force").code == 0
+    assert command("import", table, "-o", output, "--answer", "zone").code == 2
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    ("file", "known", "answers", "missing"),
+    [
+        (
+            "gunnerus_2019_docking/docking_2019-11-09_part1.csv",
+            "gunnerus_2019_docking",
+            {"full_scale": "203", "full_scale.tunnel": "450"},
+            set(),
+        ),
+        (
+            "gunnerus_2022_trials/trials_2022-10-27_part1.csv",
+            "gunnerus_2022_trials",
+            {"start": "2022-10-27T00:00:00Z"},
+            {"wind_direction_deg", "wind_speed_mps", "tunnel_rpm"},
+        ),
+        ("esso_osaka/zigzag/zigzag_31-Jul-2020_13_22_52.csv.gz", "esso_osaka", {}, set()),
+        ("esso_osaka/berthing/berthing_12-Nov-2020_11_07_23.csv.gz", "esso_osaka", {}, set()),
+    ],
+)
+def test_published_recordings_are_understood_as_their_maps_have_them(
+    shared_data: Path, tmp_path: Path, file: str, known: str, answers: dict[str, str], missing: set[str]
+) -> None:
+    """But for what only a person knows: percent of which speed, one order for two thrusters, the start."""
+    from acquisition.tables.import_table import read_table_file
+
+    raw = read_raw(shared_data / file)
+    vessel = "gunnerus_long" if known == "gunnerus_2022_trials" else None
+    proposal = propose_for(raw, answers, vessel)
+    assert not proposal.unanswered
+    written = tmp_path / "proposed.toml"
+    written.write_text(proposal.text, encoding="utf-8")
+    ours = read_table_file(shared_data / file, written).table
+    maps = Path(__file__).parents[2] / "trials" / "columns"
+    theirs = read_table_file(shared_data / file, maps / f"{known}.toml").table
+    assert set(theirs) - set(ours) == missing
+    for name in set(theirs) - missing:
+        np.testing.assert_allclose(ours[name].to_numpy(), theirs[name].to_numpy(), atol=1e-9, err_msg=name)
+    steps = [np.diff(pd.DatetimeIndex(table.index).as_unit("ns").asi8) for table in (ours, theirs)]
+    np.testing.assert_array_equal(*steps)
