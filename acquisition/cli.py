@@ -298,7 +298,7 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
 
     Console(stderr=True).print(proposal_table(proposal))
     for warning in proposal.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        typer.echo(f"warning: {printable(warning)}", err=True)
     if preview is not None:
         draw_preview(raw, proposal, preview)
         typer.echo(f"preview: {preview}", err=True)

@@ -18,6 +18,7 @@ _LIKE = {
     "tunnel": ("tunnel",),
 }
 """The kinds of a known ship's actuators that a column of a kind may be of, the likeliest first."""
+_AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +81,8 @@ def _part(candidate: Candidate) -> _Part:
     kind = _KIND_OF[candidate.quantity.name]
     if candidate.quantity.name == "shaft" and words & (TUNNEL | (BOW | STERN) - {"forward", "aft", "fwd"}):
         kind = "tunnel"
+    if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
+        kind = "azimuth"
     sides = (("port", PORT), ("starboard", STARBOARD), ("bow", BOW), ("stern", STERN))
     side = next((name for name, known in sides if words & known), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")

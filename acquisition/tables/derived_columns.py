@@ -124,11 +124,14 @@ def rate(seconds: Floats, values: Floats) -> Floats:
 
 
 def at_all_rows(seconds: Floats, values: Floats) -> Floats:
-    """Values carried to the rows without one, along straight lines; NaN before the first and after the last."""
-    there = np.isfinite(values)
-    if not there.any():
+    """Values carried to the rows without one, along straight lines between two no more than 3 s apart; else NaN."""
+    there = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
+    if there.size == 0:
         return values
-    return np.asarray(np.interp(seconds, seconds[there], values[there], left=np.nan, right=np.nan))
+    result = np.interp(seconds, seconds[there], values[there], left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(seconds[there], seconds), 1, max(there.size - 1, 1))
+    gap = seconds[there][np.minimum(after, there.size - 1)] - seconds[there][after - 1]
+    return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _REACH_S, result, np.nan))
 
 
 def heading_of_quaternion(x: Floats, y: Floats, z: Floats, w: Floats, frame: str = "enu") -> Floats:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,9 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import to_house
 from acquisition.tables.table_files import RawTable
+from acquisition.tables.time_columns import known_day, known_zone
 from acquisition.tables.unit_names import headed, units_called
-from acquisition.tables.vocabulary import Quantity, matches, words_of
+from acquisition.tables.vocabulary import Match, Quantity, matches, words_of
 
 SKIP = "skip"
 """The answer that leaves a column out."""
@@ -72,8 +73,7 @@ class Draft:
         """The answer to a question, which is noted as long as there is none; the default, if any, meanwhile."""
         given = self.answers.get(key)
         if given is not None:
-            if options and given not in options and given != SKIP:
-                raise ConfigurationError(f"answer {key}={given} is none of {', '.join(options)}")
+            _check_answer(key, given, options)
             return given
         self.questions.append(Question(key, text, (*options,), default))
         return default
@@ -100,6 +100,41 @@ class Draft:
         self.readings.append(Reading(column, taken_for, unit, tuple(each for each in reasons if each)))
 
 
+def _is_number(text: str) -> float:
+    return float(text)
+
+
+_CHECKS: dict[str, Callable[[str], object]] = {
+    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": _is_number
+}  # fmt: skip
+"""What tells whether an answer that is no choice can be one: it raises :class:`ValueError`."""
+KEYS = frozenset({*_CHECKS, "date_order", "time_unit", "x_axis", "course", "wind", "unit.speed", "unit.wind"})
+"""What may be answered, beside ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
+
+
+def _check_answer(key: str, given: str, options: Sequence[str]) -> None:
+    """Raise :class:`ConfigurationError` for an answer that is none."""
+    if options and given not in (*options, SKIP):
+        raise ConfigurationError(f"answer {key}={given} is none of {', '.join(options)}")
+    check = _CHECKS.get(key.partition(".")[0])
+    if check is None or given == SKIP:
+        return
+    try:
+        check(given)
+    except ValueError as error:
+        raise ConfigurationError(f"answer {key}={given} cannot be used", why=str(error)) from error
+
+
+def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
+    """Raise :class:`ConfigurationError` for an answer to what is never asked."""
+    for key in answers:
+        kind, _, name = key.partition(".")
+        if key not in KEYS and kind != "full_scale" and not (kind == "unit" and name in columns):
+            raise ConfigurationError(
+                f"nothing is asked under {key!r}", fix=f"answer one of {', '.join(sorted(KEYS))}, or unit.COLUMN"
+            )
+
+
 def candidates_of(raw: RawTable) -> list[Candidate]:
     """Each column with the first quantity that its name, or what the file says of it, means and its unit fits."""
     found = []
@@ -115,10 +150,32 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
                 if (usable := tuple(unit for unit in units if measures(match.quantity, unit))) or not units
             ]
             if fitting:
-                match, usable = fitting[0]
+                match, usable = _plain_n(fitting, raw) if name == "n" else fitting[0]
                 found.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
                 break
     return found
+
+
+def with_answers(draft: Draft) -> list[Candidate]:
+    """The candidates, their units as answered; those to skip are left out. Raises :class:`ConfigurationError`."""
+    kept = []
+    for each in candidates_of(draft.raw):
+        given = draft.answers.get(f"unit.{each.column}")
+        if given == SKIP:
+            draft.note(each.column, "-", "", "left out, as answered")
+            continue
+        units = units_called(given) or (given,) if given else each.units
+        if given and not measures(each.quantity, units[0]):
+            raise ConfigurationError(f"unit {given!r} does not measure what {each.column!r} is taken for")
+        kept.append(replace(each, units=units))
+    return kept
+
+
+def _plain_n(fitting: list[tuple[Match, tuple[str, ...]]], raw: RawTable) -> tuple[Match, tuple[str, ...]]:
+    """A small n is to the north beside an e, else turns of the shaft."""
+    beside = {str(column).lower() for column in raw.columns.columns}
+    wanted = "north_m" if beside & {"e", "east"} else "shaft"
+    return next((each for each in fitting if each[0].quantity.name == wanted), fitting[0])
 
 
 def measures(quantity: Quantity, unit: str) -> bool:

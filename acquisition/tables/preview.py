@@ -12,6 +12,7 @@ from acquisition.core.angles import unwrap, wraps_of
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit, is_circular, known_channels
 from acquisition.core.errors import storage_error
+from acquisition.core.text import printable
 from acquisition.tables.column_map import apply_column_map, column_map_of
 from acquisition.tables.propose import Proposal
 from acquisition.tables.table_files import RawTable
@@ -33,9 +34,9 @@ def proposal_table(proposal: Proposal) -> Table:
         table.add_column(title, overflow="fold")
     for each in proposal.readings:
         cells = (each.column, each.taken_for, each.unit, "; ".join(each.reasons))
-        table.add_row(*map(Text, cells), style="dim" if each.taken_for == "-" else "")
+        table.add_row(*(Text(printable(cell)) for cell in cells), style="dim" if each.taken_for == "-" else "")
     for name in proposal.passed_over:
-        table.add_row(Text(name), Text("-"), Text(""), Text("not known, passed over"), style="dim")
+        table.add_row(Text(printable(name)), Text("-"), Text(""), Text("not known, passed over"), style="dim")
     return table
 
 

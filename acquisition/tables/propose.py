@@ -24,7 +24,17 @@ from acquisition.core.errors import InputError
 from acquisition.core.units import from_degrees_and_minutes, scale_to
 from acquisition.tables.actuator_columns import Found, find_actuators
 from acquisition.tables.column_map import Long, from_text, widen
-from acquisition.tables.draft import SKIP, Candidate, Draft, Question, Reading, as_toml, candidates_of
+from acquisition.tables.draft import (
+    SKIP,
+    Candidate,
+    Draft,
+    Question,
+    Reading,
+    as_toml,
+    candidates_of,
+    check_keys,
+    with_answers,
+)
 from acquisition.tables.motion_evidence import (
     Fit,
     agreement,
@@ -81,7 +91,8 @@ def propose(
     """
     draft = Draft(raw, answers or {})
     _find_long(draft)
-    draft.candidates = candidates_of(draft.raw)
+    check_keys(draft.answers, list(map(str, draft.raw.columns.columns)))
+    draft.candidates = with_answers(draft)
     if vessel:
         draft.tree["trial"] = {"vessel": vessel}
     used = set(read_time(draft))
@@ -300,7 +311,7 @@ class _Motion:
             return
         why = "by its name"
         if not (north and east) and x and y:
-            turned = self._is_x_east(x, y)
+            turned = None if "x_axis" in self.draft.answers else self._is_x_east(x, y)
             if turned is None:
                 text = f"is {x.column!r} to the north or to the east?"
                 answer = self.draft.ask("x_axis", text, ("north", "east"))
@@ -499,6 +510,7 @@ class _Motion:
         place = next(i for i, each in enumerate(self.draft.readings) if each.taken_for == name)
         reading = self.draft.readings[place]
         self.draft.readings[place] = replace(reading, reasons=(*reading.reasons, f"sign turned: {why}"))
+        self.draft.warnings.append(f"the sign of {reading.column!r} is turned round: {why}")
 
     def _read_yaw_rate(self) -> None:
         candidate = self.best("yaw_rate_dps")
@@ -594,7 +606,8 @@ class _Motion:
         """True wind, or apparent: of the two the one that makes the steadier wind over ground."""
         text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
         steady = self._restlessness_of_wind(direction, speed, (speed.units or ("m/s",))[0])
-        if steady and max(steady.values()) > _STEADIER * min(steady.values()):
+        told = "wind" in self.draft.answers
+        if steady and not told and max(steady.values()) > _STEADIER * min(steady.values()):
             kind = min(steady, key=steady.__getitem__)
             other = max(steady.values()) / max(min(steady.values()), 1e-12)
             self.draft.note(
@@ -666,10 +679,10 @@ class _Motion:
         """A column in percent of a full scale that only a person knows."""
         group = found.channel.removesuffix("_rpm").removesuffix("_angle_deg")
         key = f"full_scale.{group}"
-        given = self.draft.answers.get(key, self.draft.answers.get("full_scale"))
+        text = f"{found.candidate.column!r} is in percent: of how many {unit}?"
+        wide = "full_scale" in self.draft.answers and key not in self.draft.answers
+        given = self.draft.ask("full_scale" if wide else key, text, (), SKIP)
         if given is None or given == SKIP:
-            text = f"{found.candidate.column!r} is in percent: of how many {unit}?"
-            self.draft.ask(key, text, (), SKIP)
             self.draft.warnings.append(
                 f"{found.candidate.column!r} is in percent of an unknown full scale and left out; "
                 f"say --answer {key}=NUMBER"

@@ -38,7 +38,8 @@ _HALF_DAY = pd.Timedelta(hours=12)
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 
 
-def _known_zone(zone: str) -> str:
+def known_zone(zone: str) -> str:
+    """A zone's name; :class:`ValueError` for another text."""
     if zone not in available_timezones():
         raise ValueError("is no time zone; write UTC, or a name like Europe/Oslo")
     return zone
@@ -74,7 +75,8 @@ def _known_format(text: str) -> str:
     return text
 
 
-def _day(text: str) -> str:
+def known_day(text: str) -> str:
+    """A day as 2026-05-17; :class:`ValueError` for another text."""
     datetime.strptime(text, "%Y-%m-%d")
     return text
 
@@ -94,13 +96,13 @@ class TimeColumn:
 
     column: str
     format: Annotated[str, AfterValidator(_known_format)] = "iso"
-    zone: Annotated[str, AfterValidator(_known_zone)] | None = None
+    zone: Annotated[str, AfterValidator(known_zone)] | None = None
     start: Annotated[str, AfterValidator(_instant)] | None = None
     in_name: Annotated[str, AfterValidator(_in_name)] | None = None
     name_tells: Literal["start", "end"] = "start"
     unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] = "s"
     date: str | None = None
-    day: Annotated[str, AfterValidator(_day)] | None = None
+    day: Annotated[str, AfterValidator(known_day)] | None = None
 
 
 def resolve_times(raw: RawTable, time: TimeColumn) -> tuple[RawTable, TimeColumn]:

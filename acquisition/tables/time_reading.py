@@ -24,6 +24,8 @@ _DATE = r"(?P<a>\d{1,4})(?P<s1>[-./ ])(?P<b>\d{1,2}|[A-Za-z]{3,9})(?P<s2>[-./ ])
 _DATE_ONLY, _CLOCK_ONLY = re.compile(_DATE), re.compile(_CLOCK)
 _BOTH = re.compile(rf"{_DATE}(?P<gap>[T ,;_]+| - ){_CLOCK}")
 _COMPACT = re.compile(r"(?P<d>(19|20)\d{6})(?P<gap>[T_ -]?)(?P<t>\d{6})?([.,]\d+)?(?P<z>Z)?")
+_MUCH = 10.0  # a month in the place of a day makes a day a month
+_LONGEST_TRIAL_D = 15.0
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
 _LOCAL_WORDS = frozenset(["local", "lt", "localtime", "lokal", "lokalzeit", "ortszeit", "bordzeit", "locale"])
 _NAME_FORMS = (
@@ -101,7 +103,7 @@ def _count_unit(cells: pd.Series[Any]) -> str:
             return unit
     step = float(np.median(np.abs(np.diff(values)))) if values.size > 1 else 1.0
     for system, (low, high) in _SERIALS.items():
-        if low < middle < high and step < _LONGEST_STEP_D:
+        if low < middle < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
             return system
     if 1.9e13 < middle < 2.1e13:
         return "%Y%m%d%H%M%S"
@@ -168,6 +170,9 @@ def _digits_of_date(draft: Draft, dates: pd.Series[Any]) -> tuple[str, str]:
     names = {"%d%m%y": "ddmmyy", "%y%m%d": "yymmdd", "%m%d%y": "mmddyy"}
     if len(fitting) == 1:
         return fitting[0], f"only {names[fitting[0]]} fits"
+    spans = sorted((_span(six, form, "", ""), form) for form in fitting)
+    if 0.0 < spans[0][0] * _MUCH < spans[1][0] and spans[0][0] < _LONGEST_TRIAL_D:
+        return spans[0][1], f"{names[spans[0][1]]}: else it would last {spans[1][0]:.0f} days"
     answer = draft.ask(
         "date_order", f"is the date {six.iloc[0]} " + " or ".join(names[each] for each in fitting) + "?",
         [names[each] for each in fitting],
@@ -197,8 +202,8 @@ def _seconds(draft: Draft, candidate: Candidate) -> tuple[str, ...]:
             unit = draft.ask("time_unit", text, ("ms", "s", "us")) or "ms"
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
     form = _form_in_name(draft.raw.path.name)
-    start = draft.answers.get("start")
-    if start is not None:
+    if "start" in draft.answers:
+        start = draft.ask("start", "") or ""
         entry["start"] = str(pd.Timestamp(start).isoformat()) + ("" if pd.Timestamp(start).tz else "+00:00")
         return _put(draft, column, entry, True, f"{unit} since {start}")
     if form:
@@ -290,7 +295,8 @@ def _order_of_date(
             forms["month-first"], "month first: there is a day beyond 12")  # fmt: skip
     spans = {name: _span(text, form, clock, gap) for name, form in forms.items()}
     ordered = sorted(spans, key=spans.__getitem__)
-    if spans[ordered[0]] * 10.0 < spans[ordered[1]] and spans[ordered[0]] < 15.0:
+    told = "date_order" in draft.answers
+    if not told and spans[ordered[0]] * _MUCH < spans[ordered[1]] and spans[ordered[0]] < _LONGEST_TRIAL_D:
         return forms[ordered[0]], f"{ordered[0].replace('-', ' ')}: else it would last {spans[ordered[1]]:.0f} days"
     both = [
         pd.to_datetime(first.group(0)[: first.end("y")], format=form).strftime("%-d %B %Y")

@@ -69,8 +69,12 @@ def matches(name: str) -> tuple[Match, ...]:
 
 
 def _match(quantity: Quantity, words: tuple[str, ...], text: str, joined: str) -> Match | None:
-    """How well the longest of a quantity's phrases covers a name; single letters count as a whole name only."""
-    said = [each for each in quantity.phrases if len(each) > 1 and f" {each} " in text]
+    """How well the longest of a quantity's phrases covers a name; single letters count as a whole name only.
+
+    Words of sides may stand amid a phrase.
+    """
+    plain = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
+    said = [each for each in quantity.phrases if len(each) > 1 and (f" {each} " in text or f" {each} " in plain)]
     if joined in {each.replace(" ", "") for each in quantity.phrases}:
         return Match(quantity, 1.0, frozenset())
     if not said:

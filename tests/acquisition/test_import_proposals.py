@@ -232,9 +232,9 @@ def test_a_voyage_data_recorders_export(tmp_path: Path) -> None:
     path.write_text(f"VDR Export V2.3\nIMO number,9391001\n# extracted 2026-05-09\n{body}")
     proposal, found = imported(path)
     assert_true(found, truth, f"{PLACES} heading_deg yaw_rate_dps", 5e-3)
-    assert_true(found, truth, "surge_mps sway_mps", 0.03)  # where the heading is not told, it is carried on
+    assert_true(found, truth, "surge_mps sway_mps", 5e-3)
     assert not proposal.questions
-    assert found["heading_deg"].isna().sum() == 4
+    assert found["heading_deg"].isna().sum() == found["surge_mps"].isna().sum() == 4
 
 
 def _degrees_minutes(angle: Floats) -> list[str]:
@@ -266,9 +266,9 @@ def test_simulink_saves_a_structure_with_time(tmp_path: Path) -> None:
         tmp_path / "sim.mat", {"simout": {"time": t[:, np.newaxis], "signals": signals, "blockName": "ship/out"}}
     )
     first = propose_for(read_raw(tmp_path / "sim.mat"))
-    assert {each.key for each in first.unanswered} <= {"unit.delta", "unit.psi"}
-    _, found = imported(tmp_path / "sim.mat", start=START.isoformat(), unit__delta="rad")
-    assert_true(found, truth, f"north_m east_m {MOTION} rudder_angle_deg=rudder", 5e-3)
+    assert {each.key for each in first.unanswered} <= {"unit.n"}
+    _, found = imported(tmp_path / "sim.mat", start=START.isoformat(), unit__n="rps")
+    assert_true(found, truth, f"north_m east_m {MOTION} {CONTROLS}", 5e-3)
 
 
 def test_a_matlab_7_3_file_is_read_as_an_older_one(tmp_path: Path) -> None:
@@ -359,7 +359,7 @@ def test_an_ais_track_has_speeds_in_knots_and_codes_for_no_value(tmp_path: Path)
     )
     proposal, found = imported(text(tmp_path / "ais.csv", frame))
     assert_true(found, truth, f"{PLACES} speed_over_ground_mps course_over_ground_deg heading_deg")
-    assert_true(found, truth, "surge_mps sway_mps", 0.02)  # where the heading is missing it is carried on
+    assert_true(found, truth, "surge_mps sway_mps")
     assert np.isnan(found["heading_deg"].iloc[7])
     assert [each.key for each in proposal.questions] == ["zone"]
 
@@ -587,6 +587,68 @@ def test_the_command_proposes_refuses_imports_and_writes_the_map(tmp_path: Path,
     pd.testing.assert_frame_equal(read_table(other), read_table(output))
     assert command("import", table, "-o", output, "--yes", "--force").code == 0
     assert command("import", table, "-o", output, "--answer", "zone").code == 2
+
+
+def test_the_sentences_digits_of_date_and_time_are_read(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "UTC": truth.local().strftime("%H%M%S.00"),
+            "Date": truth.local().strftime("%d%m%y"),
+            "Lat (ddmm.mmmm)": _degrees_minutes(truth.latitude_deg),
+            "Lon (dddmm.mmmm)": _degrees_minutes(truth.longitude_deg),
+            "HDT": truth.heading_deg,
+        }
+    )
+    proposal, found = imported(text(tmp_path / "rmc.csv", frame))
+    assert_true(found, truth, f"{PLACES} heading_deg", 1e-6)
+    assert not proposal.questions
+
+
+def test_azimuth_thrusters_have_their_shafts_orders_and_the_sign_that_turns_the_ship(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "Timestamp": truth.local().strftime("%Y/%m/%d %H:%M:%S"),
+            "Gyro1": truth.heading_deg,
+            "Gyro2": truth.heading_deg + 0.1,
+            "Pos North": truth.north_m,
+            "Pos East": truth.east_m,
+            "Az Thruster PS Angle FB": truth.rudder,  # to starboard, as a rudder: turns the thrust to port
+            "Az Thruster SB Angle FB": -truth.rudder,
+            "Az Thruster PS RPM FB": truth.rpm,
+            "Az Thruster SB RPM FB": truth.rpm + 1.0,
+            "Az Thruster PS RPM CMD": truth.rpm + 2.0,
+            "Bow Thruster %": np.linspace(0.0, 50.0, 600),
+        }
+    )
+    proposal, found = imported(text(tmp_path / "dp.csv", frame), full_scale__tunnel="400")
+    for channel in ("port_angle_deg", "starboard_angle_deg"):
+        assert found[channel].to_numpy() == pytest.approx(-truth.rudder)
+    assert found["starboard_rpm"].to_numpy() == pytest.approx(truth.rpm + 1.0)
+    assert found["port_order_rpm"].to_numpy() == pytest.approx(truth.rpm + 2.0)
+    assert found["tunnel_rpm"].iloc[-1] == pytest.approx(200.0)
+    assert ["sign" in each for each in proposal.warnings] == [True]
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        {"zone": "Oslo"}, {"start": "noon"}, {"day": "17.5.2026"}, {"full_scale.port": "fast"},
+        {"units.u": "m/s"}, {"unit.HDG": "knots"},
+    ],
+)  # fmt: skip
+def test_an_answer_that_cannot_be_one_is_a_line(tmp_path: Path, answer: dict[str, str]) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(
+        "t,clock,HDG,port rpm [%],port azimuth [deg]\n0,12:00,9,50,0\n1,12:01,10,50,0\n2,12:02,11,50,0\n"
+    )
+    if "day" in answer or "zone" in answer:
+        path.write_text(path.read_text().replace("t,clock", "number,time"))
+    if "start" in answer:
+        path.write_text(path.read_text().replace("clock", "spare"))
+    with pytest.raises(ConfigurationError):
+        propose_for(read_raw(path), answer)
 
 
 @pytest.mark.shared
