@@ -56,7 +56,11 @@ def find_actuators(draft: Draft, ship: Actuators = ()) -> FoundActuators:
     kinds: dict[str, str] = {}
     pitched = {each.side for each in parts if each.candidate.quantity.name == "propeller_pitch"}
     for part in sorted(parts, key=lambda each: each.is_order):
-        for actuator in _hers(part, ship) if ship else [_new(part, parts, pitched)]:
+        meant = _hers(part, ship) if ship else [_new(part, parts, pitched)]
+        if len(meant) > 1:
+            names = " and ".join(each.name for each in meant)
+            draft.warnings.append(f"{part.candidate.column!r} names no side: it is taken for {names} alike")
+        for actuator in meant:
             stem = actuator.name + _ENDING[part.candidate.quantity.name]
             if stem not in {channel.name for channel in actuator.channels}:
                 continue

@@ -98,7 +98,8 @@ def propose(
     used = set(read_time(draft))
     draft.candidates = [each for each in draft.candidates if each.column not in used]
     _Motion(draft, _seconds(draft), ship).read()
-    if not draft.tree.get("channels") and "position" not in draft.tree:
+    asked = any(each.default is None for each in draft.questions)
+    if not asked and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
     known = {each.column for each in draft.readings} | used
     comments = {each.taken_for: "; ".join(each.reasons) for each in draft.readings}

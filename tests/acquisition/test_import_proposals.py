@@ -559,6 +559,18 @@ def test_what_cannot_be_told_is_asked_and_both_readings_are_named(tmp_path: Path
     with pytest.raises(ConfigurationError, match="none of m/s, knots"):
         propose_for(raw, {"unit.speed": "furlongs"})
     assert isinstance(asked["unit.speed"], Question)
+    course = propose_for(
+        read_raw(text(tmp_path / "course.csv", frame[["time", "HDG"]].set_axis(["time", "Kurs"], axis=1)))
+    )
+    assert [each.key for each in course.unanswered] == ["course"]
+
+
+def test_one_column_for_a_pair_of_thrusters_is_said(tmp_path: Path) -> None:
+    frame = pd.DataFrame({"time": Truth(rows=20).local().astype(str) + "Z", "RPM": 90.0, "Azi": np.arange(20.0)})
+    raw = read_raw(text(tmp_path / "pair.csv", frame))
+    proposal = propose_for(raw, vessel="gunnerus_long")
+    assert {"port_rpm", "starboard_rpm", "port_angle_deg"} <= set(tomllib.loads(proposal.text)["channels"])
+    assert sum("alike" in each for each in proposal.warnings) == 2
 
 
 def test_the_command_proposes_refuses_imports_and_writes_the_map(tmp_path: Path, command: Command) -> None:
