@@ -30,6 +30,7 @@ from analysis.manoeuvres.measures import (
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
+from analysis.manoeuvres.turning_tests import find_pull_outs, find_williamson_turns, spiral, spiral_steps
 from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
@@ -116,13 +117,22 @@ def _zigzags_and_turns(
     """Zigzags and turns, and the rows that they take."""
     helm = helm_of(motion)
     motion = replace(motion, helm_rate_dps=helm_rate_dps(helm, motion.step_s))
-    held = helm_plateaus(motion, helm)
+    every = held_helms(motion, helm)
+    held = off_the_middle(helm, every)
     extremes = helm_extremes(motion, helm)
     chains = [chain for chain in zigzag_chains(motion, held, 2, extremes) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
+    spirals = spiral_steps(motion, [each for each in every if each.first not in swings])
+    swings |= {each.first for steps in spirals for each in steps}
+    free = [each for each in held if each.first not in swings]
     found = [zigzag(motion, helm, chain) for chain in chains]
-    found += [turning_circle(motion, helm, each) for each in held if each.first not in swings
-              and is_turn(motion, helm, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)]  # fmt: skip
+    found += [spiral(motion, helm, steps) for steps in spirals]
+    found += [
+        turning_circle(motion, helm, each) for each in free
+        if is_turn(motion, helm, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)
+    ]  # fmt: skip
+    found += find_pull_outs(motion, helm, [each for each in every if each.first not in swings], fastest_mps)
+    found += find_williamson_turns(motion, helm, free)
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
         taken |= _rows_of(motion, each, each.settings["half_command_s"])
@@ -138,18 +148,26 @@ def helm_of(motion: Motion) -> Floats:
     return np.where(running, motion.helm_deg, 0.0)
 
 
-def helm_plateaus(motion: Motion, helm: Floats) -> list[Plateau]:
-    """The plateaus of the helm that are off the middle and steady enough to be an order."""
-    least, tolerance = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm)), tolerance_of(helm, _LEAST_STEP_DEG)
+def held_helms(motion: Motion, helm: Floats) -> list[Plateau]:
+    """The plateaus of the helm."""
+    tolerance, rate = tolerance_of(helm, _LEAST_STEP_DEG), motion.helm_rate_dps
     return [
         replace(each, first=each.first + offset, end=each.end + offset)
         for offset, end in stretches(~motion.broken)
         for each in merge_corrections(
-            plateaus(helm[offset:end], motion.step_s, tolerance, rate=motion.helm_rate_dps), motion.step_s
+            plateaus(helm[offset:end], motion.step_s, tolerance, rate=rate), motion.step_s
         )
+    ]  # fmt: skip
+
+
+def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
+    """The plateaus that are off the middle and steady enough to be an order."""
+    least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
+    return [
+        each for each in held
         if least <= abs(each.level) <= _WIDEST_HELM_DEG
         and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
-    ]
+    ]  # fmt: skip
 
 
 def helm_extremes(motion: Motion, helm: Floats) -> list[Plateau]:
@@ -188,6 +206,9 @@ def _fits_kind(kind: str, text: str) -> bool:
         "acceleration": "accel",
         "stopping": "stop crash",
         "crabbing": "crab side",
+        "pull_out": "pull",
+        "spiral": "spiral dieudonne",
+        "williamson_turn": "williamson man overboard",
         "thruster_test": "thrust",
     }
     return any(word in text.lower() for word in words[kind].split())  # fmt: skip

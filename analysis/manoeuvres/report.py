@@ -191,7 +191,11 @@ def number_text(number: int, kind: str) -> str:
     >>> number_text(1, "zigzag"), number_text(2, "course_change"), number_text(3, "crabbing")
     ('1 zigzag', '2 course changes', '3 crabbing runs')
     """
-    noun = {"crabbing": "crabbing run", "stopping": "stopping test"}.get(kind, kind.replace("_", " "))
+    nouns = {
+        "crabbing": "crabbing run", "stopping": "stopping test", "pull_out": "pull-out", "spiral": "direct spiral",
+        "williamson_turn": "Williamson turn",
+    }  # fmt: skip
+    noun = nouns.get(kind, kind.replace("_", " "))
     return f"{number} {noun}{'s' * (number != 1)}"
 
 

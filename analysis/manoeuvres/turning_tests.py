@@ -1,0 +1,236 @@
+"""Tests by the helm beside zigzags and circles: pull-out, direct spiral (Dieudonne) and Williamson turn.
+
+Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are told by what was ordered and by what the ship
+did after it: rates of turn count where they have settled, and a Williamson turn ends on the reciprocal course.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from acquisition.core.arrays import Floats
+from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.measures import (
+    Measure,
+    Plateau,
+    along_and_across,
+    approach_of,
+    approach_settings,
+    bootstrap_indices,
+    crossing_s,
+    execute_s,
+    execute_unsure_s,
+    half_width_s,
+    helm_change_s,
+    helm_execute_s,
+    is_same_order,
+)
+from analysis.manoeuvres.motion import Motion, noise_of
+
+_MARGIN_S = 20.0
+_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1
+_LEAST_TURN_DEG, _LEAST_WAY = 30.0, 0.2  # before a pull-out; way of the fastest of the recording
+_STILL_DEG, _SPREAD_OF_NOISE = 0.3, 3.0  # the middle 80 % of white noise are 2.6 standard deviations wide
+_LEAST_SHARE_OF_STEP = 0.25  # of the longest step: they are held alike
+_SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the last
+_LEAST_HELD_S = 10.0
+_FEWEST_STEPS = 5
+_LEAST_HELM_STEP_DEG = 1.0
+_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg out and the reciprocal course, as hands steer them
+
+
+def find_pull_outs(motion: Motion, helm: Floats, held: Sequence[Plateau], fastest_mps: float) -> list[Manoeuvre]:
+    """Helms put amidships out of a turn and held there until the rate of turn has settled."""
+    found = []
+    for last, each in pairwise(held):
+        turned = motion.heading_deg[last.first : last.end]
+        way = motion.speed_mps[each.first] > _LEAST_WAY * fastest_mps
+        if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, helm, last, each)):
+            continue
+        begun, half = execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2)
+        times = np.array([begun, half, motion.time_s[each.end - 1]])
+        values = pull_out_indices(motion, times)
+        if values and times[2] - half >= _LEAST_HELD_S:
+            name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
+            found.append(_test(motion, helm, "pull_out", name, side, last.level, times, pull_out_indices))
+    return found
+
+
+def _put_amidships(motion: Motion, helm: Floats, last: Plateau, each: Plateau) -> bool:
+    """Whether the helm went from a turn to the middle at once, not beyond, and stood there as nobody who keeps a
+    course lets it stand."""
+    noise = noise_of(helm)
+    middle = abs(each.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
+    against = float(np.max(-np.sign(last.level) * (helm[last.end : each.first + 1] - each.level), initial=0.0))
+    stands = each.spread <= _STILL_DEG + _SPREAD_OF_NOISE * noise
+    return middle and stands and against <= _AMIDSHIPS_DEG + 3.0 * noise and _at_once(motion, last, each)
+
+
+def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
+    """The rate of the turn, and what is left of it with the helm amidships, positive to the side of the turn.
+
+    ``times`` are when the helm began to go amidships, was half way, and the end [s]. Nothing where the rate has
+    not settled.
+    """
+    begun, half, end = map(float, times)
+    quarter_s = 0.25 * (end - half)
+    before, third, last = (float(motion.between(*span).yaw_rate_dps.mean()) for span in (
+        (begun - quarter_s, begun), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end)))  # fmt: skip
+    if not abs(last - third) < _SETTLED_SHARE * abs(before):
+        return {}
+    side, off = np.sign(before), abs(before - last)
+    fallen_s = crossing_s(motion.time_s, np.abs(motion.yaw_rate_dps - before), 0.5 * off, begun, end)
+    return {
+        "turning_yaw_rate_dps": abs(before), "residual_yaw_rate_dps": float(side * last),
+        "time_to_half_rate_s": fallen_s - half,
+    }  # fmt: skip
+
+
+def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]:
+    """Five and more helms held one after the other from one side to the other, or there and back, each until the
+    rate of turn has settled."""
+    runs: list[list[Plateau]] = []
+    for each in held:
+        last = runs[-1] if runs else []
+        goes_on = (
+            last and _at_once(motion, last[-1], each) and abs(each.level - last[-1].level) > _LEAST_HELM_STEP_DEG
+        )
+        if goes_on and (len(last) < 2 or (each.level - last[-1].level) * (last[-1].level - last[-2].level) > 0):
+            last.append(each)
+        else:
+            runs.append([last[-1], each] if goes_on else [each])
+    whole = [run for run in runs if len(run) >= _FEWEST_STEPS and run[0].level * run[-1].level < 0
+             and _held_alike(run) and all(_has_settled(motion, run, each) for each in run)]  # fmt: skip
+    joined: list[list[Plateau]] = []
+    for run in whole:
+        back = joined and joined[-1][-1] is run[0]
+        joined[-1:] = [[*joined[-1], *run[1:]]] if back else [*joined[-1:], run]
+    return joined
+
+
+def _held_alike(run: Sequence[Plateau]) -> bool:
+    rows = [each.end - each.first for each in run]
+    return min(rows) >= _LEAST_SHARE_OF_STEP * max(rows)
+
+
+def _has_settled(motion: Motion, run: Sequence[Plateau], each: Plateau) -> bool:
+    """Whether the rate of turn changes little in the second half of a step, against all that it does in the run."""
+    rates = np.array_split(motion.yaw_rate_dps[each.first : each.end], 4)
+    largest = float(np.percentile(np.abs(motion.yaw_rate_dps[run[0].first : run[-1].end]), 95))
+    return bool(abs(rates[3].mean() - rates[2].mean()) < 2.0 * _SETTLED_SHARE * largest)
+
+
+def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
+    """The direct spiral of its steps, with its indices."""
+    times = motion.time_s[[steps[0].first, *(row for each in steps for row in (each.first, each.end - 1))]]
+    sign = -1.0 if motion.steers_by_thrust else 1.0
+    levels = sign * np.array([each.level for each in steps])
+
+    def measure(part: Motion, spans: Floats) -> dict[str, float]:
+        return spiral_indices(part, levels, spans[1:].reshape(-1, 2))
+
+    largest = max(steps, key=lambda each: abs(each.level)).level
+    name = f"direct spiral {nominal_deg(largest):.0f} deg"
+    return _test(motion, helm, "spiral", name, float(levels[0]), largest, times, measure)
+
+
+def spiral_indices(motion: Motion, levels: Floats, spans: Floats) -> dict[str, float]:
+    """The settled rate of turn of each step, the helm at which she would go straight, and how steep the curve is
+    there; of a spiral there and back the height of its loop at no helm.
+
+    ``levels`` [steps] are the helms [deg], positive to starboard, ``spans`` [steps, 2] begin and end of each [s].
+    """
+    rates = np.array([motion.between(0.5 * (begin + end), end).yaw_rate_dps.mean() for begin, end in spans])
+    values = {f"yaw_rate_step_{number}_dps": float(rate) for number, rate in enumerate(rates, start=1)}
+    turn = 1 + int(np.argmax(np.append(np.diff(np.sign(np.diff(levels))) != 0, True)))  # where it goes back
+    legs = [slice(0, turn + 1), *([slice(turn, None)] if turn + 1 < levels.size else [])]
+    neutral = [_at_zero(rates[leg], levels[leg]) for leg in legs]
+    values["neutral_helm_deg"] = float(np.mean(neutral))
+    near = np.argsort(np.abs(levels))[:3]
+    values["yaw_rate_at_no_helm_dps"] = float(np.mean([_at_zero(levels[leg], rates[leg]) for leg in legs]))
+    if np.ptp(levels[near]) > 0.0:
+        values["yaw_rate_per_helm_dps"] = float(np.polyfit(levels[near], rates[near], 1)[0])
+    if len(legs) > 1:
+        heights = [_at_zero(levels[leg], rates[leg]) for leg in legs]
+        values["loop_height_dps"] = abs(heights[1] - heights[0])
+    return values
+
+
+def _at_zero(values: Floats, others: Floats) -> float:
+    """``others`` where ``values`` are zero, on straight lines between the steps."""
+    order = np.argsort(values)
+    return float(np.interp(0.0, values[order], others[order]))
+
+
+def find_williamson_turns(motion: Motion, helm: Floats, held: Sequence[Plateau]) -> list[Manoeuvre]:
+    """Helm to one side until the ship is some 60 deg off, then to the other until she is on her way back."""
+    found = []
+    for last, each in pairwise(held):
+        if not (_at_once(motion, last, each) and is_same_order(last.level, -each.level)):
+            continue
+        begun, first = helm_execute_s(motion, helm, last)
+        _, second = execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2)
+        course = approach_of(motion, begun)["approach_unwrapped_deg"]
+        end = float(motion.time_s[min(2 * each.end - each.first, motion.time_s.size) - 1])
+        side = float(np.sign(motion.at("heading_deg", second) - course))
+        out, back = (side * (motion.at("heading_deg", at) - course) for at in (second, end))
+        if _OUT_DEG[0] < out < _OUT_DEG[1] and _BACK_DEG[0] < -back < _BACK_DEG[1]:
+            times = np.array([begun, first, second, end])
+            name = f"Williamson turn {nominal_deg(last.level):.0f} deg"
+            found.append(_test(motion, helm, "williamson_turn", name, side, last.level, times, williamson_indices))
+    return found
+
+
+def williamson_indices(motion: Motion, times: Floats) -> dict[str, float]:
+    """Where and when the ship is on the reciprocal course, within 5 deg.
+
+    How far ahead of the first execute, how far to starboard of her first track, after how long; and how far off her
+    course she was at the second execute. ``times`` are the first change, both executes and the end [s].
+    """
+    begun, first, second, end = map(float, times)
+    course = approach_of(motion, begun)["approach_unwrapped_deg"]
+    side = np.sign(motion.at("heading_deg", second) - course)
+    back = -side * (motion.heading_deg - course)
+    reached = crossing_s(motion.time_s, back, 175.0, second, end)
+    ahead, across = along_and_across(motion, first, reached, course) if np.isfinite(reached) else (np.nan, np.nan)
+    return {
+        "heading_at_second_execute_deg": abs(motion.at("heading_deg", second) - course),
+        "time_to_reciprocal_s": reached - first, "way_ahead_m": ahead, "track_offset_m": across,
+    }  # fmt: skip
+
+
+def _at_once(motion: Motion, last: Plateau, each: Plateau) -> bool:
+    """Whether the helm goes from one level to the next without a stay between."""
+    pause_s = (each.first - last.end) * motion.step_s
+    return (
+        pause_s <= 4.0 + helm_change_s(motion, each.level - last.level)
+        and not motion.broken[last.first : each.end].any()
+    )
+
+
+def _test(
+    motion: Motion,
+    helm: Floats,
+    kind: str,
+    name: str,
+    side: float,
+    helm_deg: float,
+    times: Floats,
+    measure: Measure,
+) -> Manoeuvre:
+    """A test with its indices; ``times`` are the first change of the helm, the execute, others and the end [s]."""
+    part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
+    width = half_width_s(part, float(times[-1] - times[1]) / (times.size - 1))
+    found = bootstrap_indices(part, times, width, measure, execute_unsure_s(motion, helm, helm_deg))
+    return Manoeuvre(
+        kind=kind, name=name, side=side_of(side),
+        start=motion.utc(float(times[1])), end=motion.utc(float(times[-1])),
+        settings={
+            f"{motion.steering}_deg": helm_deg, "half_command_s": float(times[1] - times[0]),
+            **approach_settings(part, float(times[0])),
+        },
+        indices=indices_of(found, motion.length_m),
+    )  # fmt: skip
