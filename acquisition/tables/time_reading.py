@@ -245,6 +245,10 @@ def _put(
                 "zone", f"column {column!r} names no zone; which is it (UTC, Europe/Oslo ...)?", (), default
             )
             entry["zone"] = zone or "UTC"
+            if "zone" not in draft.answers:
+                draft.warnings.append(
+                    f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another"
+                )
             why += (
                 f"; {entry['zone']} as answered" if "zone" in draft.answers else "; UTC is assumed, no zone is told"
             )
