@@ -161,7 +161,7 @@ def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group
         table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
         header, rows = without_empty(HEADER, rows_of(each, every=every))
         for title in header:
-            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
+            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=title != "index")
         for row in rows:
             table.add_row(*map(Text, row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]

@@ -17,7 +17,7 @@ from analysis.manoeuvres.measures import (
     smooth_motion,
 )
 from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.report import plain_name
+from analysis.manoeuvres.report import index_cells, plain_name
 from analysis.manoeuvres.turning_circle import remove_current
 from analysis.report.plots import FAINT, PALETTE, ship
 
@@ -89,7 +89,7 @@ def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: 
         where = time_s - start
         axes.vlines(where, at_execute, side * top, color=RED, linewidth=2.4)
         axes.hlines(at_execute, execute - start, where, color=RED, linewidth=0.8)
-        text = f"{index.value:.1f}±{0.5 * (index.high - index.low):.1f}°" if few else f"{index.value:.1f}°"
+        text = index_cells(index)[0].replace(" deg", "°")
         axes.annotate(
             text, (where, side * top), xytext=(0, 5 * side), textcoords="offset points", fontsize=8 if few else 7,
             ha="center", va="bottom" if side > 0 else "top", color=RED,
@@ -179,8 +179,7 @@ def _dimension(
 ) -> None:
     """An arrow with the name and the value of an index."""
     index = manoeuvre.indices[name]
-    words = name.removesuffix("_current_removed").removesuffix("_m").replace("_", " ")
-    text = f"{words}\n{index.value:.1f}±{max(0.5 * (index.high - index.low), 0.1):.1f} m"
+    text = f"{plain_name(name)}\n{index_cells(index)[0]}"
     axes.annotate("", end, begin, arrowprops={"arrowstyle": "<->", "color": RED, "linewidth": 1.0})
     middle = ((begin[0] + end[0]) / 2.0, (begin[1] + end[1]) / 2.0)
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.0}
