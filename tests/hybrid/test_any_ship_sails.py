@@ -161,8 +161,10 @@ def test_the_check_is_whole_and_symmetric_ships_turn_alike(ship: Vessel) -> None
 
 
 def test_kvlcc2_turns_as_published() -> None:
-    """Advance and tactical diameter about 3.1 to 3.3 L with 35 deg (Yasukawa and Yoshimura 2015), from the order: ours
-    count from where the helm is half over."""
+    """Advance and tactical diameter about 3.1 to 3.3 L with 35 deg (Yasukawa and Yoshimura 2015).
+
+    They count from the order, ours from where the helm is half over.
+    """
     circle = check_vessel(load_vessel("kvlcc2_7m")).of_kind("turning_circle")[0]
     ordered, half = (circle.motion.at("north_m", float(time_s)) for time_s in circle.executes_s[:2])
     advance, diameter = (circle.indices[name].value for name in ("advance_m", "tactical_diameter_m"))
