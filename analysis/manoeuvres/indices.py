@@ -230,6 +230,22 @@ def overshoot_limit_deg(
     return None
 
 
+def overshoot_limits(
+    angle_deg: float, switch_deg: float, length_m: float | None, speed_mps: float
+) -> dict[str, float | None]:
+    """The limits of the first two overshoots of a zigzag by index, from half of the command and from the order."""
+    limits: dict[str, float | None] = {}
+    for number in (1, 2):
+        limit = overshoot_limit_deg(number, angle_deg, switch_deg, length_m, speed_mps)
+        limits |= {f"overshoot_{number}_deg": limit, from_order(number): limit}
+    return limits
+
+
+def from_order(number: int) -> str:
+    """The name of an overshoot counted from the moment at which the helm began to move."""
+    return f"overshoot_{number}_from_order_deg"
+
+
 def add_limits(manoeuvres: Iterable[Manoeuvre], length_m: float | None) -> tuple[Manoeuvre, ...]:
     """The manoeuvres of one recording with the limits beside the indices that they are for, and notes that say why.
 
@@ -256,7 +272,7 @@ def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> 
     helm_deg, limits, notes = abs(each.helm_deg or 0.0), dict[str, float | None](), list[str]()
     if each.kind == "zigzag":
         test = (helm_deg, each.settings["switch_deg"], length_m, each.settings["approach_mps"])
-        limits |= {f"overshoot_{number}_deg": overshoot_limit_deg(number, *test) for number in (1, 2)}
+        limits |= overshoot_limits(*test)
     if length_m and abs(helm_deg / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE:
         limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
     if length_m and each.kind == "turning_circle":

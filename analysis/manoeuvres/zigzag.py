@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Index, Manoeuvre, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, indices_of, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     Plateau,
     approach_of,
@@ -156,6 +156,7 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
     found = bootstrap_indices(part, times, half_width_s(part, swing_s), zigzag_indices, unsure_s)
     settings = _settings(part, chain, both)
     indices = indices_of(found, motion.length_m)
+    indices |= _overshoots_from_order(part, both, indices)
     angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
     steady = () if "reach_s" in found else ("the approach was not steady",)
     if steady == () and "speed_loss" not in found:
@@ -169,22 +170,24 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
         settings=settings,
         indices=indices,
         executes=tuple(motion.utc(each) for each in executes[1:-1]),
-        notes=(*steady, *_slow_helm_note(part, both, indices), *event_notes(motion)),
+        notes=(*steady, *event_notes(motion)),
     )
 
 
-def _slow_helm_note(part: Motion, both: Floats, indices: Mapping[str, Index]) -> tuple[str, ...]:
-    """What the first overshoot is from the moment at which the helm began to move, where that matters."""
-    index = indices.get("overshoot_1_deg")
-    begun, half = np.interp(both[:, 1], part.time_s, part.heading_deg)
-    more = abs(half - begun)
-    if index is None or part.orders_are_events or not more > 0.5 * (index.high - index.low):
-        return ()
-    way_s = both[1, 1] - both[0, 1]
-    return (
-        f"the helm took {way_s:.1f} s to half of its way: from where it began to move overshoot 1 is "
-        f"{index.value + more:.1f} deg",
-    )
+def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Index]) -> dict[str, Index]:
+    """The first two overshoots as IMO counts them, from the moment at which the helm began to move, where that adds
+    more than what they are sure to.
+    """
+    if part.orders_are_events:
+        return {}
+    found = {}
+    for number in (1, 2):
+        index, (begun_s, half_s) = indices.get(f"overshoot_{number}_deg"), both[:, number]
+        more = abs(float(np.diff(np.interp((begun_s, half_s), part.time_s, part.heading_deg))[0]))
+        if index is not None and more > 0.5 * (index.high - index.low):
+            low, value, high = (each + more for each in (index.low, index.value, index.high))
+            found[from_order(number)] = replace(index, value=value, low=low, high=high)
+    return found
 
 
 def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, float]:

@@ -28,8 +28,9 @@ from analysis.manoeuvres.indices import (
     TRACK_REACH_LENGTHS,
     TURNING_HELM_DEG,
     Index,
+    from_order,
     index_of,
-    overshoot_limit_deg,
+    overshoot_limits,
 )
 from analysis.manoeuvres.measures import crossing_s
 from analysis.manoeuvres.motion import Motion
@@ -63,11 +64,13 @@ _APPROACH_LENGTHS, _LEAST_APPROACH_S = 10.0, 15.0
 _CIRCLE_LENGTHS, _ZIGZAG_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 120.0, 15.0, 60.0, 120.0
 _CIRCLE_DEG, _PULL_OUT_DEG, _HELM_STEP_DEG, _LEAST_HELM_DEG = 720.0, 20.0, 5.0, 5.0
 _SWINGS = 4
+_LEAST_MORE_DEG = 0.1  # what a table shows
 _SPEEDS = 10
 _SHOWN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
                        "drift_angle_deg", "speed_loss"),
-    "zigzag": ("initial_turning_m", "overshoot_1_deg", "overshoot_2_deg", "period_s"),
+    "zigzag": ("initial_turning_m", "overshoot_1_deg", "overshoot_2_deg", from_order(1), from_order(2),
+               "period_s"),
     "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
     "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
 }  # fmt: skip
@@ -286,12 +289,16 @@ def _zigzag(vessel: Vessel, rpm: float, angle_deg: float) -> StandardTest:
     executes = _executes_s(motion, start, angle_deg)
     motion = motion.between(0.0, executes[-1])
     goals = [0.5 * angle_deg, *np.zeros(_SWINGS - 1)]
+    begun_s = list(executes[1:3])
     ordered = zip(executes[:-1], goals, strict=True)
     executes[:-1] = [_half_s(motion, each, goal, (-1.0) ** number) for number, (each, goal) in enumerate(ordered)]
     values = zigzag_indices(motion, np.array([start, *executes]))
-    speed_mps = motion.at("surge_mps", start)
-    limits = {f"overshoot_{number}_deg": overshoot_limit_deg(number, angle_deg, angle_deg, length_m, speed_mps)
-              for number in (1, 2)}  # fmt: skip
+    for number, begun in enumerate(begun_s, 1):
+        more = abs(motion.at("heading_deg", executes[number]) - motion.at("heading_deg", begun))
+        overshoot = values.get(f"overshoot_{number}_deg")
+        if overshoot is not None and more > _LEAST_MORE_DEG:
+            values[from_order(number)] = overshoot + more
+    limits = overshoot_limits(angle_deg, angle_deg, length_m, motion.at("surge_mps", start))
     if angle_deg == 10.0:
         limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
     else:

@@ -41,7 +41,7 @@ def test_position_heading_and_a_helm_are_enough(number: int) -> None:
             assert own.low <= index.high, name
 
 
-def test_the_yards_tanker_has_her_first_execute_and_her_overshoot_beside_the_limit() -> None:
+def test_the_yards_tanker_has_her_first_execute_and_her_overshoot_from_helm_and_order() -> None:
     """A ship of 180 m at 2.5 deg/s: the overshoot is the one after the second execute, to the first side."""
     case = case_of(10)
     table, exact, ((_, times), _), length_m = sail(case)
@@ -52,7 +52,10 @@ def test_the_yards_tanker_has_her_first_execute_and_her_overshoot_beside_the_lim
     truth = float(heading[second:third].max() - heading[second])
     overshoot = found.indices["overshoot_1_deg"]
     assert overshoot.value == pytest.approx(truth, abs=1.5 * (overshoot.high - overshoot.value))
-    assert any(note.startswith("the helm took") for note in found.notes)
+    begun = second - round(10.0 * 0.5 * 2.0 * abs(found.helm_deg or 0.0) / 2.5)
+    ordered = found.indices["overshoot_1_from_order_deg"]
+    assert ordered.value - overshoot.value == pytest.approx(heading[second] - heading[begun], abs=0.5)
+    assert ordered.limit == overshoot.limit
 
 
 @pytest.mark.parametrize("rate_dps", [0.5, 2.5, 20.0])
