@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from mcap.reader import make_reader
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.channels import NAMES
@@ -86,7 +87,11 @@ def _wrong_magic(path: Path, sound: Path) -> None:
 
 def _damaged_chunk(path: Path, sound: Path) -> None:
     content = bytearray(sound.read_bytes())
-    middle = len(content) // 2
+    with sound.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[0]
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
     content[middle : middle + 200] = bytes(each ^ 0x5A for each in content[middle : middle + 200])
     path.write_bytes(content)
 
