@@ -203,7 +203,7 @@ def test_windows_across_a_jump_are_left_out_and_no_others(
 ) -> None:
     """A receiver that jumps, for good or for a while: no window sees the jump, or the filter's reach of it.
 
-    One counts from 2 m and ten deviations of the steps on: 3.4 m with a noise of 0.1 m, which may take 0.5 m off it.
+    One counts from 2 m and ten deviations of the steps on: 3.4 m with a noise of 0.1 m, which takes 0.5 m at most.
     """
     table = steady_table(120)
     table["north_m"] += np.random.default_rng(row).normal(0.0, noise_m, len(table))
