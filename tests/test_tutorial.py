@@ -108,9 +108,9 @@ def test_the_same_in_python(folder: Path, environment: dict[str, str]) -> None:
 
 def test_a_recording_is_read_without_seatrial(folder: Path, environment: dict[str, str]) -> None:
     """By the Python of the file format's page: the first heading, with the time that its source tells."""
-    time_s, heading_deg = map(float, run("file_format.md", folder, environment).split())
-    assert time_s == 1780300800.0
-    assert 0.0 <= heading_deg < 360.0
+    time_s, heading_deg, unit = run("file_format.md", folder, environment).split()
+    assert (float(time_s), unit) == (1780300800.0, "deg")
+    assert 0.0 <= float(heading_deg) < 360.0
 
 
 def test_a_recording_is_decoded_anew_with_its_own_configuration(folder: Path, environment: dict[str, str]) -> None:
