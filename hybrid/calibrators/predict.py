@@ -111,16 +111,16 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
             f"{at.isoformat()} lies outside the recording",
             fix=f"choose from {first.isoformat()} to {last.isoformat()}",
         )
-    row, actuators = int(np.argmin(np.abs(times.asi8 - at.as_unit("ns").value))), table_actuators(table)
-    start_time = times[[row]]
-    channels = rows_after(table, start_time.as_unit("ns").asi8, np.arange(horizon_s + 1), actuators)
+    times_ns, actuators = times.as_unit("ns").asi8, table_actuators(table)
+    start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
+    channels = rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
     known = np.isfinite(channels[0])
     missing = [name for name, there in zip(trial_names(actuators), known[0], strict=True) if not there]
     if missing:
-        start = start_time[0].isoformat()
+        start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
     name = np.array(["prediction"])
-    windows = windows_of_channels(channels, actuators, name, name, start_time, None, {"prediction": recorded})
+    windows = windows_of_channels(channels, actuators, name, name, start_ns, None, {"prediction": recorded})
     return windows, bool(known[:, : HEADING + 1].all())
 
 

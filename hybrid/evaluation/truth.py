@@ -107,7 +107,7 @@ def with_truths(
     """
     shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
     truths, errors = np.full((2, *shape), np.nan)
-    start_ns, random = windows.start_time.as_unit("ns").asi8, np.random.default_rng(seed)
+    start_ns, random = windows.start_ns, np.random.default_rng(seed)
     for number, (trial, table) in enumerate(tables.items()):
         progress(number / len(tables))
         mine = np.flatnonzero(windows.trial == trial)

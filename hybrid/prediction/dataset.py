@@ -147,8 +147,8 @@ def _with_shorter(whole: PredictionWindows, short: PredictionWindows) -> Predict
 
     Legs are joined where windows of either share a second, so that a split by leg parts none of them.
     """
-    known = set(zip(whole.trial, whole.start_time, strict=True))
-    more = [each not in known for each in zip(short.trial, short.start_time, strict=True)]
+    known = set(zip(whole.trial, whole.start_ns, strict=True))
+    more = [each not in known for each in zip(short.trial, short.start_ns, strict=True)]
     added = short.subset(np.array(more, dtype=bool))
     unknown = np.full((len(added), whole.horizon_s - short.horizon_s, 3), np.nan)
     longer = replace(added, track=np.concatenate([added.track, unknown], axis=1))

@@ -43,7 +43,7 @@ class PredictionWindows:
     it is known afterwards, by the seconds to either side, or None; ``track`` [N, H+1, 3]: measured north, east [m]
     and heading [rad] without jumps, second by second; ``wind`` [N, 2]: direction it comes
     from [rad], speed [m/s]; ``control`` [N, controls]: those of ``actuators`` in their order, in SI; ``trial``,
-    ``leg`` [N] name where each window comes from and ``start_time`` [N] when it starts.
+    ``leg`` [N] name where each window comes from and ``start_ns`` [N] is when it starts, in nanoseconds since 1970.
 
     ``past`` [N, P+1, channels] is what was measured at second 0 and at each of the P seconds before, newest first,
     as it was known at second 0: the six columns of ``start``, the two of ``wind``, those of ``control``; NaN where
@@ -64,7 +64,7 @@ class PredictionWindows:
     control: Floats
     trial: NDArray[np.str_]
     leg: NDArray[np.str_]
-    start_time: pd.DatetimeIndex
+    start_ns: Ints
     past: Floats
     actuators: Actuators = DEFAULT
     commands: Floats | None = None
@@ -74,6 +74,11 @@ class PredictionWindows:
 
     def __len__(self) -> int:
         return len(self.start)
+
+    @property
+    def start_time(self) -> pd.DatetimeIndex:
+        """When each window starts [N], UTC."""
+        return pd.DatetimeIndex(self.start_ns, tz="UTC")
 
     @property
     def horizon_s(self) -> int:
@@ -94,7 +99,7 @@ class PredictionWindows:
 
     def known_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The first and the last known second of each window [N], in seconds since 1970."""
-        first = self.start_time.as_unit("ns").asi8 // NANO
+        first = self.start_ns // NANO
         return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
@@ -113,7 +118,6 @@ def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows
     """The windows of all parts, of one ship, one after the other."""
     columns = [_arrays_of(each) for each in parts]
     arrays: dict[str, Any] = {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
-    arrays["start_time"] = pd.DatetimeIndex(arrays["start_time"], tz="UTC")
     return replace(parts[0], **arrays)
 
 
@@ -142,9 +146,9 @@ def windows_from_rows(
     channels = ordered[list(names)].to_numpy(dtype=float).reshape(count, -1, len(names))
     first = ordered.groupby("window", sort=True).first()
     trial, leg = (first[name].to_numpy(dtype=str) for name in ("trial", "leg"))
-    start_time = pd.DatetimeIndex(first["start"])
+    start_ns = pd.DatetimeIndex(first["start"]).as_unit("ns").asi8
     return windows_of_channels(
-        channels, actuators, trial, leg, start_time, motion, tables or {}, any_commands=any_commands
+        channels, actuators, trial, leg, start_ns, motion, tables or {}, any_commands=any_commands
     )
 
 
@@ -153,7 +157,7 @@ def windows_of_channels(
     actuators: Actuators,
     trial: NDArray[np.str_],
     leg: NDArray[np.str_],
-    start_time: pd.DatetimeIndex,
+    start_ns: Ints,
     motion: pd.DataFrame | None,
     tables: Mapping[str, SecondBySecond],
     *,
@@ -165,7 +169,7 @@ def windows_of_channels(
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
     track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
     now = _si(channels[:, 0], actuators)
-    past = _past(now, trial, start_time, tables, actuators)
+    past = _past(now, trial, start_ns, tables, actuators)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     return PredictionWindows(
         start=past[:, 0, : WIND.start].copy(),
@@ -174,7 +178,7 @@ def windows_of_channels(
         control=past[:, 0, CONTROLS],
         trial=trial,
         leg=leg,
-        start_time=start_time,
+        start_ns=start_ns,
         past=past,
         actuators=actuators,
         commands=mean_controls(_si(channels, actuators)[..., CONTROLS], actuators) if any_commands else None,
@@ -200,14 +204,13 @@ def _si(channels: Floats, actuators: Actuators) -> Floats:
 def _past(
     now: Floats,
     trial: NDArray[np.str_],
-    start_time: pd.DatetimeIndex,
+    start_ns: Ints,
     tables: Mapping[str, SecondBySecond],
     actuators: Actuators,
 ) -> Floats:
     """What was measured at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
     past = np.full((len(now), PAST_S + 1, now.shape[1]), np.nan)
     past[:, 0] = now
-    start_ns = start_time.as_unit("ns").asi8
     for name, recorded in tables.items():
         mine = np.flatnonzero(trial == name)
         settled = np.arange(len(recorded.newest), PAST_S + 1)

@@ -48,7 +48,7 @@ def speeds_of(track: Floats) -> Floats:
 
 def consecutive_windows(horizons: PredictionWindows) -> NDArray[np.int64]:
     """Windows that follow each other without an overlap, as many as fit, in the order of time."""
-    start_ns = horizons.start_time.as_unit("ns").asi8
+    start_ns = horizons.start_ns
     chosen, until_ns, trial = [], -1, ""
     for number in np.lexsort((start_ns, horizons.trial)):
         if horizons.trial[number] != trial:
@@ -67,7 +67,7 @@ def predicted_motion(horizons: PredictionWindows, tracks: Floats, chosen: NDArra
     some = tracks[chosen]
     speeds = speeds_of(some)
     seconds = np.arange(some.shape[1]) * NANO
-    times = horizons.start_time.as_unit("ns").asi8[chosen][:, None] + seconds
+    times = horizons.start_ns[chosen][:, None] + seconds
     values = np.concatenate([some, speeds], axis=-1).reshape(-1, 7)
     values[:, 2] = wrap_360(np.rad2deg(values[:, 2]))
     values[:, 5] = np.rad2deg(values[:, 5])

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
+from analysis.tables.table import NANO
 from analysis.windows.recordings import tables_of_recordings
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.adaptive.adaptation import expected_wind, gust_decay_s, observations_of
@@ -32,7 +33,7 @@ from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, clea
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 from tests.conftest import Simulated
-from tests.hybrid.windows_by_hand import voyages
+from tests.hybrid.windows_by_hand import STARTED_NS, voyages
 
 SECONDS = 8
 
@@ -204,7 +205,7 @@ def _one_after_the_other(count: int, horizon_s: int, seed: int) -> PredictionWin
         control=np.zeros((count, 5)),
         trial=trial,
         leg=legs,
-        start_time=pd.DatetimeIndex(pd.Timestamp("2026-06-01T08:00:00Z") + pd.to_timedelta(starts, unit="s")),
+        start_ns=STARTED_NS + starts * NANO,
         past=np.zeros((count, 1, 13)),
         commands=np.zeros((count, horizon_s, 5)),
     )

@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Bools, Floats
+from analysis.tables.table import NANO
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
+
+STARTED_NS = 1_780_300_800 * NANO
+"""2026-06-01, 8 o'clock."""
 
 
 def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> PredictionWindows:
@@ -27,7 +30,7 @@ def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> 
         control=np.tile([2.5, 0.0, 2.5, 0.0, 0.0], (count, 1)),
         trial=np.array(["trial"] * count),
         leg=np.array([f"trial/{number:03d}" for number in range(count)]),
-        start_time=pd.date_range("2026-06-01T08:00:00Z", periods=count, freq="60s"),
+        start_ns=STARTED_NS + np.arange(count) * 60 * NANO,
         past=np.full((count, PAST_S + 1, 13), np.nan),
     )
     return replace(empty, track=constant_velocity(empty))
@@ -68,7 +71,7 @@ def voyages(plant: Plant, count: int, seconds: int, seed: int = 0, *, legs: int 
         control=now[:, 8:].copy(),
         trial=np.array(["trial"] * count),
         leg=np.array([f"trial/{number % legs:03d}" for number in range(count)]),
-        start_time=pd.date_range("2026-06-01T08:00:00Z", periods=count, freq="120s"),
+        start_ns=STARTED_NS + np.arange(count) * 120 * NANO,
         past=measured[:, PAST_S::-1].copy(),
     )
 

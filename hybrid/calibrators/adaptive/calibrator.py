@@ -455,7 +455,7 @@ def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
 
 def _own_share(windows: PredictionWindows) -> float:
     """The share of a window that no other overlaps: the median time between starts of a leg over the horizon."""
-    starts_s = windows.start_time.as_unit("ns").asi8 / 1e9
+    starts_s = windows.start_ns / 1e9
     order = np.lexsort((starts_s, windows.leg))
     same_leg = windows.leg[order][1:] == windows.leg[order][:-1]
     apart_s = np.diff(starts_s[order])[same_leg]

@@ -7,15 +7,15 @@ from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
-import pandas as pd
 from torch import Tensor
 
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Bools, Floats
+from analysis.tables.table import NANO
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.prediction_windows import PredictionWindows
-from tests.hybrid.windows_by_hand import random_windows
+from tests.hybrid.windows_by_hand import STARTED_NS, random_windows
 
 SECONDS = 10
 STRIDE_S = 5
@@ -44,7 +44,7 @@ def windows_of_legs(
         track=track,
         trial=np.repeat(np.array(trials), sum(sizes)),
         leg=leg,
-        start_time=pd.Timestamp("2026-06-01T08:00:00Z") + pd.to_timedelta(np.tile(offsets, len(trials)), unit="s"),
+        start_ns=STARTED_NS + np.tile(offsets, len(trials)) * NANO,
     )
 
 
