@@ -18,10 +18,10 @@ from __future__ import annotations
 import sys
 from contextlib import nullcontext
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import SeatrialError
+from acquisition.core.named_code import imported
 from acquisition.core.process import guard_standard_streams, stop_on_signals
 
 if TYPE_CHECKING:
@@ -108,8 +108,7 @@ def __getattr__(name: str) -> Any:
     if name == "app":
         return _app()
     if name in _PLACES:
-        module, _, attribute = _PLACES[name].partition(":")
-        globals()[name] = value = getattr(import_module(module), attribute)
+        globals()[name] = value = imported(_PLACES[name])
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -39,6 +39,9 @@ def check(
         Path | None, typer.Option("--repair", help="Write a recording with what is certain put right.")
     ] = None,
     rebuild_positions: RebuildPositions = False,
+    own: Annotated[
+        list[str] | None, typer.Option("--check", help="FILE.py:FUNCTION: a check of your own; may be given often.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what is wrong with a recording, channel by channel."""
@@ -52,7 +55,7 @@ def check(
         raise typer.BadParameter("--rebuild-positions needs --repair")
     recording = read_recording(file)
     table = table_of(recording)
-    quality = check_recording(recording, table)
+    quality = check_recording(recording, table, own or ())
     if output is not None:
         from analysis.report.quality_page import write_quality
         from analysis.tables.table import provenance_of
@@ -199,6 +202,10 @@ def manoeuvres(
         float | None, typer.Option(min=0.1, help="The ship's length in metres, for lengths and limits.")
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="Show every index, each overshoot among them.")] = False,
+    own: Annotated[
+        list[str] | None,
+        typer.Option("--manoeuvre", help="FILE.py:FUNCTION: finds a manoeuvre of your own; may be given often."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the manoeuvres and their indices."""
@@ -210,7 +217,7 @@ def manoeuvres(
     with bar("manoeuvres") as progress:
         found = []
         for number, file in enumerate(files, start=1):
-            found.append(manoeuvres_of(file, length))
+            found.append(manoeuvres_of(file, length, own or ()))
             progress(number / len(files))
     if as_json:
         typer.echo(json.dumps(summary(found, length)))

@@ -69,15 +69,18 @@ def info(recording: str | Path) -> dict[str, Any]:
     return describe(read_recording(recording))
 
 
-def check(data: str | Path | pd.DataFrame) -> DataQuality:
-    """What is wrong with a recording or a table of raw samples: channel by channel, and against each other."""
+def check(data: str | Path | pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
+    """What is wrong with a recording or a table of raw samples: channel by channel, and against each other.
+
+    ``own`` are checks of one's own, ``FILE.py:FUNCTION``.
+    """
     from analysis.quality.check import check_recording, check_table
 
     if not isinstance(data, str | Path):
-        return check_table(data)
+        return check_table(data, own)
     from acquisition.recording.reader import read_recording
 
-    return check_recording(read_recording(data))
+    return check_recording(read_recording(data), own=own)
 
 
 def prepare(
@@ -125,10 +128,11 @@ def windows(
         return windows_of_recordings(as_paths(data), how, progress)
 
 
-def manoeuvres(recording: str | Path, length_m: float | None = None) -> pd.DataFrame:
+def manoeuvres(recording: str | Path, length_m: float | None = None, own: Sequence[str] = ()) -> pd.DataFrame:
     """The manoeuvres of a recording: one row an index, with its 95 % interval, its unit and its IMO limit.
 
-    ``length_m`` between perpendiculars gives indices in ship lengths and the limits that depend on it.
+    ``length_m`` between perpendiculars gives indices in ship lengths and the limits that depend on it; ``own`` find
+    manoeuvres of one's own, ``FILE.py:FUNCTION``.
     """
     import pandas as pd
 
@@ -137,7 +141,7 @@ def manoeuvres(recording: str | Path, length_m: float | None = None) -> pd.DataF
     rows = [
         {"manoeuvre": each.name, "kind": each.kind, "side": each.side, "start": each.start, "index": name,
          "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit}
-        for each in manoeuvres_of(Path(recording), length_m).manoeuvres
+        for each in manoeuvres_of(Path(recording), length_m, own).manoeuvres
         for name, index in each.indices.items()
     ]  # fmt: skip
     columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit"]
@@ -266,9 +270,9 @@ def evaluate(
     """What each method is worth on recordings like these: fitted on one part of them and judged on the other.
 
     ``splits`` are ``leg``, ``time``, ``recording``, ``random`` (without any: leg and time, and recording where
-    there are several); ``methods`` are kinds of calibrators (without any: all but ``paper_adam``). With
-    ``any_commands`` on all windows that have data, under the commands as they were recorded; otherwise on held
-    ones.
+    there are several); ``methods`` are kinds of calibrators, ``FILE.py:CLASS`` for one's own (without any: all but
+    ``paper_adam``). With ``any_commands`` on all windows that have data, under the commands as they were recorded;
+    otherwise on held ones.
     """
     from hybrid.calibrators import COMPARED, refuse_unknown
     from hybrid.effects.catalogue import vessel_plant

@@ -86,3 +86,9 @@ def pages() -> list[Page]:
 def page(name: str) -> Page:
     """One page of the documentation by its path below ``docs``."""
     return Page(DOCS / name, (DOCS / name).read_text(encoding="utf-8"))
+
+
+def block_of(where: str, heading: str, language: str) -> str:
+    """The text of the first block of a language below a heading."""
+    found = page(where).blocks
+    return next(each.text for each in found if each.heading == heading and each.language == language)

@@ -5,18 +5,17 @@ from __future__ import annotations
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 import typer.main
 
 import seatrial
-from tests.pages import DOCS, ROOT, Block, Page, page, pages
+from tests.pages import DOCS, ROOT, Block, Page, block_of, page, pages
 
 PAGES = pages()
 _COMMAND = re.compile(r"(?<![-/])\bseatrial [a-z][^`\n|]+")
@@ -167,38 +166,6 @@ def test_what_python_imports_is_there(each: Page, block: Block) -> None:
 @pytest.mark.parametrize(("each", "block"), every("toml"), ids=name)
 def test_toml_can_be_read(each: Page, block: Block) -> None:
     assert tomllib.loads(block.text)
-
-
-def executed(code: str, known: Mapping[str, Any]) -> dict[str, Any]:
-    """What a block of code knows when it has run among the names of a module."""
-    names = dict(known)
-    exec(code, names)
-    return names
-
-
-def block_of(where: str, heading: str, language: str) -> str:
-    """The text of the first block of a language below a heading."""
-    found = page(where).blocks
-    return next(each.text for each in found if each.heading == heading and each.language == language)
-
-
-def test_the_check_of_the_page_finds_an_overspeed() -> None:
-    """Written as the page says and put among the checks, it flags the samples and reports them."""
-    from analysis.quality import check
-
-    known = executed(block_of("howto/add_a_check.md", "Add a check", "python"), {})
-    time = pd.date_range("2026-06-01", periods=60, freq="s", tz="UTC", name="time")
-    noise = np.random.default_rng(0).normal(0.0, 0.3, 60)
-    table = pd.DataFrame({"port_rpm": 150.0 + noise, "starboard_rpm": 150.0 - noise}, index=time)
-    table.iloc[20:30, 0] = 260.0
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(check, "CHECKS", (*check.CHECKS, known["check_overspeed"]))
-        quality = check.check_table(table)
-    (finding,) = [each for each in quality.findings if each.code == "overspeed"]
-    assert (finding.channel, finding.estimate["rpm"]) == ("port_rpm", 260.0)
-    assert (finding.start, finding.end) == (time[20], time[29])
-    assert (quality.flags["port_rpm"].iloc[20:30] >= 3).all()
-    assert not known["check_overspeed"](table[["starboard_rpm"]]).findings
 
 
 def test_the_channels_of_the_page_are_channels(tmp_path: Path) -> None:

@@ -51,9 +51,10 @@ from acquisition.core.actuators import (
     thruster_numbers,
 )
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, channel_names, trial_names
+from acquisition.core.channels import BY_NAME, channel_names, trial_names, with_declared
 from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.named_code import absolute
 from acquisition.core.topics import covers, overlap
 from acquisition.core.trial import Trial
 from acquisition.core.units import DEGREES_AND_MINUTES, Linear
@@ -574,10 +575,38 @@ class MqttFileSource(_Mqtt):
     path: AbsolutePath
 
 
+def _own_values(given: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
+    """The channels that a user's code may tell, each under a topic of its own, in the channel's unit."""
+    if given:
+        raise ValueError("is not for a source of one's own: it tells channels by name, in their units")
+    declared = (info.context or {}).get("declared", ())
+    known, names = with_declared(declared), channel_names(_actuators(info), declared)
+    return {name: {"topic": f"own/{name}", "unit": known[name].unit} for name in names}
+
+
+def _whole_path(name: str, info: ValidationInfo) -> str:
+    return absolute(name, (info.context or {}).get("folder"))
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class OwnSource(_Mqtt):
+    """A user's own code: ``class`` is ``FILE.py:CLASS``, or an entry point of ``seatrial.sources``.
+
+    ``options`` are given to the class. What it tells is kept like messages of MQTT, a topic a channel.
+    """
+
+    type: Literal["own"]
+    code: Annotated[str, Field(alias="class"), AfterValidator(_whole_path)]
+    options: dict[str, Any] = field(default_factory=dict)
+    values: Annotated[dict[ChannelName, TopicValue], BeforeValidator(_own_values)] = Field(
+        default_factory=dict, validate_default=True
+    )
+
+
 LineSource = SerialSource | UdpSource | TcpSource | FileSource | CanFileSource
 CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
-MqttLinks = MqttSource | MqttFileSource
+MqttLinks = MqttSource | MqttFileSource | OwnSource
 AnySource = CanFrames | MavlinkLinks | MqttLinks
 FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource, MqttFileSource)
 

@@ -7,9 +7,10 @@ no result imports a page, and none costs more than its numbers until somebody lo
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from importlib import import_module
 from io import StringIO
 from typing import TYPE_CHECKING, Any, ClassVar
+
+from acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +32,7 @@ class Result:
     size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
 
     def __rich__(self) -> RenderableType:
-        shown: RenderableType = _function(self.view)(self)
+        shown: RenderableType = imported(self.view)(self)
         return shown
 
     def __str__(self) -> str:
@@ -47,8 +48,8 @@ class Result:
 
     def plot(self) -> Figure:
         """The result as a matplotlib figure."""
-        draw = _function(self.drawing)
-        filled: Figure = _function("analysis.report.figures:fill_figure")(
+        draw = imported(self.drawing)
+        filled: Figure = imported("analysis.report.figures:fill_figure")(
             lambda figure: draw(figure, self), self.size_inch
         )
         return filled
@@ -97,8 +98,3 @@ class ModelResult(Result):
         said = [self.measurements] if self.measurements else []
         said += [] if self.model is None else self.model.remarks.get("remarks", [])
         return {"remarks": said} if said else {}
-
-
-def _function(place: str) -> Any:
-    module, _, name = place.partition(":")
-    return getattr(import_module(module), name)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.declarations import GroupField, MavlinkField, Origin, SentenceField
-from acquisition.config.sections import LineSource, MqttLinks
+from acquisition.config.sections import LineSource, MqttLinks, OwnSource
 from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
@@ -235,7 +235,7 @@ def _nothing(name: str, survey: Survey) -> str:
         if provider in silent:
             return f"nothing at all comes from {provider!r}"
     if topics := _topics(name, survey):
-        return f"nothing comes under {' or '.join(topics)}"
+        return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
     carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
@@ -249,7 +249,11 @@ def _nothing(name: str, survey: Survey) -> str:
 def _topics(name: str, survey: Survey) -> list[str]:
     """The MQTT topics that are said to carry a channel."""
     sources = (each for each in survey.config.sources if isinstance(each, MqttLinks))
-    return [each.values[name].topic for each in sources if name in each.values]
+    return [
+        each.values[name].topic
+        for each in sources
+        if name in each.values and (name in each.channels or not isinstance(each, OwnSource))
+    ]
 
 
 def _origins(name: str, survey: Survey) -> list[str]:

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from operator import attrgetter
 
-from acquisition.core.errors import SourceError
+from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.health import SourceHealth
 from acquisition.sources import Source
@@ -253,4 +253,5 @@ def as_source_error(source: Source, error: Exception) -> SourceError:
     """What a driver raised, as an error of ours."""
     if isinstance(error, SourceError):
         return error
-    return SourceError("failed", where=f"source {source.name!r}", why=f"{type(error).__name__} {error}")
+    why = str(error) if isinstance(error, SeatrialError) else f"{type(error).__name__} {error}"
+    return SourceError("failed", where=f"source {source.name!r}", why=why)

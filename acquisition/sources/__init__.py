@@ -6,29 +6,30 @@ A source yields frames with their times of reception and knows nothing of what i
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from acquisition.config.sections import AnySource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
+from acquisition.core.named_code import imported
 from acquisition.sources.senders import Senders
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
-    "can": ("acquisition.sources.can_bus", "CanBus"),
-    "can_file": ("acquisition.sources.logfile", "LogFile"),
-    "serial": ("acquisition.sources.streams", "SerialPort"),
-    "udp": ("acquisition.sources.streams", "UdpPort"),
-    "tcp": ("acquisition.sources.streams", "TcpConnection"),
-    "file": ("acquisition.sources.logfile", "LogFile"),
-    "mavlink": ("acquisition.sources.streams", "UdpPort"),
-    "mavlink_tcp": ("acquisition.sources.streams", "TcpConnection"),
-    "mavlink_serial": ("acquisition.sources.streams", "SerialPort"),
-    "mqtt": ("acquisition.sources.mqtt", "MqttConnection"),
-    "mqtt_file": ("acquisition.sources.mqtt_log", "MqttLog"),
-    "mavlink_file": ("acquisition.sources.telemetry_log", "TelemetryLog"),
+    "can": "acquisition.sources.can_bus:CanBus",
+    "can_file": "acquisition.sources.logfile:LogFile",
+    "serial": "acquisition.sources.streams:SerialPort",
+    "udp": "acquisition.sources.streams:UdpPort",
+    "tcp": "acquisition.sources.streams:TcpConnection",
+    "file": "acquisition.sources.logfile:LogFile",
+    "mavlink": "acquisition.sources.streams:UdpPort",
+    "mavlink_tcp": "acquisition.sources.streams:TcpConnection",
+    "mavlink_serial": "acquisition.sources.streams:SerialPort",
+    "mqtt": "acquisition.sources.mqtt:MqttConnection",
+    "mqtt_file": "acquisition.sources.mqtt_log:MqttLog",
+    "own": "acquisition.sources.own:OwnCode",
+    "mavlink_file": "acquisition.sources.telemetry_log:TelemetryLog",
 }
 
 
@@ -114,6 +115,5 @@ class LogReader(Source):
 
 def make_source(config: AnySource) -> Source:
     """The source that a configuration section describes, not yet open."""
-    module, name = _CLASSES[config.type]
-    source: Source = getattr(import_module(module), name)(config)
+    source: Source = imported(_CLASSES[config.type])(config)
     return source

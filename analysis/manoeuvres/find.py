@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre, add_limits
 from analysis.manoeuvres.measures import (
     WIDEST_S,
@@ -88,9 +90,16 @@ def find_manoeuvres(
 
 
 def manoeuvres_and_left_out(
-    table: pd.DataFrame, length_m: float | None = None, events: Iterable[tuple[int, str]] = ()
+    table: pd.DataFrame,
+    length_m: float | None = None,
+    events: Iterable[tuple[int, str]] = (),
+    own: Sequence[str] = (),
 ) -> tuple[tuple[Manoeuvre, ...], tuple[LeftOut, ...]]:
-    """As :func:`find_manoeuvres`, and what only began like a manoeuvre, with the reason, in order of time."""
+    """As :func:`find_manoeuvres`, and what only began like a manoeuvre, with the reason, in order of time.
+
+    ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions from
+    :class:`Motion` to :class:`Manoeuvre`s, which stand beside those found here, over the same rows too.
+    """
     motion = motion_of(table, length_m)
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         return (), ()
@@ -108,7 +117,21 @@ def manoeuvres_and_left_out(
     named = (
         _apply_mark(each, marks) for each in every if motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE
     )
-    return add_limits(named, length_m), tuple(left_out)
+    added = [each for name in own for each in _found_by(name, motion)]
+    every = sorted([*add_limits(named, length_m), *added], key=lambda each: each.start)
+    return tuple(every), tuple(left_out)
+
+
+def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
+    """What a user's finder finds; where it fails the log says so, and the others go on."""
+    function = load(name, "manoeuvres")
+    require_call(function, name, "motion")
+    with suppress(OwnCodeError), own_code(name, file_of(function)):
+        found = list(function(motion))
+        if not all(isinstance(each, Manoeuvre) for each in found):
+            raise TypeError("it returned other things than analysis.manoeuvres.indices.Manoeuvre")
+        return found
+    return []
 
 
 def _zigzags_and_turns(

@@ -33,15 +33,17 @@ class RecordingManoeuvres:
     left_out: tuple[LeftOut, ...] = ()
 
 
-def manoeuvres_of(path: Path, length_m: float | None = None) -> RecordingManoeuvres:
-    """The manoeuvres of a recording, named by its event marks. Raises :class:`InputError`, and
-    :class:`DataShortageError` for a recording without channels."""
+def manoeuvres_of(path: Path, length_m: float | None = None, own: Sequence[str] = ()) -> RecordingManoeuvres:
+    """The manoeuvres of a recording, named by its event marks, and those of a user's ``own`` kinds.
+
+    Raises :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
+    """
     from acquisition.recording.reader import read_recording
     from analysis.tables.table import table_of
 
     recording = read_recording(path)
     table = table_of(recording)
-    return RecordingManoeuvres(str(path), table, *manoeuvres_and_left_out(table, length_m, recording.events))
+    return RecordingManoeuvres(str(path), table, *manoeuvres_and_left_out(table, length_m, recording.events, own))
 
 
 def summary(found: Iterable[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:

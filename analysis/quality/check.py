@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ from analysis.quality.findings import (
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.helm import check_helm_sign
 from analysis.quality.motion.checks import check_motion
+from analysis.quality.own import own_check
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
@@ -89,17 +90,19 @@ class DataQuality(Result):
         }
 
 
-def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> DataQuality:
-    """Check a recording; ``table`` is its joined table if it is already made.
+def check_recording(
+    recording: Recording, table: pd.DataFrame | None = None, own: Sequence[str] = ()
+) -> DataQuality:
+    """Check a recording; ``table`` is its joined table if it is already made, ``own`` are a user's checks.
 
     Raises :class:`DataShortageError` for a recording without channels.
     """
     joined = table_of(recording) if table is None else table
     names = channels_of_table(recording.series, joined.attrs)
-    return _check({name: recording.series[name] for name in names if name in recording.series}, joined)
+    return _check({name: recording.series[name] for name in names if name in recording.series}, joined, own)
 
 
-def check_table(table: pd.DataFrame) -> DataQuality:
+def check_table(table: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
     """Check a table of raw samples with a UTC index, its rows in the order of receipt; NaN is no sample.
 
     Columns that are no channels are passed over. ``flags`` have the table's rows. Raises :class:`InputError` for
@@ -112,22 +115,22 @@ def check_table(table: pd.DataFrame) -> DataQuality:
     order = np.argsort(times_ns(utc), kind="stable")
     joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
-    quality = _check(series, joined)
+    quality = _check(series, joined, own)
     flags = quality.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
     return replace(quality, flags=flags)
 
 
-def _check(series: Mapping[str, Series], joined: pd.DataFrame) -> DataQuality:
+def _check(series: Mapping[str, Series], joined: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
     stamps = times_ns(joined)
     first, last = main_stretch(stamps) if stamps.size else (0, 0)
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
-        return _check_stretch(series, joined)
+        return _check_stretch(series, joined, own=own)
     parts = {name: each.subset((each.measured_ns >= first) & (each.measured_ns <= last))
              for name, each in series.items()}  # fmt: skip
     parts = {name: each for name, each in parts.items() if each.value.size}
-    quality = _check_stretch(parts, joined[inside], (time_outlier_finding(series, first, last),))
+    quality = _check_stretch(parts, joined[inside], (time_outlier_finding(series, first, last),), own)
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(parts)] = quality.flags.to_numpy()
@@ -137,9 +140,12 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame) -> DataQuality:
 
 
 def _check_stretch(
-    series: Mapping[str, Series], joined: pd.DataFrame, known: tuple[Finding, ...] = ()
+    series: Mapping[str, Series],
+    joined: pd.DataFrame,
+    known: tuple[Finding, ...] = (),
+    own: Sequence[str] = (),
 ) -> DataQuality:
-    """All checks of one stretch of time. ``known`` are findings already made."""
+    """All checks of one stretch of time. ``known`` are findings already made, ``own`` a user's checks by name."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources, channels = expected_rates(joined), joined.attrs.get("sources", {}), known_channels(joined.attrs)
@@ -150,7 +156,7 @@ def _check_stretch(
     _drop_turns_of_faint_wind(faults)
     rows = {name: rows_of(stamps, each.measured_ns) for name, each in series.items()}
     possible = _possible(joined, faults, rows)
-    checked = [check(possible) for check in CHECKS]
+    checked = [check(possible) for check in (*CHECKS, *map(own_check, own))]
     across = tuple(finding for each in checked for finding in each.findings)
     _drop_explained_spikes(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(series, joined)

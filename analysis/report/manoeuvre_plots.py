@@ -36,7 +36,7 @@ def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
 
 def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
     """The heading of the approach, before the command began to change."""
-    begun = seconds_of(motion, manoeuvre)[0] - manoeuvre.settings["half_command_s"]
+    begun = seconds_of(motion, manoeuvre)[0] - manoeuvre.settings.get("half_command_s", 0.0)
     return approach_of(motion, begun)["approach_unwrapped_deg"]
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from acquisition.core.errors import ConfigurationError
+from acquisition.core.named_code import load
 
 if TYPE_CHECKING:
     from hybrid.calibrators.calibrator import Calibrator
@@ -13,11 +12,11 @@ if TYPE_CHECKING:
 
 # Imported when first used: torch takes more than a second.
 _METHODS = {
-    "paper": ("hybrid.calibrators.networks", "PaperCalibrator"),
-    "data_driven": ("hybrid.calibrators.networks", "DataDrivenCalibrator"),
-    "additive": ("hybrid.calibrators.networks", "AdditiveCalibrator"),
-    "paper_adam": ("hybrid.calibrators.networks", "PublishedPaperCalibrator"),
-    "adaptive": ("hybrid.calibrators.adaptive.calibrator", "AdaptiveCalibrator"),
+    "paper": "hybrid.calibrators.networks:PaperCalibrator",
+    "data_driven": "hybrid.calibrators.networks:DataDrivenCalibrator",
+    "additive": "hybrid.calibrators.networks:AdditiveCalibrator",
+    "paper_adam": "hybrid.calibrators.networks:PublishedPaperCalibrator",
+    "adaptive": "hybrid.calibrators.adaptive.calibrator:AdaptiveCalibrator",
 }
 METHODS: tuple[str, ...] = tuple(_METHODS)
 COMPARED = tuple(method for method in METHODS if method != "paper_adam")
@@ -25,14 +24,22 @@ COMPARED = tuple(method for method in METHODS if method != "paper_adam")
 
 
 def refuse_unknown(method: str) -> None:
-    """Raise :class:`ConfigurationError` for the name of no calibrator."""
+    """Raise :class:`ConfigurationError` for what is no calibrator: none of ours by name, no entry point of
+    ``seatrial.calibrators``, and no ``FILE.py:CLASS``.
+    """
     if method not in _METHODS:
-        raise ConfigurationError(f"no calibrator is called {method!r}", fix=f"use one of {', '.join(METHODS)}")
+        make_calibrator(method)
 
 
 def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
-    """An untrained calibrator by its method's name. Raises :class:`ConfigurationError`."""
-    refuse_unknown(method)
-    module, name = _METHODS[method]
-    calibrator: Calibrator = getattr(import_module(module), name)(seed, plant)
-    return calibrator
+    """An untrained calibrator by its method's name, as :func:`refuse_unknown` lists them.
+
+    A class that is no :class:`Calibrator` goes into an :class:`.OwnCalibrator`. Raises :class:`ConfigurationError`.
+    """
+    made = load(method, "calibrators", _METHODS)
+    if method in _METHODS:
+        calibrator: Calibrator = made(seed, plant)
+        return calibrator
+    from hybrid.calibrators.own import own_calibrator
+
+    return own_calibrator(made, method, seed, plant)

@@ -10,10 +10,10 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import safetensors.torch
@@ -25,6 +25,7 @@ from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, SeatrialError, storage_error
+from acquisition.core.named_code import absolute, digest_of
 from analysis.tables.files import make_folder
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator
@@ -67,12 +68,13 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One calibrator: its method and seed, what goes in and what comes out."""
+    """One calibrator: its method and seed, what goes in and comes out; of a user's own the hash of its file."""
 
     method: str
     seed: NonNegativeInt
     inputs: tuple[Quantity, ...]
     outputs: tuple[Quantity, ...]
+    code_sha256: Digest | Literal[""] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +133,13 @@ _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 def model_of(calibrator: Calibrator, tensors: Mapping[str, Tensor]) -> Model:
     """A calibrator in words and numbers; the scaling from its ``tensors``, where they hold one."""
+    method = absolute(calibrator.method)
     return Model(
-        calibrator.method,
+        method,
         calibrator.seed,
         _quantities("input", calibrator.inputs, tensors),
         _quantities("output", calibrator.outputs, tensors),
+        "" if method in METHODS else digest_of(method, "calibrators"),
     )
 
 
@@ -164,7 +168,7 @@ def unit_of(name: str) -> str:
     return UNITS.get(name.rsplit("_", 1)[-1], "1")
 
 
-def read_sidecar(folder: Path) -> tuple[Sidecar, Plant]:
+def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plant]:
     """The sidecar of an artefact and its reference model, checked as far as that goes without the weights.
 
     Raises :class:`InputError` naming the key that is missing or not what it should be.
@@ -179,8 +183,18 @@ def read_sidecar(folder: Path) -> tuple[Sidecar, Plant]:
         sidecar = _SIDECAR.validate_json(raw, strict=True)
     except ValidationError as error:
         raise damage_error(path, _explain(error)) from error
+    if method is not None:
+        sidecar = replace(sidecar, calibrator=_moved(sidecar.calibrator, method, path))
     _check(sidecar, path)
     return sidecar, _plant(sidecar, path)
+
+
+def _moved(model: Model, method: str, path: Path) -> Model:
+    """A model whose code has another place now; it is no other code. Raises :class:`InputError`."""
+    if not model.code_sha256 and method != model.method:
+        raise InputError(f"is of the method {model.method}, not {method}", where=str(path),
+                         fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
+    return replace(model, method=absolute(method))
 
 
 def read_bytes(path: Path) -> bytes:
@@ -216,9 +230,23 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
     for model in (sidecar.calibrator, sidecar.data_driven):
-        if model.method not in METHODS:
+        if model.code_sha256:
+            _check_code(model, path)
+        elif model.method not in METHODS:
             raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
                              where=str(path), fix=f"train anew with one of {', '.join(METHODS)}")  # fmt: skip
+
+
+def _check_code(model: Model, path: Path) -> None:
+    """Refuse to go on without the very file of a user that made a calibrator. Raises :class:`InputError`."""
+    found = digest_of(model.method, "calibrators")
+    if not found:
+        raise InputError("was made by code that is gone", where=str(path), why=f"there is no {model.method}",
+                         fix="put it back, or say with --method FILE.py:CLASS where it is now")  # fmt: skip
+    if found != model.code_sha256:
+        raise InputError("was made by another version of its code", where=str(path),
+                         why=f"{model.method} has changed: it was the file of SHA-256 {model.code_sha256}",
+                         fix="put that version back, or train anew")  # fmt: skip
 
 
 def _plant(sidecar: Sidecar, path: Path) -> Plant:
@@ -309,9 +337,12 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
     )
 
 
-def load(folder: Path) -> TrainedCalibrator:
-    """Read an artefact. Raises :class:`InputError` naming what is missing or not what it should be."""
-    sidecar, plant = read_sidecar(folder)
+def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
+    """Read an artefact; ``method`` says where the code of a user's own is now, ``FILE.py:CLASS``.
+
+    Raises :class:`InputError` naming what is missing or not what it should be.
+    """
+    sidecar, plant = read_sidecar(folder, method)
     tensors = {name: _tensors(folder / _file(name), sidecar.files) for name in PARTS}
     return TrainedCalibrator(
         calibrator=_restored(sidecar, "calibrator", plant, tensors, folder),

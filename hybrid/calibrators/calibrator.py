@@ -64,7 +64,7 @@ class Calibrator(ABC):
     ``any_commands`` says that it takes windows with any commands, as those it was fitted to.
     """
 
-    method: ClassVar[str]
+    method: str
     extrapolates: ClassVar[bool] = False
     """Whether it is believed outside its domain of applicability too, as one may whose regions grow there."""
     outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")

@@ -487,7 +487,7 @@ class NetworkCalibrator(Calibrator):
 class PaperCalibrator(NetworkCalibrator):
     """Three hidden layers of ten with ReLU on the start and the reference's displacement."""
 
-    method: ClassVar[str] = "paper"
+    method = "paper"
     needs_reference: ClassVar[bool] = True
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
@@ -501,7 +501,7 @@ class PaperCalibrator(NetworkCalibrator):
 class PublishedPaperCalibrator(PaperCalibrator):
     """The paper's calibrator trained by Adam, as published; passes, rows and patience are ours."""
 
-    method: ClassVar[str] = "paper_adam"
+    method = "paper_adam"
 
     def __init__(
         self, seed: int = 0, plant: Plant | None = None, epochs: int = 1000, batch: int = 100, patience: int = 100
@@ -516,7 +516,7 @@ class PublishedPaperCalibrator(PaperCalibrator):
 class AdditiveCalibrator(PaperCalibrator):
     """Measured minus reference displacement from the start and the reference's displacement."""
 
-    method: ClassVar[str] = "additive"
+    method = "additive"
 
     def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return displacement(reference, windows.start)
@@ -525,7 +525,7 @@ class AdditiveCalibrator(PaperCalibrator):
 class DataDrivenCalibrator(NetworkCalibrator):
     """Three hidden layers of ten with ReLU on the start of the window."""
 
-    method: ClassVar[str] = "data_driven"
+    method = "data_driven"
     needs_reference: ClassVar[bool] = False
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from acquisition.cli import ABOARD, DIAGNOSIS, PREDICTIONS, RECORDINGS, TRIALS
 
 if TYPE_CHECKING:
     from acquisition.core.result import Result
+    from hybrid.calibrators.train import TrainedCalibrator
 
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
@@ -23,6 +24,12 @@ SeaStateOption = Annotated[
     str, typer.Option(help="A sea state of trials/sea_states.toml; for a ship's model at her scale.")
 ]
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
+CodeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--method", help="FILE.py:CLASS: where the code of a calibrator of one's own is now, if it has moved."
+    ),
+]
 HorizonOption = Annotated[
     int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
 ]
@@ -38,6 +45,20 @@ EffectsOption = Annotated[
     list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
 ]
 WorkersOption = Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")]
+
+
+def chosen_calibrator(folder: Path | None, method: str | None) -> TrainedCalibrator | Path | None:
+    """The calibrator in a folder, read with its code at another place if ``method`` says so."""
+    if method is None:
+        return folder
+    if folder is None:
+        raise typer.BadParameter(
+            "is the code of a trained calibrator: give its folder with --calibrator; `seatrial train` makes one, "
+            "`seatrial evaluate` compares methods untrained", param_hint="--method",
+        )  # fmt: skip
+    from hybrid.calibrators.artefact import load
+
+    return load(folder, method)
 
 
 def print_result(values: Any, result: Result, *, as_json: bool) -> None:

@@ -17,12 +17,14 @@ from hybrid.cli import (
     AllowSeenOption,
     AnyOption,
     CalibratorOption,
+    CodeOption,
     HorizonOption,
     PartOption,
     Recordings,
     RepairOption,
     StrideOption,
     VesselOption,
+    chosen_calibrator,
     print_result,
 )
 
@@ -36,7 +38,9 @@ def train(
     vessel: VesselOption = None,
     horizon: Annotated[int, typer.Option(min=2, help="How far it predicts, in seconds.")] = 15,
     stride: StrideOption = 5,
-    method: Annotated[str, typer.Option(help="adaptive, paper, paper_adam, additive or data_driven.")] = "adaptive",
+    method: Annotated[
+        str, typer.Option(help="adaptive, paper, paper_adam, additive, data_driven, or FILE.py:CLASS of your own.")
+    ] = "adaptive",
     part: PartOption = "0..100",
     any_commands: AnyOption = False,
     repair: RepairOption = False,
@@ -72,6 +76,7 @@ def train(
 def validate(
     files: Recordings,
     calibrator: CalibratorOption = None,
+    method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: HorizonOption = None,
     stride: StrideOption = 5,
@@ -85,8 +90,9 @@ def validate(
     """Score every baseline, and the calibrator if one is given."""
     from hybrid.scripting import validate as run
 
+    trained = chosen_calibrator(calibrator, method)
     validation = run(
-        files, calibrator, vessel, horizon, stride_s=stride, part=part, any_commands=any_commands,
+        files, trained, vessel, horizon, stride_s=stride, part=part, any_commands=any_commands,
         repair=repair, rebuild_positions=rebuild_positions, allow_seen=allow_seen,
     )  # fmt: skip
     print_result(validation.as_dict(), validation, as_json=as_json)
@@ -105,7 +111,10 @@ def evaluate(
     ] = None,
     method: Annotated[
         list[str] | None,
-        typer.Option(help="A kind of calibrator; several may be given. Without it all but paper_adam."),
+        typer.Option(
+            help="A kind of calibrator, or FILE.py:CLASS of your own; several may be given. Without it all but "
+            "paper_adam."
+        ),
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
     stride: StrideOption = 5,
@@ -151,6 +160,7 @@ def predict(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
     calibrator: CalibratorOption = None,
+    method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: Annotated[
         int | None, typer.Option(min=1, help="How far is predicted in seconds; 15, or what the calibrator does.")
@@ -166,13 +176,14 @@ def predict(
     """Predict one track with its band."""
     from hybrid.scripting import predict as run
 
-    prediction = run(file, at, calibrator, vessel, horizon, commands)
+    prediction = run(file, at, chosen_calibrator(calibrator, method), vessel, horizon, commands)
     print_result(prediction.as_dict(), prediction, as_json=as_json)
 
 
 def watch(
     config: Annotated[Path, typer.Argument(help="The configuration that `seatrial record` runs with.")],
     calibrator: CalibratorOption = None,
+    method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: Annotated[
         int | None,
@@ -201,7 +212,8 @@ def watch(
         from hybrid.twin.watch import watch as run
 
         trial = load_config(config)
-        predictor = predictor_of({config: trial.trial}, calibrator, vessel, horizon, WATCH_HORIZON_S)
+        trained = chosen_calibrator(calibrator, method)
+        predictor = predictor_of({config: trial.trial}, trained, vessel, horizon, WATCH_HORIZON_S)
         typer.echo(str(predictor.said), err=True)
         summary = run(trial, predictor, stop, duration, log_format=log, commands=commands)  # type: ignore[arg-type]
     typer.echo(str(summary), err=True)

@@ -12,12 +12,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import lru_cache
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.named_code import load
 from hybrid.effects import environment, hull, sensors
 from hybrid.effects.size import USUAL_LENGTH_M, growth, scale_of
 from hybrid.vessel.actuators import KINDS
@@ -152,22 +152,11 @@ def catalogue_with(
 
 
 def load_effects(path: str | Path) -> dict[str, Effect]:
-    """The effects of a user's Python file, which has a list ``EFFECTS`` of :class:`Effect`.
+    """The effects of a user's Python file, which has a list ``EFFECTS`` of :class:`Effect`, or of ``FILE.py:LIST``.
 
     The file is executed. Raises :class:`ConfigurationError` if that fails or the list is not there.
     """
-    file = Path(path)
-    spec = spec_from_file_location(f"seatrial_effects_{file.stem}", file)
-    if not file.is_file() or spec is None or spec.loader is None:
-        raise ConfigurationError("is no Python file", where=str(path), fix="give a file ending in .py")
-    module = module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise ConfigurationError(
-            "fails when it is read", where=str(path), why=f"{type(error).__name__}: {error}"
-        ) from error
-    effects: Any = getattr(module, "EFFECTS", None)
+    effects: Any = load(f"{path}:EFFECTS" if str(path).endswith(".py") else str(path), "effects")
     if not isinstance(effects, list | tuple) or not all(isinstance(each, Effect) for each in effects):
         raise ConfigurationError(
             "has no list of effects",

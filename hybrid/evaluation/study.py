@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
+from acquisition.core.named_code import OwnCodeError
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples, predict_with_fallback
@@ -75,11 +76,15 @@ class SplitResult:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """The results by split, on ``windows``, less ``outside`` windows in which the reference leaves its range."""
+    """The results by split, on ``windows``, less ``outside`` windows in which the reference leaves its range.
+
+    ``failed`` are the methods of a user's own that failed, and why; they have no results.
+    """
 
     windows: PredictionWindows
     outside: int
     results: tuple[SplitResult, ...]
+    failed: dict[str, str] = field(default_factory=dict)
 
 
 def study(
@@ -93,9 +98,11 @@ def study(
 ) -> Study:
     """Fit and judge ``methods``, and the baselines beside them, on every split.
 
-    Raises :class:`DataShortageError` where there are too few legs, recordings or windows for a split.
+    A method of a user's own that fails is left out, and the others go on. Raises :class:`DataShortageError` where
+    there are too few legs, recordings or windows for a split, :class:`OwnCodeError` where all methods failed.
     """
     inside, tracks = within_model_range(windows, plant)
+    failed: dict[str, str] = {}
     planned = {kind: draws_of(kind, inside, draws, seed) for kind in splits}
     total = sum(map(len, planned.values())) * max(len(methods), 1)
     results: list[SplitResult] = []
@@ -103,18 +110,28 @@ def study(
     for kind, kind_draws in planned.items():
         parts = []
         for number, draw in enumerate(kind_draws):
-            parts.append(
-                evaluate_draw(draw, (inside, tracks), methods, plant, seed + number, part_of(progress, done, total))
-            )
+            share = part_of(progress, done, total)
+            parts.append(evaluate_draw(draw, (inside, tracks), methods, plant, seed + number, share, failed))
             done += len(methods)
-        results.append(pool_draws(kind, inside, kind_draws, parts))
-    return Study(inside, len(windows) - len(inside), tuple(results))
+        results.append(pool_draws(kind, inside, kind_draws, [_without(each, failed) for each in parts]))
+    results = [replace(each, errors=_without(each.errors, failed)) for each in results]
+    return Study(inside, len(windows) - len(inside), tuple(results), failed)
+
+
+def _without(errors: Mapping[str, Errors], failed: Mapping[str, str]) -> dict[str, Errors]:
+    return {name: each for name, each in errors.items() if name.removesuffix(TWO_SIDED) not in failed}
 
 
 def evaluate_draw(
-    draw: Draw, examples: Examples, methods: Sequence[str], plant: Plant, seed: int, progress: Progress
+    draw: Draw,
+    examples: Examples,
+    methods: Sequence[str],
+    plant: Plant,
+    seed: int,
+    progress: Progress,
+    failed: dict[str, str] | None = None,
 ) -> dict[str, Errors]:
-    """Every method's errors on the windows that ``draw`` holds out.
+    """Every method's errors on the windows that ``draw`` holds out; one that fails goes into ``failed``.
 
     They start from what was known at second 0, and beside it, as methods whose names end in :data:`TWO_SIDED`, from
     what is known afterwards.
@@ -130,12 +147,20 @@ def evaluate_draw(
         for ending, examples in judged.items()
     }
     fallback = Fallback.fit(*fitting, plant)
+    failed = {} if failed is None else failed
     for number, method in enumerate(methods):
-        calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
-        region_m = calibrator.conformal_region(stopping)
-        for ending, (windows, reference) in judged.items():
-            found = predict_with_fallback(calibrator, plant, region_m, fallback, windows, reference)
-            errors[f"{method}{ending}"] = errors_of(found.tracks, windows, found.region_m, found.outside_domain)
+        if method in failed:
+            continue
+        try:
+            calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
+            region_m = calibrator.conformal_region(stopping)
+            for ending, (windows, reference) in judged.items():
+                found = predict_with_fallback(calibrator, plant, region_m, fallback, windows, reference)
+                errors[f"{method}{ending}"] = errors_of(found.tracks, windows, found.region_m, found.outside_domain)
+        except OwnCodeError as error:
+            failed[method] = str(error)
+            if len(failed) == len(methods):
+                raise
         progress(number + 1.0)
     return errors
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,10 @@ class SplitSummary:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation(ModelResult):
-    """The figures of a study by split, and the leak of the random one (:func:`leak_of`)."""
+    """The figures of a study by split, and the leak of the random one (:func:`leak_of`).
+
+    ``failed`` are the methods of a user's own that failed, and why.
+    """
 
     horizon_s: int
     windows: int
@@ -113,6 +116,7 @@ class Evaluation(ModelResult):
     outside: int
     splits: dict[str, SplitSummary]
     leak: dict[str, Interval]
+    failed: dict[str, str] = field(default_factory=dict)
     view = "hybrid.report.tables:evaluation_view"
     drawing = "hybrid.report.evaluation_page:draw_evaluation"
 
@@ -121,10 +125,15 @@ class Evaluation(ModelResult):
         """That positions and speeds disagree, where they do in the windows of any split."""
         return next((each.truths.remark for each in self.splits.values() if each.truths and each.truths.remark), "")
 
+    @property
+    def first_lines(self) -> list[str]:
+        return [*super(Evaluation, self).first_lines, *(f"left out: {each}" for each in self.failed.values())]
+
     def as_dict(self) -> dict[str, Any]:
         """The JSON object."""
         return {
             **self.remarks,
+            **({"failed": self.failed} if self.failed else {}),
             "horizon_s": self.horizon_s,
             "windows": self.windows,
             "legs": self.legs,
@@ -146,6 +155,7 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
             for each in study.results
         },
         leak=leak_of(study, seed),
+        failed=study.failed,
     )
 
 

@@ -29,9 +29,9 @@ from hybrid.calibrators.adaptive.adaptation import (
 from hybrid.calibrators.adaptive.calibrator import (
     AdaptiveCalibrator,
     _folds,
-    _starts,
     _Usual,
     start_names,
+    starts_of,
 )
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.artefact import load, save
@@ -426,7 +426,7 @@ def test_starts_have_a_value_for_each_name_on_any_ship(vessel: str) -> None:
         windows_at(np.zeros((3, 6)), 4), actuators=actuators, control=np.full((3, controls), 0.5),
         past=np.full((3, PAST_S + 1, 8 + controls), np.nan), commands=np.zeros((3, 4, controls)),
     )  # fmt: skip
-    assert _starts(windows).shape == (3, 4, len(start_names(actuators)))
+    assert starts_of(windows).shape == (3, 4, len(start_names(actuators)))
 
 
 @pytest.fixture(scope="module")

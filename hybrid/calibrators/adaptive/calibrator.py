@@ -82,7 +82,7 @@ def start_names(actuators: Actuators) -> tuple[str, ...]:
     return ("surge_mps", "sway_mps", "yaw_rate_radps", "wind_speed_mps", *shafts, *turned)
 
 
-def _least_margin(actuators: Actuators) -> Floats:
+def least_margin(actuators: Actuators) -> Floats:
     """The least margin of each of :func:`start_names`."""
     kinds = [KINDS[each.kind] for each in actuators]
     shafts = [most for kind in kinds for most, angle in zip(kind.alike, kind.angles, strict=True) if not angle]
@@ -172,7 +172,7 @@ class AdaptiveCalibrator(Calibrator):
     together.
     """
 
-    method: ClassVar[str] = "adaptive"
+    method = "adaptive"
     extrapolates: ClassVar[bool] = True
     gust_s_: float | None
     usual_: _Usual
@@ -200,7 +200,7 @@ class AdaptiveCalibrator(Calibrator):
             ]
         )  # fmt: skip
         self.covariance_ = self._covariance(windows)
-        starts = _starts(windows)
+        starts = starts_of(windows)
         self.range_ = np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
@@ -385,8 +385,8 @@ class AdaptiveCalibrator(Calibrator):
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         low, high = self.range_
-        margin = np.maximum(DOMAIN_MARGIN * (high - low), _least_margin(windows.actuators))
-        return DomainOfApplicability(start_names(windows.actuators), _starts(windows), low, high, margin)
+        margin = np.maximum(DOMAIN_MARGIN * (high - low), least_margin(windows.actuators))
+        return DomainOfApplicability(start_names(windows.actuators), starts_of(windows), low, high, margin)
 
     def state_dict(self) -> dict[str, Tensor]:
         import torch
@@ -422,7 +422,7 @@ def _hindcast_s(horizon_s: int) -> int:
     return min(max(horizon_s, _EVERY_S), _LONGEST_S)
 
 
-def _starts(windows: PredictionWindows) -> Floats:
+def starts_of(windows: PredictionWindows) -> Floats:
     """The quantities :func:`start_names` of the windows' starts [N, 1, names], second by second [N, H, names] where
     the commands may be any.
 

@@ -1,0 +1,189 @@
+"""Code by its name: ours as ``module:name``, a user's as ``FILE.py:NAME``, a package's as its entry point.
+
+Calibrators, sources, checks, manoeuvres and effects of one's own are all loaded here. What goes wrong inside a
+user's code is an :class:`OwnCodeError` that names its line; the traceback of that code goes to the log.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import logging
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from difflib import get_close_matches
+from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from traceback import format_exception, walk_tb
+from types import FunctionType, ModuleType
+from typing import Any
+
+from acquisition.core.errors import ConfigurationError, SeatrialError
+
+_LOG, _TOLD = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
+
+
+class OwnCodeError(ConfigurationError):
+    """A user's code failed: ``where`` is its file and line, ``why`` what it raised."""
+
+
+def imported(place: str) -> Any:
+    """What is at ``module:name``.
+
+    >>> imported("math:tau") > 6.28
+    True
+    """
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
+def in_file(name: str) -> tuple[Path, str] | None:
+    """The file and the name in it of ``FILE.py:NAME``, "" where no name is given; None for what names no file.
+
+    >>> in_file("mine.py:Mine"), in_file("mine.py"), in_file("adaptive")
+    ((PosixPath('mine.py'), 'Mine'), (PosixPath('mine.py'), ''), None)
+    """
+    file, _, attribute = name.rpartition(":")
+    if file.endswith(".py"):
+        return Path(file), attribute
+    return (Path(name), "") if name.endswith(".py") else None
+
+
+def absolute(name: str, folder: Path | None = None) -> str:
+    """``FILE.py:NAME`` with its whole path, from ``folder`` on; other names as they are."""
+    found = in_file(name)
+    return name if found is None else f"{((folder or Path()) / found[0]).resolve()}:{found[1]}"
+
+
+def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
+    """What is called so: one of ``ours`` by name, an entry point of ``seatrial.<group>``, or ``FILE.py:NAME``.
+
+    A file is executed. Raises :class:`ConfigurationError` for what is not there, :class:`OwnCodeError` for code
+    that fails when it is read.
+    """
+    if ours and name in ours:
+        return imported(ours[name])
+    if (found := in_file(name)) is not None:
+        return _attribute(*found)
+    entries = _entries(group)
+    if name not in entries:
+        known = [*(ours or ()), *entries]
+        near = get_close_matches(name, known, n=1)
+        mean = f"did you mean {near[0]}? " if near else ""
+        among = f"use one of {', '.join(known)}, or " if known else "give "
+        raise ConfigurationError(
+            f"no {group.removesuffix('s')} is called {name!r}", fix=f"{mean}{among}FILE.py:NAME of your own"
+        )
+    with own_code(name, ""):
+        return entries[name].load()
+
+
+def digest_of(name: str, group: str) -> str:
+    """The SHA-256 of the file that a user's code is in, not executed; "" for ours, and for what is gone."""
+    entry, found = _entries(group).get(name), in_file(name)
+    file = found[0] if found else None
+    if entry is not None:
+        spec = find_spec(entry.module)
+        file = Path(spec.origin) if spec is not None and spec.origin else None
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file is not None and file.is_file() else ""
+
+
+def file_of(code: Any) -> str:
+    """The file that a class, a function or the class of an object is in."""
+    return inspect.getsourcefile(code if isinstance(code, type | FunctionType) else type(code)) or ""
+
+
+@contextmanager
+def own_code(name: str, file: str) -> Iterator[None]:
+    """Call a user's code: what it raises is logged with its traceback, once, and becomes an :class:`OwnCodeError`.
+
+    ``file`` is the one that it is in: the traceback begins there.
+    """
+    try:
+        yield
+    except SeatrialError:
+        raise
+    except Exception as error:
+        trace = error.__traceback__
+        while trace is not None and trace.tb_frame.f_code.co_filename != file:
+            trace = trace.tb_next
+        lines = [line for frame, line in walk_tb(trace) if frame.f_code.co_filename == file]
+        line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
+        where = f"{file}, line {line}" if line else file
+        if (where, str(error)) not in _TOLD:  # a source that fails is tried again and again
+            _LOG.error("".join(format_exception(type(error), error, trace, chain=False)).rstrip())
+            _TOLD.add((where, str(error)))
+        why = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
+        raise OwnCodeError(
+            f"{name.rpartition('/')[2]} failed", where=where, why=why, fix="correct it there"
+        ) from error
+
+
+def require_call(code: Any, name: str, *arguments: str, method: str = "") -> None:
+    """Refuse what cannot be called with these arguments, as :class:`ConfigurationError`.
+
+    ``method`` is that of the class ``code`` which is to be called.
+    """
+    wanted = (
+        f"{method}({', '.join(('self', *arguments))})"
+        if method
+        else f"{name.rpartition(':')[2]}({', '.join(arguments)})"
+    )
+    called = getattr(code, method, None) if method else code
+    try:
+        inspect.signature(called).bind(*([code] if method else []), *arguments)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        why = str(error) if callable(called) else "it has none" if method else "it is no function"
+        raise ConfigurationError(
+            "cannot be called as it has to be", where=name, why=why, fix=f"define {wanted}"
+        ) from error
+
+
+def _entries(group: str) -> dict[str, EntryPoint]:
+    return {each.name: each for each in entry_points(group=f"seatrial.{group}")}
+
+
+def _attribute(file: Path, name: str) -> Any:
+    """What a file defines by that name. Raises :class:`ConfigurationError`."""
+    module = _executed(file.resolve(), _content(file))
+    if name and hasattr(module, name):
+        return getattr(module, name)
+    own = [key for key, each in vars(module).items() if getattr(each, "__module__", "") == module.__name__]
+    defined = ", ".join(own) or "nothing"
+    what = f"defines no {name}" if name else "is a file: which of what it defines is meant is to be said"
+    raise ConfigurationError(
+        what, where=str(file), why=f"it defines {defined}", fix=f"write {file}:{(own or ['NAME'])[0]}"
+    )
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(
+            "cannot be read",
+            where=str(file),
+            why=error.strerror or str(error),
+            fix="give a Python file as FILE.py:NAME",
+        ) from error
+
+
+@lru_cache
+def _executed(file: Path, content: bytes) -> ModuleType:
+    """A file as a module, executed once for what it holds. Raises :class:`OwnCodeError`."""
+    name = f"seatrial_own_{file.stem}_{hashlib.sha256(bytes(file) + content).hexdigest()[:12]}"
+    spec = spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise ConfigurationError("is no Python file", where=str(file), fix="give a file ending in .py")
+    module = sys.modules[name] = module_from_spec(spec)  # where dataclasses look for what they are annotated with
+    try:
+        with own_code(str(file), str(file)):
+            spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module

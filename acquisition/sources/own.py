@@ -1,0 +1,68 @@
+"""A source of a user's own: a class that reads whatever device there is and tells channels by name.
+
+    class Inclinometer:
+        def __init__(self, device): ...        # the source's `options`; may be left out
+        def read(self, timeout_s): ...         # {"roll_deg": 1.5, "pitch_deg": -0.2}, in the channels' units
+        def close(self): ...                   # may be left out
+
+``read`` waits so long at the most and returns what came: a dict of channels, in which ``time`` may say when it was
+measured (UTC, s since 1970); a line of NMEA 0183; a list of those, empty where nothing came; None when nothing will
+ever come again. The class is made when the source is opened: what it raises there, and in ``read``, counts as a
+source that failed, is recorded as an event and tried again, while other sources go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from acquisition.config.sections import OwnSource
+from acquisition.core.frames import Frame, now_ns
+from acquisition.core.named_code import file_of, load, own_code, require_call
+from acquisition.sources import Source
+
+_LINES = "own/lines"
+
+
+class OwnCode(Source):
+    """One object of a user's class. Raises :class:`ConfigurationError` for what is no such class."""
+
+    def __init__(self, config: OwnSource) -> None:
+        super().__init__(config)
+        self._made: Any = load(config.code, "sources")
+        self._file = file_of(self._made)
+        require_call(self._made, config.code, "timeout_s", method="read")
+
+    def _connect(self) -> Any:
+        with own_code(self._config.code, self._file):
+            return self._made(**self._config.options)
+
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        with own_code(f"{self._config.code}.read", self._file):
+            told = self._link.read(timeout_s)
+        if told is None:
+            return None
+        clocks = now_ns()
+        payloads = [each for one in (told if isinstance(told, list) else [told]) for each in self._payloads(one)]
+        return [Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
+
+    def _payloads(self, told: Any) -> Iterator[bytes]:
+        if isinstance(told, str | bytes):
+            yield f"{_LINES}\0".encode() + (told.encode() if isinstance(told, str) else told)
+            return
+        if not isinstance(told, dict):
+            raise self.failure(f"read returned a {type(told).__name__}", fix="return a dict of channels, or a list")
+        time = told.get("time")
+        for name, value in told.items():
+            if name != "time":
+                if name not in self._config.values:
+                    raise self.failure(
+                        f"tells {name!r}", "it is no channel", "declare it as [[channel]], or rename it"
+                    )
+                yield f"own/{name}\0{value}{'' if time is None else f',{time}'}".encode()
+
+    def close(self) -> None:
+        if self._link is not None and hasattr(self._link, "close"):
+            with own_code(f"{self._config.code}.close", self._file):
+                self._link.close()
+        self._link = None

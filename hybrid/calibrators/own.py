@@ -1,0 +1,181 @@
+"""A calibrator of a user's own: a class with ``fit`` and ``predict``, behind the interface of all calibrators.
+
+The class sees :class:`KnownWindows`, what is known of windows at their start, and never what came after. Its
+regions are made by split conformal prediction on legs that it was not fitted to, as everybody's are.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.actuators import Actuators
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
+from acquisition.core.progress import Progress
+from hybrid.calibrators.adaptive.calibrator import least_margin, start_names, starts_of
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
+from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.vessel.actuators import angle_columns, control_labels
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from torch import Tensor
+
+    from hybrid.vessel.plant import Plant
+
+STATE = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
+WIND = ("wind_direction_rad", "wind_speed_mps")
+DOMAIN_MARGIN = 0.1
+"""How far past the range of the training a start may lie inside the domain, as a share of it; as for networks."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownWindows:
+    """What is known of N windows of H seconds at their start, in SI units and radians.
+
+    ``start`` [N, C]: one row a window, columns by name: ``north_m``, ``east_m``, ``heading_rad``, ``surge_mps``,
+    ``sway_mps``, ``yaw_rate_radps``, ``wind_direction_rad`` (it comes from), ``wind_speed_mps``, then the controls,
+    such as ``propeller_rps`` and ``rudder_angle_rad``. ``reference`` [N, H+1, 3]: the reference model's track,
+    north, east [m] and heading [rad] at seconds 0 to H. ``past`` [N, P+1, C]: the columns of ``start`` at second 0
+    and at each of the P seconds before, newest first; NaN where nothing was measured. ``commands``
+    [N, H, controls]: the controls over each second of the horizon; those of ``start`` where they are held.
+    ``leg`` [N]: which windows belong together, for a validation of one's own: they overlap.
+    """
+
+    start: pd.DataFrame
+    reference: Floats
+    past: Floats
+    commands: Floats
+    leg: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+
+class OwnMethod(Protocol):
+    """What a class has to have to be a calibrator; it is made without arguments, or with a ``seed``.
+
+    Attributes that are arrays, numbers, texts and lists of them are saved with it. For others it needs
+    ``__getstate__``, which returns a dict of such, and ``__setstate__``, which takes it.
+    """
+
+    def fit(self, windows: KnownWindows, track: Floats) -> object:
+        """Learn from windows and the tracks that were measured in them [N, H+1, 3], as ``reference`` is."""
+
+    def predict(self, windows: KnownWindows) -> Floats:
+        """The tracks [N, H+1, 3], or north and east alone [N, H+1, 2] with the reference's heading."""
+
+
+def own_calibrator(made: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
+    """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
+    if not isinstance(made, type):
+        raise ConfigurationError("is no class", where=name, fix="write a class with fit and predict")
+    if issubclass(made, Calibrator):
+        calibrator: Calibrator = made(seed, plant)
+    else:
+        calibrator = OwnCalibrator(made, name, seed, plant)
+    calibrator.method = name
+    return calibrator
+
+
+def known_windows(windows: PredictionWindows, reference: Floats) -> KnownWindows:
+    """What a user's class sees of windows; the arrays are its own."""
+    labels, angles = control_labels(windows.actuators), angle_columns(windows.actuators)
+    controls = [f"{name}_rad" if column in angles else name for column, name in enumerate(labels)]
+    start = np.column_stack([windows.start, windows.wind, windows.control])
+    return KnownWindows(
+        pd.DataFrame(start, columns=[*STATE, *WIND, *controls]),
+        reference.copy(), windows.past.copy(), windows.acting.copy(), windows.leg.copy(),
+    )  # fmt: skip
+
+
+class OwnCalibrator(Calibrator):
+    """A user's class: what it says is checked, and what it raises is told by its own line."""
+
+    method = "own"
+
+    def __init__(self, made: type, name: str, seed: int = 0, plant: Plant | None = None) -> None:
+        super().__init__(seed, plant)
+        require_call(made, name, "windows", "track", method="fit")
+        require_call(made, name, "windows", method="predict")
+        self._name, self._file = name, file_of(made)
+        takes_seed = "seed" in inspect.signature(made).parameters
+        with own_code(name, self._file):
+            self.own: OwnMethod = made(seed=seed) if takes_seed else made()
+
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        return start_names(actuators)
+
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+        windows, reference = training
+        self.actuators, self.any_commands = windows.actuators, windows.commands is not None
+        starts = starts_of(windows).reshape(-1, len(self.inputs))
+        self.range_ = np.array([starts.min(axis=0), starts.max(axis=0)])
+        whole = windows.whole
+        known = known_windows(windows.subset(whole), reference[whole])
+        with own_code(f"{self._name}.fit", self._file):
+            self.own.fit(known, windows.track[whole].copy())
+        progress(1.0)
+        return self
+
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        with own_code(f"{self._name}.predict", self._file):
+            found = np.asarray(self.own.predict(known_windows(windows, reference)), dtype=np.float64)
+        count, seconds, _ = reference.shape
+        if found.shape not in ((count, seconds, 2), (count, seconds, 3)):
+            raise OwnCodeError(
+                f"predict returned an array of {found.shape}", where=self._name,
+                fix=f"return {(count, seconds, 3)}: windows, seconds 0 to {seconds - 1}, north, east, heading",
+            )  # fmt: skip
+        return np.concatenate([found, reference[..., found.shape[2] :]], axis=2)
+
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+        low, high = self.range_
+        margin = np.maximum(DOMAIN_MARGIN * (high - low), least_margin(windows.actuators))
+        return DomainOfApplicability(self.inputs, starts_of(windows), low, high, margin)
+
+    def state_dict(self) -> dict[str, Tensor]:
+        import torch
+
+        own = self.own
+        with own_code(f"{self._name}.__getstate__", self._file):
+            state: Any = own.__getstate__() if hasattr(own, "__setstate__") else vars(own)
+        arrays = {name: value for name, value in state.items() if _is_numeric(value)}
+        others = {name: value for name, value in state.items() if name not in arrays}
+        for name, value in others.items():
+            self._refuse_unsaved(name, value)
+        text = np.frombuffer(json.dumps(others).encode(), np.uint8)
+        every = {"range": self.range_, "others": text} | {f"own.{name}": each for name, each in arrays.items()}
+        return {name: torch.from_numpy(np.array(value)) for name, value in every.items()}
+
+    def _refuse_unsaved(self, name: str, value: Any) -> None:
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError) as error:
+            raise ConfigurationError(
+                f"keeps a {type(value).__name__} in {name}, which is not saved", where=self._name,
+                why="arrays, numbers, texts and lists of them are",
+                fix="keep those, or write __getstate__ that returns a dict of them, and __setstate__ that takes it",
+            ) from error  # fmt: skip
+
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+        found = {name: tensor.numpy() for name, tensor in tensors.items()}
+        self.range_, others = found.pop("range"), json.loads(found.pop("others").tobytes())
+        state = {name.removeprefix("own."): value for name, value in found.items()} | others
+        with own_code(f"{self._name}.__setstate__", self._file):
+            if hasattr(self.own, "__setstate__"):
+                self.own.__setstate__(state)
+            else:
+                vars(self.own).update(state)
+        return self
+
+
+def _is_numeric(value: Any) -> bool:
+    return isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "fiub"
