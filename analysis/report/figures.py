@@ -97,7 +97,8 @@ def numbers_of(figure: Figure) -> dict[str, Any]:
 def _axes_numbers(axes: Axes) -> dict[str, Any]:
     drawn = [values for artist in axes.get_children() for values in _artist_numbers(artist, axes)]
     title = axes.get_title() or axes.get_title(loc="left")
-    return {"title": title, "x": axes.get_xlabel(), "y": axes.get_ylabel(), "drawn": drawn}
+    x, y = (text.replace("\n", " ") for text in (axes.get_xlabel(), axes.get_ylabel()))
+    return {"title": title, "x": x, "y": y, "drawn": drawn}
 
 
 def _artist_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:

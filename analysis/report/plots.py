@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
+from types import MappingProxyType
 
 import matplotlib.dates as dates
 import numpy as np
@@ -18,13 +19,14 @@ from matplotlib.lines import Line2D
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from rich.text import Text
 
-from acquisition.core.actuators import Actuators, control_names, part_of_control
-from acquisition.core.angles import wraps_of
+from acquisition.core.actuators import Actuators, channel_by_rule, control_names, name_of_order, part_of_control
+from acquisition.core.angles import unwrap, wrap_180, wraps_of
 from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, known_channels
+from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, known_channels
 from acquisition.core.units import DIMENSIONLESS, ending_of
 from analysis.kinematics import mean_wind
+from analysis.report.labels import label_points
 from analysis.tables.table import declared_channels, table_actuators, utc_index
 from analysis.windows.held import HeldWindows, held_spans_ns
 
@@ -70,24 +72,31 @@ def track(
     length_m: float | None = None,
     executes: Sequence[pd.Timestamp] = (),
 ) -> list[Artist]:
-    """The ship's track, north up and to scale, held windows in one colour a leg, the time along it.
+    """The ship's track, north up and to scale, broad where a window is held, the time along it.
 
     ``table`` holds ``north_m`` and ``east_m`` [m]; ``windows`` is the long table of held windows. Of a ship of
-    ``length_m`` [m] the outline is drawn at each time, enlarged where it would not be seen, which the legend says.
-    ``executes`` are the times at which manoeuvres begin. Where the wind is known, an arrow shows where it blows to.
+    ``length_m`` [m] some outlines are drawn, enlarged where they would not be seen, which the legend says.
+    ``executes`` are the times at which manoeuvres begin, numbered in their order. Where the wind is known, an arrow
+    shows where it blows to.
     """
-    artists: list[Artist] = list(axes.plot(table["east_m"], table["north_m"], color=FAINT, label="track"))
-    if windows is not None:
-        for number, (_, leg) in enumerate(windows.groupby("leg", sort=False)):
-            colour = PALETTE[number % len(PALETTE)]
-            artists.append(_leg(axes, leg, colour))
-            artists[-1].set_label(f"_leg {number + 1}")
-    ticks = _ticks(table, tick_every_s)
+    artists: list[Artist] = []
+    if windows is not None and len(windows):
+        artists.append(_held_stretches(axes, windows, f"{held_words(table)} held"))
     if length_m is not None and "heading_deg" in table:
-        artists += _ships(axes, table, ticks, length_m)
-    artists += _time_ticks(axes, ticks)
-    artists += _executes(axes, table, executes)
-    artists += wind_arrow(axes, table)
+        artists += _ships(axes, table.dropna(subset=["north_m", "east_m", "heading_deg"]), length_m)
+    artists += axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.1, label="track")
+    ticks, begun = _ticks(table, tick_every_s), _executes(table, executes)
+    artists += axes.plot(ticks["east_m"], ticks["north_m"], "o", color=INK, markersize=3, linestyle="none")
+    artists += axes.plot(begun["east_m"], begun["north_m"], "o", color=PALETTE[4], markeredgecolor="white",
+                         markersize=6, linestyle="none", zorder=5, label="manoeuvre begins")  # fmt: skip
+    path = table[["east_m", "north_m"]].to_numpy(dtype=float)
+    labelled = pd.concat([begun, ticks])[["east_m", "north_m"]].to_numpy(dtype=float)
+    words = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]
+    hidden = np.concatenate([path, np.repeat(labelled, _MARK_POINTS, axis=0)])
+    labels = label_points(axes, list(map(tuple, labelled)), words, hidden, fontsize=7.5, color=INK, zorder=6)
+    for each in labels[: len(begun)]:
+        each.set(color=PALETTE[4], fontweight="bold")
+    artists += [*labels, *wind_arrow(axes, table)]
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(label("east_m"))
     axes.set_ylabel(label("north_m"))
@@ -97,7 +106,35 @@ def track(
 HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
 """A ship's outline, ahead and to starboard, in lengths."""
 _CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
+_MARK_POINTS = 30  # of the track, which a mark is worth to a label that may hide it
 _LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
+_APART, _APART_ALONG, _MOST_OUTLINES = 1.3, 2.5, 12  # lengths between outlines, and along the way; how many
+
+
+def outlines(
+    axes: Axes, across: Floats, up: Floats, heading_rad: Floats, length_m: float, words: str | None = None
+) -> list[Artist]:
+    """A ship's outlines along a path [rows], pale and behind it: a dozen at most, none upon another.
+
+    ``heading_rad`` [rows] counts clockwise from upwards; ``length_m`` is in the units of the axes.
+    """
+    return [
+        ship(axes, across[row], up[row], heading_rad[row], length_m, words if number == 0 else None)
+        for number, row in enumerate(outline_rows(across, up, length_m))
+    ]
+
+
+def outline_rows(across: Floats, up: Floats, length_m: float) -> list[int]:
+    """Rows of a path [rows] at which outlines of ``length_m`` stand clear of each other, the first among them."""
+    way = np.append(0.0, np.cumsum(np.hypot(np.diff(across), np.diff(up))))
+    step = max(_APART_ALONG * length_m, way[-1] / (_MOST_OUTLINES - 1), 1e-9)
+    chosen: list[int] = []
+    for row in np.searchsorted(way, np.arange(0.0, way[-1] + step / 4.0, step / 4.0)[: 8 * _MOST_OUTLINES]):
+        at = min(int(row), way.size - 1)
+        near = [np.hypot(across[at] - across[each], up[at] - up[each]) < _APART * length_m for each in chosen]
+        if not any(near) and (not chosen or way[at] - way[chosen[-1]] >= 0.99 * step):
+            chosen.append(at)
+    return chosen
 
 
 def ship(
@@ -108,37 +145,31 @@ def ship(
     forward, aside = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
     x = across + forward * np.sin(heading_rad) + aside * np.cos(heading_rad)
     y = up + forward * np.cos(heading_rad) - aside * np.sin(heading_rad)
-    (outline,) = axes.fill(x, y, facecolor="#DCE9F2", edgecolor=INK, linewidth=0.8, zorder=3, label=words)
+    (outline,) = axes.fill(x, y, facecolor="#E3EBF1", edgecolor="#8FA3B3", linewidth=0.7, zorder=1.5, label=words)
     return outline
 
 
-def _ships(axes: Axes, table: pd.DataFrame, ticks: pd.DataFrame, length_m: float) -> list[Artist]:
-    """The outline at every tick; ten, twenty or fifty times as large as the ship where she would not be seen."""
-    extent = max(float(np.ptp(table[name].dropna())) if len(table) else 0.0 for name in ("north_m", "east_m"))
+def _ships(axes: Axes, placed: pd.DataFrame, length_m: float) -> list[Artist]:
+    """Outlines along the track; two to fifty times as large as the ship where she would not be seen."""
+    if placed.empty:
+        return []
+    extent = max(float(np.ptp(placed[name])) for name in ("north_m", "east_m"))
     times = next((each for each in (1, 2, 5, 10, 20, 50) if each * length_m >= _LEAST_SHARE * extent), 100)
     words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
-    placed = ticks.dropna(subset=["heading_deg"])
-    return [
-        ship(axes, row["east_m"], row["north_m"], np.deg2rad(row["heading_deg"]), times * length_m,
-             words if number == 0 else None)
-        for number, (_, row) in enumerate(placed.iterrows())
-    ]  # fmt: skip
+    east, north, heading = (placed[name].to_numpy(dtype=float) for name in ("east_m", "north_m", "heading_deg"))
+    return outlines(axes, east, north, np.deg2rad(heading), times * length_m, words)
 
 
-def _executes(axes: Axes, table: pd.DataFrame, executes: Sequence[pd.Timestamp]) -> list[Artist]:
-    """A cross where each manoeuvre began."""
-    placed = table[["north_m", "east_m"]].dropna()
+def _executes(table: pd.DataFrame, executes: Sequence[pd.Timestamp]) -> pd.DataFrame:
+    """The rows at which manoeuvres began."""
+    placed = table.dropna(subset=["north_m", "east_m"])
     if not len(executes) or placed.empty:
-        return []
-    at = placed.iloc[placed.index.get_indexer(pd.DatetimeIndex(list(executes)), method="nearest")]
-    return list(
-        axes.plot(at["east_m"], at["north_m"], "X", color=PALETTE[4], markeredgecolor="white", markersize=8,
-                  linestyle="none", zorder=5, label="manoeuvre begins")
-    )  # fmt: skip
+        return placed.iloc[:0]
+    return placed.iloc[placed.index.get_indexer(pd.DatetimeIndex(list(executes)), method="nearest")]
 
 
 def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
-    """Where the mean wind blows to, in the upper left corner, with its speed and where it comes from."""
+    """Where the mean wind blows to, above the upper left corner, with its speed and where it comes from."""
     if not {"wind_speed_mps", "wind_direction_deg"} <= set(table.columns):
         return []
     air = table[["wind_speed_mps", "wind_direction_deg"]].dropna()
@@ -148,22 +179,24 @@ def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     if speed_mps < _CALM_MPS:
         return []
     to_rad = np.deg2rad(from_deg + 180.0)
-    half, middle = 15.0 * np.array([np.sin(to_rad), np.cos(to_rad)]), np.array([26.0, -26.0])
+    half, middle = 11.0 * np.array([np.sin(to_rad), np.cos(to_rad)]), np.array([14.0, 16.0])
     corner = (
         Affine2D().scale(1.0 / 72.0) + axes.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, axes.transAxes)  # type: ignore[arg-type]
     )
     arrow = axes.annotate("", tuple(middle + half), tuple(middle - half), xycoords=corner, textcoords=corner,
                           arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.4})  # fmt: skip
-    words = f"wind {speed_mps:.1f} m/s\nfrom {from_deg:.0f}°"
-    text = axes.text(50.0, -16.0, words, fontsize=8, va="top", color=INK, transform=corner)
+    words = f"mean wind {speed_mps:.1f} m/s from {from_deg:.0f}°"
+    text = axes.text(32.0, 16.0, words, fontsize=8, va="center", color=INK, transform=corner)
     return [arrow, text]
 
 
-def _leg(axes: Axes, rows: pd.DataFrame, colour: str) -> Line2D:
-    """All windows of a leg as one line, lifted between them: a line each takes most of a figure's time."""
-    begins = np.flatnonzero(np.diff(rows["window"].to_numpy()) != 0) + 1
-    east, north = (np.insert(rows[name].to_numpy(dtype=float), begins, np.nan) for name in ("east_m", "north_m"))
-    (line,) = axes.plot(east, north, color=colour, linewidth=2.2)
+def _held_stretches(axes: Axes, windows: pd.DataFrame, words: str) -> Line2D:
+    """All windows as one broad line, lifted between them: a line each takes most of a figure's time."""
+    begins = np.flatnonzero(np.diff(windows["window"].to_numpy()) != 0) + 1
+    east, north = (np.insert(windows[name].to_numpy(dtype=float), begins, np.nan) for name in ("east_m", "north_m"))
+    (line,) = axes.plot(
+        east, north, color=HELD, alpha=0.55, linewidth=5.0, solid_capstyle="butt", zorder=1.6, label=words
+    )
     return line
 
 
@@ -174,15 +207,8 @@ def _ticks(table: pd.DataFrame, every_s: float) -> pd.DataFrame:
     return placed[np.append(True, np.diff(seconds // every_s) > 0)] if len(placed) else placed
 
 
-def _time_ticks(axes: Axes, ticks: pd.DataFrame) -> list[Artist]:
-    """A dot and the time of day at every tick."""
-    (dots,) = axes.plot(ticks["east_m"], ticks["north_m"], "o", color=INK, markersize=3, linestyle="none")
-    texts = [
-        axes.annotate(f"{time:%H:%M}", (row["east_m"], row["north_m"]), xytext=(5, 5), fontsize=7, color=INK,
-                      textcoords="offset points", zorder=4)
-        for time, row in ticks.iterrows()
-    ]  # fmt: skip
-    return [dots, *texts]
+Predicted = Mapping[str, tuple[pd.DataFrame, str]]
+"""By method, the motion that it predicts, with the number of the ``window`` in each row, and its colour."""
 
 
 def series(
@@ -190,36 +216,70 @@ def series(
     table: pd.DataFrame,
     names: Sequence[str],
     windows: pd.DataFrame | None = None,
+    title: str = "",
+    predicted: Predicted = MappingProxyType({}),
 ) -> list[Artist]:
-    """Channels of one unit against UTC, the held windows as a shade behind them.
+    """Channels of one unit against UTC, held windows shaded behind them, orders dashed beside what followed.
 
-    Angles are drawn without the line that would join one end of the turn with the other.
+    The first line is broad, so that another that lies on it hides nothing. Angles that go all around are drawn
+    without the line that would join one end of the turn with the other. Where something is ``predicted``, what
+    was measured is dark.
+    ``title`` is that of the axis, with its unit.
     """
-    artists: list[Artist] = []
     known = known_channels(table.attrs)
-    if windows is not None:
-        artists.append(held_shade(axes, windows))
-    for name, colour in zip(names, cycle(PALETTE), strict=False):
-        present = table[name].dropna()
-        shown = break_at_wrap(present) if known[name].circular else present.to_numpy(dtype=float)
+    artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
+    centre_deg = _centre_deg(table, [known[name] for name in names])
+    colours = [INK] if any(names[0] in motion for motion, _ in predicted.values()) else PALETTE
+    for number, (name, colour) in enumerate(zip(names, cycle(colours), strict=False)):
+        width = 2.4 if number == 0 and len(names) > 1 else 1.1
         steps = "steps-post" if known[name].state else "default"
-        artists += axes.plot(present.index, shown, color=colour, label=label(name, known), drawstyle=steps)
+        order = name_of_order(name) if channel_by_rule(name) else ""
+        for each, style in ((name, "-"), (order, "--")):
+            if each in table and table[each].notna().any():
+                times, values = _line(table[each], known[name], centre_deg)
+                artists += axes.plot(times, values, style, color=colour, linewidth=width if style == "-" else 1.1,
+                                     drawstyle=steps, label=label(each, known))  # fmt: skip
+    for method, (motion, colour) in predicted.items():
+        for name in motion.columns.intersection(list(names)):
+            times, values = _line(motion[name], known[name], centre_deg)
+            values[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
+            artists += axes.plot(times, values, color=colour, linewidth=1.2, label=method)
     units = sorted({known[name].unit for name in names})
-    axes.set_ylabel(label(names[0], known) if len(names) == 1 else f"[{', '.join(units)}]")
-    axes.set_xlabel("time, UTC")
-    axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
-    axes.margins(x=0.01)
-    if len(names) > 1:
-        lines = [artist for artist in artists if isinstance(artist, Line2D)]
+    words = label(names[0], known) if len(names) == 1 else title or f"[{', '.join(units)}]"
+    axes.set_ylabel(words.replace(" [", "\n["))
+    utc_axis(axes, table)
+    lines = [each for each in artists if isinstance(each, Line2D) and each.get_label() not in predicted]
+    if len(lines) > 1:
         axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
     return artists
 
 
-def break_at_wrap(angle_deg: pd.Series) -> Floats:
-    """The values of an angle with NaN where the drawn line would cross the whole turn."""
-    values = angle_deg.to_numpy(dtype=float, copy=True)
-    values[wraps_of(values)] = np.nan
-    return values
+def utc_axis(axes: Axes, table: pd.DataFrame) -> None:
+    """The time of day along the axis, with seconds where a trial is of a few minutes."""
+    short = len(table) > 0 and table.index[-1] - table.index[0] < pd.Timedelta(minutes=10)
+    axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M:%S" if short else "%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
+    axes.set_xlabel("time, UTC")
+    axes.margins(x=0.01)
+
+
+def _line(column: pd.Series, channel: Channel, centre_deg: float | None) -> tuple[pd.Index, Floats]:
+    """Times and values of a channel; an angle about a centre where there is one, broken where it crosses the whole
+    turn."""
+    present = column.dropna()
+    values = present.to_numpy(dtype=float, copy=True)
+    if channel.circular:
+        values = values if centre_deg is None else np.asarray(centre_deg + wrap_180(values - centre_deg))
+        values[wraps_of(values)] = np.nan
+    return present.index, values
+
+
+def _centre_deg(table: pd.DataFrame, channels: Sequence[Channel]) -> float | None:
+    """The middle of angles that cross the end of the turn and do not go all around; None where there is no need."""
+    every = [table[each.name].dropna().to_numpy(dtype=float) for each in channels if each.circular]
+    if not any(wraps_of(values).any() for values in every):
+        return None
+    turned = unwrap(np.concatenate(every))
+    return float(wrap_180(0.5 * (turned.max() + turned.min()))) if np.ptp(turned) < _MOST_TURN_DEG else None
 
 
 def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
@@ -236,15 +296,20 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
 Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
 """What fills a figure, its size [in], and its caption."""
 _TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
-_TRACK_INCH = (3.0, 8.0)
+_TRACK_INCH = (3.5, 8.0)
 _MOST_TICKS = 10  # times of day along a track; more would lie on each other
+_PANEL_INCH, _EDGES_INCH = 1.05, 1.1
+_MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
+_WIND = ("wind_speed_mps", "wind_direction_deg")
 
 
-def _track_height_inch(table: pd.DataFrame) -> float:
-    """A height that fits a track to scale into a picture of 8 in."""
-    extents = {name: float(table[name].max() - table[name].min()) for name in ("north_m", "east_m")}
-    share = extents["north_m"] / max(extents["east_m"], 1e-3)
-    return min(max(0.8 + 7.0 * share, _TRACK_INCH[0]), _TRACK_INCH[1]) if np.isfinite(share) else _TRACK_INCH[1]
+def _track_size_inch(table: pd.DataFrame) -> tuple[float, float]:
+    """Width and height that fit a track to scale."""
+    east, north = (max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m"))
+    longest = _TRACK_INCH[1] - 1.0
+    sides = np.array([east, north]) / max(east, north) * longest + np.array([0.8, 1.2])
+    width, height = np.clip(sides, _TRACK_INCH[0], _TRACK_INCH[1])
+    return max(float(width), 5.0), float(height)
 
 
 def tick_every_s(table: pd.DataFrame) -> float:
@@ -266,28 +331,56 @@ def track_figure(
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         track(axes, table, windows, tick_every_s(table), length_m, executes)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4 if width >= 7.0 else 2)
 
-    legs = 0 if windows is None else windows["leg"].nunique()
-    caption = f"The track, north up, one colour a leg of held {held_words(table)} ({legs} legs), time in UTC."
-    return draw, (8.0, _track_height_inch(table)), caption
+    size_inch = width, _ = _track_size_inch(table)
+    held = "" if windows is None else f"; broad where the {held_words(table)} were held"
+    begins = "; numbers: where manoeuvres begin, in their order" if len(executes) else ""
+    return draw, size_inch, f"The track, north up and to scale, times in UTC{held}{begins}."
 
 
-def channels_figure(table: pd.DataFrame, windows: pd.DataFrame | None = None) -> Drawing | None:
-    """The channels of a 1 Hz table against time, held windows shaded; None without any channel."""
-    motion = (("heading_deg",), ("surge_mps", "sway_mps"), ("yaw_rate_dps",))
-    wind = (("wind_speed_mps",), ("wind_direction_deg",))
-    controls = control_groups(table_actuators(table)).values()
-    groups = known_groups(table, (*motion, *controls, *wind, *declared_groups(table).values()))
+def channels_figure(
+    table: pd.DataFrame, windows: pd.DataFrame | None = None, predicted: Predicted = MappingProxyType({})
+) -> Drawing | None:
+    """The channels of a 1 Hz table against time, held windows shaded, and what is ``predicted`` of the motion; None
+    without any channel. What never changes is left to the caption.
+    """
+    panels, still = _panels(table)
+    if not panels:
+        return None
 
     def draw(figure: Figure) -> None:
-        grid = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, names in zip(grid, groups, strict=True):
-            series(axes, table, names, windows)
+        grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (title, names) in zip(grid, panels.items(), strict=True):
+            series(axes, table, names, windows, title, predicted)
             axes.label_outer()
+        if windows is not None or predicted:
+            figure.legend(*_distinct(grid[0]), loc="outside upper left", ncols=5)
+        figure.align_ylabels()
 
-    caption = "The channels at 1 Hz; shaded where a window is held."
-    return (draw, (9.0, 1.2 + 1.5 * len(groups)), caption) if groups else None
+    shade = "" if windows is None else f" Shaded: {held_words(table)} held."
+    constant = f" Constant all the time: {', '.join(still)}." if still else ""
+    return draw, (9.0, _EDGES_INCH + _PANEL_INCH * len(panels)), f"The channels at 1 Hz.{shade}{constant}"
+
+
+def _panels(table: pd.DataFrame) -> tuple[dict[str, list[str]], list[str]]:
+    """The channels of each panel by its title, and in words the controls, wind and the like that never change."""
+    known, shown, still = known_channels(table.attrs), {}, []
+    motion, wind = ({name: [name] for name in group} for group in (POSE_AND_VELOCITY[2:], _WIND))
+    groups = motion | control_groups(table_actuators(table)) | wind | declared_groups(table)
+    for title, names in groups.items():
+        present = [name for name in names if name in table and table[name].notna().any()]
+        if any(name in motion or np.ptp(table[name].dropna()) > 0.0 for name in present):
+            shown[title] = present
+        else:
+            still += [f"{label(name, known)} {table[name].dropna().iloc[0]:g}" for name in present]
+    return shown, still
+
+
+def _distinct(axes: Axes) -> tuple[list[Artist], list[str]]:
+    """Handles and words of a legend of measured and predicted motion."""
+    handles, words = axes.get_legend_handles_labels()
+    return handles, ["measured" if "[" in each else each for each in words]
 
 
 def control_groups(actuators: Actuators) -> dict[str, list[str]]:
@@ -320,12 +413,6 @@ def held_words(table: pd.DataFrame) -> str:
     return "thrusters" if all(each.kind in ("azimuth", "tunnel") for each in table_actuators(table)) else "controls"
 
 
-def known_groups(table: pd.DataFrame, groups: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Groups of channels without those that a table has no value of."""
-    known = [[name for name in names if name in table and table[name].notna().any()] for names in groups]
-    return [names for names in known if names]
-
-
 def windows_view(found: HeldWindows) -> Text:
     """How many windows are held, in how many legs, and why others were dropped."""
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
@@ -334,7 +421,7 @@ def windows_view(found: HeldWindows) -> Text:
 
 
 def draw_windows(figure: Figure, found: HeldWindows) -> None:
-    """Where the windows lie, north up and to scale, one colour a leg."""
+    """Where the windows lie, north up and to scale."""
     times = found.rows["start"] + pd.to_timedelta(found.rows["second"], unit="s")
     table = found.rows.set_index(pd.DatetimeIndex(times)).sort_index()
     track(figure.subplots(), table[~table.index.duplicated()], found.rows)

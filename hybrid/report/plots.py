@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
-import matplotlib.dates as dates
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -23,9 +22,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from scipy.spatial import ConvexHull
 
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import is_circular
 from analysis.kinematics import to_ship
-from analysis.report.plots import FAINT, INK, PALETTE, break_at_wrap, held_shade, label
+from analysis.report.plots import FAINT, INK, PALETTE, label
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.regions import outlines
 from hybrid.prediction.scores import Interval
@@ -100,33 +98,6 @@ def plain_numbers(axis: Axis) -> None:
 
 HALF_OF_95 = float(np.sqrt(np.log(0.5) / np.log(0.05)))
 """The size that holds half of the positions over the one that holds 95 %, where errors are normal (Rayleigh)."""
-
-
-def measured_and_predicted(
-    axes: Axes,
-    table: pd.DataFrame,
-    name: str,
-    predicted: Mapping[str, pd.DataFrame],
-    windows: pd.DataFrame | None = None,
-) -> None:
-    """A channel, or the speed over ground, as measured and as predicted window by window, held windows shaded.
-
-    ``predicted`` has a table for each method as of :func:`.errors.predicted_motion`: lines are lifted between
-    windows.
-    """
-    if windows is not None:
-        held_shade(axes, windows)
-    measured = table[name].dropna()
-    circular = is_circular(name)
-    shown = break_at_wrap(measured) if circular else measured
-    axes.plot(measured.index, shown, color=INK, linewidth=1.0, label="measured")
-    for method, motion in predicted.items():
-        shown = break_at_wrap(motion[name]) if circular else motion[name].to_numpy(dtype=float).copy()
-        shown[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
-        axes.plot(motion.index, shown, color=COLOUR[method], linewidth=1.2, label=plain(method))
-    axes.set_ylabel("speed [m/s]" if name == "speed_mps" else label(name))
-    axes.set_xlabel("time, UTC")
-    axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
 
 
 def fans_on_track(

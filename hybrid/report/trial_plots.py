@@ -10,10 +10,8 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
-from acquisition.core.actuators import name_of_order
 from acquisition.core.arrays import Floats, Ints
-from analysis.report.plots import FAINT, INK, PALETTE, declared_groups, known_groups, series
-from analysis.tables.table import table_actuators, table_controls
+from analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure
 from hybrid.calibrators.adaptive.parameters import Parameters
 from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.prediction.scores import distances
@@ -133,36 +131,18 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
                 axes.text(column, row, f"{each:.2f}".replace("-", "\u2212"), ha="center", va="center", fontsize=8)
 
 
-_SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
-_PANEL_INCH = 1.4
 _MOST = 20  # parameters in one picture
 _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest": 1.0}
 
 
-def time_series(figure: Figure, case: Case, name: str) -> None:
-    """Measured and predicted motion over thruster settings, wind and declared channels, held windows shaded."""
+def time_series(case: Case, name: str) -> Drawing | None:
+    """The channels of a recording against time, and the motion that is predicted of it."""
     products = case.products[name]
-    table = products.one_hz.assign(speed_mps=np.hypot(products.one_hz["surge_mps"], products.one_hz["sway_mps"]))
     windows = None if products.windows is None else products.windows.rows
-    predicted = case.predicted(name)
-    controls = table_controls(table)
-    by_quantity = [[each for each in controls if each.endswith(ending)] for ending in ("_rpm", "_angle_deg")]
-    declared = known_groups(table, [*declared_groups(table).values()])
-    figure.set_figheight(figure.get_figheight() + _PANEL_INCH * len(declared))
-    commands = known_groups(table, [*by_quantity, ["wind_speed_mps"], ["wind_direction_deg"], *declared])
-    orders = {name_of_order(each.name): each.name for actuator in table_actuators(table)
-              for each in actuator.channels if actuator.kind != "tunnel"}  # fmt: skip
-    grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
-    for axes, channel in zip(grid, _SERIES, strict=False):
-        plots.measured_and_predicted(axes, table, channel, predicted, windows)
-        axes.label_outer()
-    for axes, names in zip(grid[len(_SERIES) :], commands, strict=True):
-        ordered = [order for order, name in orders.items() if order in table and name in names]
-        series(axes, table, [*names, *ordered], windows)
-        axes.label_outer()
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-    figure.align_ylabels()
+    predicted = {} if case.why_not else case.predicted(name)
+    coloured = {plain(method): (motion, plots.COLOUR[method]) for method, motion in predicted.items()}
+    return channels_figure(products.one_hz, windows, coloured)
 
 
 def all_errors_by_second(figure: Figure, case: Case) -> None:

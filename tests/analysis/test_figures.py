@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 from acquisition.core.errors import StorageError
 from analysis.report.figures import file_name, fill_figure, numbers_of, write_figure
@@ -132,7 +133,7 @@ def test_the_wind_arrow_points_where_the_wind_blows_to() -> None:
         figure = Figure()
         axes = figure.subplots()
         track(axes, table, tick_every_s=60.0)
-        (arrow,) = [text for text in axes.texts if getattr(text, "arrow_patch", None) is not None]
+        (arrow,) = [text for text in axes.texts if isinstance(text, Annotation) and not text.get_text()]
         way = np.array(arrow.xy) - np.array(arrow.get_position())  # type: ignore[attr-defined]
         assert way / np.hypot(*way) == pytest.approx(direction, abs=1e-9)
         assert any(f"from {from_deg:.0f}\u00b0" in text.get_text() for text in axes.texts)

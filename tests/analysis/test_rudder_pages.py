@@ -70,7 +70,7 @@ def test_the_channels_figure_has_a_panel_a_quantity(table: pd.DataFrame) -> None
     assert list(groups) == ["rudders [deg]", "shafts [rpm]"]
     track = track_figure(one_hz)
     assert track is not None
-    assert "held controls" in track[2]
+    assert "controls" not in track[2]
 
 
 def test_the_picture_of_a_zigzag_shows_the_rudder(table: pd.DataFrame) -> None:
