@@ -21,8 +21,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import KINDS, RUDDER, Actuator, Actuators
-from acquisition.core.angles import unwrap, wrap_180, wrap_360
+from acquisition.core.actuators import KINDS, RUDDER, Actuator, Actuators, name_of_order
+from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
 from acquisition.core.errors import InputError
@@ -58,7 +58,8 @@ class Motion:
     ``path_sd_m`` is the standard deviation of a point of the path, by how the positions wander about it.
     ``orders_are_events`` says that the helm was recorded when it changed and filled in between, so that nobody
     knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it is known, and
-    ``helm_rate_dps`` how fast the helm usually goes over.
+    ``helm_rate_dps`` how fast the helm usually goes over. ``helm_order_deg`` is what the helm was ordered to, None
+    where orders were not recorded beside it.
     """
 
     origin_ns: int
@@ -81,6 +82,7 @@ class Motion:
     words: Mapping[str, str] = field(default_factory=dict)
     length_m: float | None = None
     helm_rate_dps: float = np.inf
+    helm_order_deg: Floats | None = None
 
     @property
     def steers_by_thrust(self) -> bool:
@@ -215,6 +217,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     return Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
+        helm_order_deg=_ordered_helm(grid, steering),
     )  # fmt: skip
 
 
@@ -417,6 +420,13 @@ def _helm_and_thrust(
     along = np.sum([push.real for push in turned], axis=0)
     aside = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
     return wrap_180(np.rad2deg(np.arctan2(aside, along))), ahead
+
+
+def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
+    """The mean order to what the ship is steered by [deg], None where none was recorded."""
+    names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
+    known = [name for name in names if name in grid and grid[name].notna().any()]
+    return circular_mean([grid[name].to_numpy(dtype=float) for name in known], axis=0) if known else None
 
 
 def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:

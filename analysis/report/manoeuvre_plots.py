@@ -1,6 +1,8 @@
-"""Pictures of manoeuvres: a zigzag against time, a circle to scale, the rest as both."""
+"""Pictures of manoeuvres: a zigzag against time, a circle to scale beside it, the rest against time."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,13 +21,12 @@ from analysis.manoeuvres.measures import (
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells, plain_name
 from analysis.manoeuvres.turning_circle import remove_current
-from analysis.report.plots import FAINT, PALETTE, ship
+from analysis.report.labels import label_points
+from analysis.report.plots import FAINT, PALETTE, outlines
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
-_LONG_SHARE = 0.15  # of the picture's extent: outlines of two turns lie on each other beyond that
-_OUTLINE_EVERY_DEG = 45.0
-_MARGINS = {"left": 0.09, "right": 0.92, "bottom": 0.1, "top": 0.88, "hspace": 0.22, "wspace": 0.22}
+_MARGINS = {"left": 0.09, "right": 0.98, "bottom": 0.1, "top": 0.88, "hspace": 0.3, "wspace": 0.22}
 
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
@@ -58,18 +59,25 @@ def title_of(manoeuvre: Manoeuvre) -> str:
 
 def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Heading and helm with the overshoots, over yaw rate and speed, against the time from the execute."""
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3), gridspec_kw=_MARGINS)
+    above, *below = figure.subplots(3, 1, sharex=True, height_ratios=(3.2, 1, 1), gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     base = _course_deg(motion, manoeuvre)
     heading = motion.heading_deg - base
     above.plot(time_s, heading, color=BLUE, linewidth=1.8, label="heading off the approach")
-    above.plot(time_s, motion.helm_deg, color=ORANGE, label=motion.steering)
+    _helm(above, motion, time_s)
     _mark_overshoots(above, motion, manoeuvre, heading)
     above.set_ylabel("[deg], starboard positive")
-    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     _rate_and_speed(below, motion, time_s)
     above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
+
+
+def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
+    """What the ship is steered by, and dashed what was ordered."""
+    axes.plot(time_s, motion.helm_deg, color=ORANGE, label=motion.steering)
+    if motion.helm_order_deg is not None:
+        axes.plot(time_s, motion.helm_order_deg, "--", color=ORANGE, label=f"{motion.steering}, ordered")
 
 
 def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
@@ -97,22 +105,20 @@ def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: 
     axes.margins(y=0.15)
 
 
-def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> None:
-    """Yaw rate on the left, speed on the right."""
-    other = axes.twinx()
-    other.spines["right"].set_visible(True)
-    other.grid(visible=False)
-    axes.plot(time_s, motion.yaw_rate_dps, color=GREEN, label="yaw rate [deg/s]")
-    other.plot(time_s, motion.speed_mps, color=PURPLE, label="speed over ground [m/s]")
-    other.set_ylim(bottom=0.0)
-    axes.set_ylabel("yaw rate [deg/s]", color=GREEN)
-    other.set_ylabel("speed [m/s]", color=PURPLE)
-    axes.set_xlabel("time since the execute [s]")
+def _rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> None:
+    """Yaw rate, and below it speed over ground."""
+    panels[0].plot(time_s, motion.yaw_rate_dps, color=GREEN)
+    panels[0].set_ylabel("yaw rate\n[deg/s]")
+    panels[1].plot(time_s, motion.speed_mps, color=PURPLE)
+    panels[1].set_ylim(bottom=0.0)
+    panels[1].set_ylabel("speed\n[m/s]")
+    panels[1].set_xlabel("time since the execute [s]")
 
 
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1), gridspec_kw=_MARGINS)
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.7, 1), **_MARGINS)
+    left, beside = figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(3)]
     start, end = seconds_of(motion, manoeuvre)
     ahead_deg = _course_deg(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
@@ -126,12 +132,18 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     _outlines(left, main, start, ahead_deg)
     _dimensions(left, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
     left.plot(0.0, 0.0, "o", color=RED, markersize=5, label="execute")
+    left.margins(0.12)  # room for what is written beside the track
     left.set_aspect("equal", adjustable="datalim")
     left.set_xlabel("to starboard of the approach [m]")
     left.set_ylabel("ahead of the execute [m]")
     left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
-    _rate_and_speed(right, motion, motion.time_s - start)
-    right.axvline(0.0, color=FAINT, linewidth=0.8)
+    time_s = motion.time_s - start
+    _helm(beside[0], motion, time_s)
+    beside[0].set_ylabel(f"{motion.steering}\n[deg]")
+    _rate_and_speed(beside[1:], motion, time_s)
+    for each in beside:
+        each.axvline(0.0, color=FAINT, linewidth=0.8)
+        each.tick_params(labelbottom=each is beside[-1])
 
 
 def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
@@ -141,20 +153,11 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
 
 
 def _outlines(axes: Axes, motion: Motion, start: float, ahead_deg: float) -> None:
-    """The ship to scale at the execute and every 45 deg of turn; a twentieth of the picture without a length.
-
-    Of one that is long beside her circle only the first turn is shown: the next would lie on it.
-    """
+    """The ship to scale from the execute on; a twentieth of the picture where her length is not known."""
     across, ahead = _across_ahead(motion, start, ahead_deg)
-    extent = max(float(np.ptp(across)), float(np.ptp(ahead)))
-    length = motion.length_m or extent / 20.0
-    most = 17 if length < _LONG_SHARE * extent else 8
-    turned = np.abs(motion.heading_deg - motion.at("heading_deg", start))
-    turned[motion.time_s < start] = 0.0
-    steps = np.floor(np.maximum.accumulate(turned) / _OUTLINE_EVERY_DEG)
-    rows = [int(np.searchsorted(motion.time_s, start)), *(np.flatnonzero(np.diff(steps) > 0) + 1)]
-    for row in rows[:most]:
-        ship(axes, across[row], ahead[row], np.deg2rad(motion.heading_deg[row] - ahead_deg), length)
+    length = motion.length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
+    rows = slice(int(np.searchsorted(motion.time_s, start)), None)
+    outlines(axes, across[rows], ahead[rows], np.deg2rad(motion.heading_deg[rows] - ahead_deg), length)
 
 
 def _dimensions(
@@ -163,48 +166,52 @@ def _dimensions(
     """Arrows for advance, transfer and tactical diameter with their values."""
     turned = np.abs(motion.heading_deg - ahead_deg)
     quarter_s, half_s = (crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
+    arrows: dict[str, tuple[Point, Point]] = {}
     if np.isfinite(quarter_s):
         ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
         away, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
-        _dimension(axes, (away, 0.0), (away, ahead), manoeuvre, "advance_m" + suffix)
-        _dimension(axes, (0.0, above), (across, above), manoeuvre, "transfer_m" + suffix)
+        arrows = {"advance": ((away, 0.0), (away, ahead)), "transfer": ((0.0, above), (across, above))}
         axes.plot([away, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
     if np.isfinite(half_s):
         ahead, across = along_and_across(motion, start, half_s, ahead_deg)
-        _dimension(axes, (0.0, ahead), (across, ahead), manoeuvre, "tactical_diameter_m" + suffix)
+        arrows["tactical_diameter"] = (0.0, ahead), (across, ahead)
+    look = {"arrowstyle": "<->", "color": RED, "linewidth": 1.0}
+    for begin, finish in arrows.values():
+        axes.annotate("", finish, begin, arrowprops=look)
+    values = [index_cells(manoeuvre.indices[f"{name}_m{suffix}"])[0] for name in arrows]
+    texts = [f"{plain_name(name)}\n{value}" for name, value in zip(arrows, values, strict=True)]
+    lines = [np.linspace(*ends, 60) for ends in arrows.values()]
+    path = np.stack(_across_ahead(motion, start, ahead_deg), axis=1)
+    middles = [tuple(line.mean(axis=0)) for line in lines]
+    label_points(axes, middles, texts, np.concatenate([path, *lines]), color=RED, fontsize=8, zorder=4)
 
 
-def _dimension(
-    axes: Axes, begin: tuple[float, float], end: tuple[float, float], manoeuvre: Manoeuvre, name: str
-) -> None:
-    """An arrow with the name and the value of an index."""
-    index = manoeuvre.indices[name]
-    text = f"{plain_name(name)}\n{index_cells(index)[0]}"
-    axes.annotate("", end, begin, arrowprops={"arrowstyle": "<->", "color": RED, "linewidth": 1.0})
-    middle = ((begin[0] + end[0]) / 2.0, (begin[1] + end[1]) / 2.0)
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.0}
-    axes.annotate(text, middle, color=RED, fontsize=8, ha="center", va="center", bbox=box, zorder=4)
+Point = tuple[float, float]
 
 
 def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
-    """Speed, shafts and heading against time, of what goes straight or is a test of a drive."""
-    above, middle, below = figure.subplots(3, 1, sharex=True, gridspec_kw=_MARGINS)
+    """Speed, shafts, helm and heading against time, of what goes straight or is a test of a drive."""
+    above, middle, helm, below = figure.subplots(4, 1, sharex=True, gridspec_kw={**_MARGINS, "hspace": 0.35})
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     above.plot(time_s, motion.surge_mps, color=BLUE, label="surge")
     above.plot(time_s, motion.sway_mps, color=ORANGE, label="sway")
-    above.set_ylabel("speed [m/s]")
-    for number, (name, rpm) in enumerate({**motion.drives, **motion.tunnels}.items()):
-        if np.abs(rpm).max() > 0.0:
-            middle.plot(time_s, rpm, color=PALETTE[number % len(PALETTE)], label=plain_name(name))
-    middle.set_ylabel("shafts [rpm]")
+    above.set_ylabel("speed\n[m/s]")
+    running = {name: rpm for name, rpm in {**motion.drives, **motion.tunnels}.items() if np.abs(rpm).max() > 0.0}
+    for number, (name, rpm) in enumerate(running.items()):
+        broad = 2.4 if number == 0 and len(running) > 1 else 1.1  # a rim where another lies on it
+        middle.plot(time_s, rpm, color=PALETTE[number % len(PALETTE)], linewidth=broad, label=plain_name(name))
+    middle.set_ylabel("shafts\n[rpm]")
+    _helm(helm, motion, time_s)
+    helm.set_ylabel(f"{motion.steering or 'helm'}\n[deg]")
     below.plot(time_s, motion.heading_deg - motion.at("heading_deg", start), color=PURPLE)
     below.set_ylabel("heading off\nthe start [deg]")
     below.set_xlabel("time since the start [s]")
-    for axes in (above, middle, below):
+    for axes in (above, middle, helm, below):
         axes.axvspan(0.0, end - start, color="#56B4E9", alpha=0.12, linewidth=0)
     for axes in (above, middle):
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, borderpad=0.0)
+    figure.align_ylabels()
 
 
 PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
