@@ -24,7 +24,6 @@ from scipy.spatial import ConvexHull
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_ship
 from analysis.report.plots import FAINT, INK, PALETTE, label
-from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.regions import outlines
 from hybrid.prediction.scores import Interval
 from hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
@@ -100,48 +99,47 @@ HALF_OF_95 = float(np.sqrt(np.log(0.5) / np.log(0.05)))
 """The size that holds half of the positions over the one that holds 95 %, where errors are normal (Rayleigh)."""
 
 
-def fans_on_track(
-    axes: Axes,
-    table: pd.DataFrame,
-    horizons: PredictionWindows,
-    tracks: Floats,
-    region_m: Floats | None,
-    method: str,
-) -> None:
-    """Predicted tracks [N, H+1, 3] of windows over the measured track, north up and to scale.
-
-    Where they have regions of semi-axes ``region_m`` [N, H, 2], the area that holds the position with 95 %, and
-    within with 50 %, is shaded along the way.
-    """
+def tracks_on_track(axes: Axes, table: pd.DataFrame, tracks: Floats, method: str) -> None:
+    """Predicted tracks [N, H+1, 3] over the measured one, north up and to scale."""
     axes.plot(table["east_m"], table["north_m"], color=INK, linewidth=1.0, label="measured")
-    if region_m is not None:
-        for share, alpha, words in ((1.0, 0.16, "95 %"), (HALF_OF_95, 0.30, "50 %")):
-            areas = [_swept(track, share * region) for track, region in zip(tracks, region_m, strict=True)]
-            axes.add_collection(
-                PatchCollection(areas, facecolor=COLOUR[method], alpha=alpha, linewidths=0, label=words)
-            )
-    tracks_beside(axes, tracks, method)
-    north, east = horizons.start[:, 0], horizons.start[:, 1]
-    axes.plot(east, north, "o", color=INK, markersize=2.5, linestyle="none", label="start of a prediction")
+    lifted = np.pad(tracks[..., :2], ((0, 0), (0, 1), (0, 0)), constant_values=np.nan).reshape(-1, 2)
+    axes.plot(lifted[:, 1], lifted[:, 0], color=COLOUR[method], linewidth=1.6, label=plain(method))
+    axes.plot(tracks[:, 0, 1], tracks[:, 0, 0], "o", color=INK, markersize=2.5, label="start of a prediction")
+    _north_up(axes)
+
+
+def _north_up(axes: Axes) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(label("east_m"))
     axes.set_ylabel(label("north_m"))
 
 
-def tracks_beside(axes: Axes, tracks: Floats, method: str) -> None:
-    """More predicted tracks [N, H+1, 3] on the axes of :func:`fans_on_track`."""
-    joined = np.concatenate([np.vstack([track[:, :2], [[np.nan, np.nan]]]) for track in tracks])
-    axes.plot(joined[:, 1], joined[:, 0], color=COLOUR[method], linewidth=1.2, label=plain(method))
+def prediction_end(axes: Axes, measured: Floats, tracks: Mapping[str, Floats], region_m: Floats | None) -> None:
+    """The last metres of predicted tracks [H+1, 3] by method, and where the ship really was; north up.
 
-
-def look_at(axes: Axes, *tracks: Floats) -> None:
-    """Show the part of a track's axes in which some tracks [H+1, 3] lie, with room about them."""
-    points = np.concatenate([each[:, :2] for each in tracks])
-    middle = 0.5 * (points.max(axis=0) + points.min(axis=0))
-    reach = max(0.62 * float(np.ptp(points, axis=0).max()), 5.0)
+    About the end of the first stand the ellipses of its region of semi-axes ``region_m`` [H, 2].
+    """
+    best, *_ = tracks
+    points = [measured[-1:, :2], *(track[-1:, :2] for track in tracks.values())]
+    if region_m is not None:
+        border = outlines(tracks[best], region_m)[-1]
+        middle = tracks[best][-1, :2]
+        points.append(border)
+        for share, alpha, words in ((1.0, 0.2, "95 % region"), (HALF_OF_95, 0.35, "50 % region")):
+            north, east = (middle + share * (border - middle)).T
+            axes.fill(east, north, color=COLOUR[best], alpha=alpha, label=words)
+    shown = {"measured": (measured, INK)} | {plain(name): (track, COLOUR[name]) for name, track in tracks.items()}
+    for name, (track, colour) in shown.items():
+        axes.plot(track[:, 1], track[:, 0], color=colour, label=name)
+        axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
+    _north_up(axes)
     axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(middle[1] - reach, middle[1] + reach)
-    axes.set_ylim(middle[0] - reach, middle[0] + reach)
+    every = np.concatenate(points)
+    middle = 0.5 * (every.max(axis=0) + every.min(axis=0))
+    reach_m = 0.75 * max(float(np.ptp(every, axis=0).max()), 1e-3)
+    axes.set_xlim(middle[1] - reach_m, middle[1] + reach_m)
+    axes.set_ylim(middle[0] - reach_m, middle[0] + reach_m)
+    axes.locator_params(nbins=4)
 
 
 def _swept(track: Floats, region_m: Floats) -> PathPatch:
@@ -154,17 +152,17 @@ def _swept(track: Floats, region_m: Floats) -> PathPatch:
     return PathPatch(Path.make_compound_path(*hulls))
 
 
-def fan_of_errors(axes: Axes, errors: Errors, component: str, method: str) -> None:
-    """How far predictions from many starts spread, second by second: median, middle half and middle 90 %."""
-    values = getattr(errors, component)
+def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> None:
+    """How far predictions from many starts [N, H] spread, second by second: median, middle half and middle 90 %."""
     seconds = np.arange(1, values.shape[1] + 1)
-    low, lower, middle, upper, high = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
-    axes.fill_between(seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="90 %")
-    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="50 %")
+    low, lower, middle, upper, high = np.nanquantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
+    axes.fill_between(
+        seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="90 % of the windows"
+    )
+    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="half of them")
     axes.plot(seconds, middle, color=COLOUR[method], label="median")
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel(f"{QUANTITIES[component]}")
+    axes.set_ylabel(f"error {QUANTITIES[component]}".replace(" [", "\n["))
     axes.set_xlim(0, seconds[-1])
 
 
@@ -182,6 +180,16 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
     axes.set_xlim(left=0)
     axes.set_yscale("log")  # errors grow from centimetres to metres, and methods are tens of times apart
     plain_numbers(axes.yaxis)
+
+
+def legend_of_shares(axes: Axes, shown: Axes) -> None:
+    """In ``axes`` what the lines of :func:`errors_by_second` in others mean: a colour a method, a dash a share."""
+    handles, words = shown.get_legend_handles_labels()
+    shares = [
+        Line2D([], [], color=INK, linestyle="-", label="half of the windows stay below"),
+        Line2D([], [], color=INK, linestyle="--", label="90 % of them"),
+    ]
+    axes.legend([*handles, *shares], [*words, *(str(each.get_label()) for each in shares)], loc="center left")
 
 
 def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> None:
@@ -271,9 +279,7 @@ def draw_prediction(figure: Figure, prediction: Prediction) -> None:
         axes.add_collection(PatchCollection([area], facecolor=colour, alpha=0.2, linewidths=0, label="95 %"))
     axes.plot(east, north, color=colour, label=plain(prediction.method))
     axes.plot(east[0], north[0], "o", color=INK, markersize=4)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(label("east_m"))
-    axes.set_ylabel(label("north_m"))
+    _north_up(axes)
     axes.legend(loc="best")
 
 

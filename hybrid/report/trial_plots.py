@@ -10,7 +10,8 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Floats, Ints
+from acquisition.core.arrays import Floats
+from analysis.report.labels import label_points
 from analysis.report.plots import FAINT, INK, PALETTE, Drawing, channels_figure
 from hybrid.calibrators.adaptive.parameters import Parameters
 from hybrid.calibrators.calibrator import DomainOfApplicability
@@ -133,7 +134,7 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
 
 _MOST = 20  # parameters in one picture
 _FANS = 40  # on one track; more would lie on each other
-_CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest": 1.0}
+_CLOSE = {"a usual end": 0.5, "a hard one": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
 def time_series(case: Case, name: str) -> Drawing | None:
@@ -147,52 +148,41 @@ def time_series(case: Case, name: str) -> Drawing | None:
 
 def all_errors_by_second(figure: Figure, case: Case) -> None:
     """Distance, along, across, heading and speed: median and 90 %."""
-    grid = figure.subplots(2, 3).ravel()
-    for axes, quantity in zip(grid, QUANTITIES, strict=False):
+    *grid, rest = figure.subplots(2, 3).ravel()
+    for axes, quantity in zip(grid, QUANTITIES, strict=True):
         plots.errors_by_second(axes, case.errors, quantity)
-    grid[-1].set_axis_off()
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    rest.set_axis_off()
+    plots.legend_of_shares(rest, grid[0])
 
 
 def prediction_fans(figure: Figure, case: Case, name: str) -> None:
-    """The whole track, and three stretches of it large: a usual one, a hard one and the hardest."""
-    judged, table = case.validation, case.products[name].one_hz
+    """The track with predictions on it, how they spread about it second by second, and how three of them end."""
+    judged, best = case.validation, case.best
+    mine = judged.windows.trial == name
+    panels = figure.subplot_mosaic("TTTAAA;TTTCCC;001122", height_ratios=(1.0, 1.0, 1.5))
+    track, fans = panels["T"], {"along": panels["A"], "across": panels["C"]}
     chosen = consecutive_windows(judged.windows)
-    chosen = chosen[judged.windows.trial[chosen] == name]
-    whole, *close = figure.subplot_mosaic(
-        [["whole", "0"], ["whole", "1"], ["whole", "2"]], width_ratios=(1.35, 1.0)
-    ).values()
-
-    def draw(axes: Axes, some: Ints) -> None:
-        region_m = None if judged.region_m is None else judged.region_m[some]
-        tracks = judged.tracks[case.best][some]
-        plots.fans_on_track(axes, table, judged.windows.subset(some), tracks, region_m, case.best)
-
-    draw(whole, chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))])
-    error = distances(judged.tracks["reference"], judged.windows.track).mean(axis=1)
-    ranked = chosen[np.argsort(error[chosen], kind="stable")]
-    for axes, (words, share) in zip(close, _CLOSE.items(), strict=True):
-        number = int(ranked[int(share * (len(ranked) - 1))])
-        near = chosen[np.abs(np.flatnonzero(chosen == number)[0] - np.arange(len(chosen))) <= 1]
-        draw(axes, near)
-        if case.best != "reference":
-            plots.tracks_beside(axes, judged.tracks["reference"][near], "reference")
-        plots.look_at(axes, judged.windows.track[number], judged.tracks[case.best][number])
-        axes.set_title(f"{words}, {judged.windows.start_time[number]:%H:%M:%S} UTC", loc="left", fontsize=8.5)
-    handles, labels = close[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6)
-
-
-def error_fans(figure: Figure, case: Case) -> None:
-    """How predictions from all starts spread, ahead and aside, a column a method."""
-    methods = [name for name in ("reference", "hybrid") if name in case.errors]
-    grid = figure.subplots(2, len(methods), sharex=True, sharey="row", squeeze=False)
-    for column, method in enumerate(methods):
-        for row, component in enumerate(("along", "across")):
-            plots.fan_of_errors(grid[row, column], case.errors[method], component, method)
-            grid[row, column].label_outer()
-            grid[row, column].legend(loc="upper left", ncols=3)
-        grid[0, column].set_title(plain(method), loc="left")
+    chosen = chosen[mine[chosen]]
+    some = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
+    plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][some], best)
+    for component, axes in fans.items():
+        plots.fan_of_errors(axes, getattr(case.errors[best], component)[mine], component, best)
+    fans["along"].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+    fans["across"].set_xlabel("prediction time [s]")
+    error = distances(judged.tracks[best], judged.windows.track)
+    ranked = chosen[np.argsort(error.mean(axis=1)[chosen], kind="stable")]
+    picked = [int(ranked[int(share * (len(ranked) - 1))]) for share in _CLOSE.values()]
+    for place, (words, number) in enumerate(zip(_CLOSE, picked, strict=True)):
+        tracks = {method: judged.tracks[method][number] for method in dict.fromkeys((best, "reference"))}
+        region_m = None if judged.region_m is None else judged.region_m[number]
+        plots.prediction_end(panels[str(place)], judged.windows.track[number], tracks, region_m)
+        panels[str(place)].set_title(f"{place + 1}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
+    ends = judged.windows.track[picked, -1, 1::-1]
+    path = case.products[name].one_hz[["east_m", "north_m"]].to_numpy(dtype=float)
+    label_points(track, [(x, y) for x, y in ends], ["1", "2", "3"], path, color=PALETTE[4], weight="bold")
+    handles = {text: each for axes in (track, panels["0"])
+               for each, text in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
 
 
 def error_distributions(figure: Figure, case: Case) -> None:

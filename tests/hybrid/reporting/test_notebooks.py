@@ -76,7 +76,7 @@ def test_a_trial(unseen: Path, small_folder: Path, tmp_path: Path, browser: Brow
         assert words in text
     assert "could not be made" not in text
     figures = figures_of(tmp_path / "figures")
-    assert {"track", "time_series", "errors_by_second", "prediction_fans", "error_fans"} <= figures
+    assert {"track", "time_series", "errors_by_second", "prediction_fans"} <= figures
     assert {"error_distributions", "region_calibration", "residual_maps", "training_range"} <= figures
     assert (tmp_path / "report.ipynb").is_file()
     assert (tmp_path / "interactive.html").stat().st_size > 1_000_000

@@ -88,7 +88,7 @@ def test_pictures_are_pictures_with_a_text_for_those_who_do_not_see_them(html: s
 
 def test_every_axis_of_every_figure_has_a_unit(page: Page) -> None:
     """Numbers without units are worth nothing; categories and legends have none."""
-    named = {"track", "time_series", "errors_by_second", "prediction_fans", "error_fans", "error_distributions",
+    named = {"track", "time_series", "errors_by_second", "prediction_fans", "error_distributions",
              "region_calibration", "residual_maps", "training_range"}  # fmt: skip
     assert named <= set(page.figures)
     for name in named:
