@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from acquisition.core.channel import Channel
     from analysis.quality.check import DataQuality
+    from analysis.speed_power import Conditions, SpeedPower
     from analysis.windows.held import HeldWindows
     from hybrid.calibrators.predict import Prediction
     from hybrid.calibrators.predictor import Predictor
@@ -146,6 +147,34 @@ def manoeuvres(recording: str | Path, length_m: float | None = None, own: Sequen
     ]  # fmt: skip
     columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def speed_power(
+    recordings: Paths, conditions: Conditions | str | Path | None = None, vessel: str | Path | Vessel | None = None
+) -> SpeedPower:
+    """The speed of a ship at her power in still water, from the double runs of one trial (ISO 15016:2015).
+
+    ``conditions`` of the ship and the day, or the TOML file that says them, are completed by the run sheets of the
+    recordings and by the vessel file: ``vessel``, else that of the ship which the first recording names.
+    """
+    from acquisition.config.vessel_file import vessel_of_ship
+    from acquisition.recording.reader import read_recording
+    from analysis.speed_power import Conditions
+    from analysis.speed_power import speed_power as analyse
+    from analysis.speed_power.conditions import load_conditions, recorded_conditions
+    from analysis.tables.table import table_of
+    from hybrid.vessel.files import load_vessel
+    from hybrid.vessel.windage import conditions_of
+
+    known = Conditions() if conditions is None else conditions
+    known = known if isinstance(known, Conditions) else load_conditions(known)
+    read = [read_recording(path) for path in as_paths(recordings)]
+    tables = [table_of(each) for each in read]
+    for each, table in zip(read, tables, strict=True):
+        known = known.with_known(recorded_conditions(each.trial, table))
+    ship = vessel or vessel_of_ship(read[0].trial.vessel, read[0].path.parent)
+    known = known.with_known(conditions_of(load_vessel(ship))) if ship else known
+    return analyse(tables, known, [event for each in read for event in each.events])
 
 
 def simulate(

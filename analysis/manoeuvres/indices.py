@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -120,8 +121,8 @@ class LeftOut:
     """What began like a manoeuvre of a kind and is none, so that it has no indices, and why."""
 
     kind: str
-    start: pd.Timestamp
-    end: pd.Timestamp
+    start: datetime
+    end: datetime
     why: str
 
     def as_json(self) -> dict[str, str]:

@@ -40,13 +40,13 @@ from analysis.manoeuvres.motion import Motion, noise_of, stretches
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0
 _STEADY_SHARE = 0.04
-_LEAST_RUN_S, _LEAST_HELD_S = 30.0, 5.0
+LEAST_RUN_S, _LEAST_HELD_S = 30.0, 5.0
 _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
 _STOPPED_SHARE, _AT_REST_SHARE = 0.6, 0.1
 _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
-_RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
-_LONGEST_BETWEEN_S = 2 * 3600.0
+RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
+LONGEST_BETWEEN_S = 2 * 3600.0
 _BLOCKS = 6
 REACHED_SHARE = 0.9
 
@@ -84,10 +84,12 @@ def steady_rows(smooth: Motion) -> NDArray[np.bool_]:
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
 
-def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
-    """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked.
+def straight_stretches(
+    motion: Motion, smooth: Motion, free: NDArray[np.bool_], bridge_s: float = 0.0
+) -> list[tuple[int, int]]:
+    """First row and end of the steady straight stretches of one shaft speed ahead, of half a minute and more.
 
-    Left out are those in which the ship turns slowly all the time, or gains or loses speed.
+    Shorter breaks than ``bridge_s`` do not part them: a gust is none of a long run.
     """
     good = free & straight_rows(smooth) & steady_rows(smooth) & motion.known
     good &= smooth.surge_mps > _UNDER_WAY_SHARE * smooth.fastest_mps
@@ -97,8 +99,17 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> 
             continue
         inside = np.zeros(good.size, dtype=bool)
         inside[held.first : held.end] = good[held.first : held.end]
-        found += stretches(inside, round(_LEAST_RUN_S / motion.step_s))
-    reasons = {rows: _no_speed_run(smooth, *rows) for rows in sorted(found)}
+        inside = bridge(inside, round(bridge_s / motion.step_s))
+        found += stretches(inside, round(LEAST_RUN_S / motion.step_s))
+    return sorted(found)
+
+
+def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+    """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked.
+
+    Left out are those in which the ship turns slowly all the time, or gains or loses speed.
+    """
+    reasons = {rows: no_speed_run(smooth, *rows) for rows in straight_stretches(motion, smooth, free)}
     runs = [_speed_run(motion, *rows) for rows, why in reasons.items() if not why]
     left_out = [
         LeftOut("speed_run", motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]), why)
@@ -107,7 +118,7 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> 
     return [*_pair_reciprocal(runs), *left_out]
 
 
-def _no_speed_run(smooth: Motion, first: int, end: int) -> str:
+def no_speed_run(smooth: Motion, first: int, end: int) -> str:
     """Why a stretch is no speed run, "" for one: the lines through its heading and speed have to be level."""
     rows = np.linspace(-0.5, 0.5, end - first)
     turned, gained = (float(rows @ values[first:end] / (rows @ rows))
@@ -169,8 +180,8 @@ def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:
 def _reciprocal(one: Manoeuvre, other: Manoeuvre) -> bool:
     apart = abs(float(difference(other.settings["heading_deg"], one.settings["heading_deg"])))
     rpm = [sum(value for name, value in each.settings.items() if name.endswith("_rpm")) for each in (one, other)]
-    soon = (other.start - one.end).total_seconds() < _LONGEST_BETWEEN_S
-    return soon and abs(apart - 180.0) < _RECIPROCAL_DEG and abs(rpm[1] - rpm[0]) < _SAME_RPM_SHARE * abs(rpm[0])
+    soon = (other.start - one.end).total_seconds() < LONGEST_BETWEEN_S
+    return soon and abs(apart - 180.0) < RECIPROCAL_DEG and abs(rpm[1] - rpm[0]) < _SAME_RPM_SHARE * abs(rpm[0])
 
 
 def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float, float]]:
@@ -198,7 +209,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) 
     found = []
     for last, each, start in shaft_steps(motion, free):
         rows = slice(each.first, each.end)
-        long = (each.end - each.first) * motion.step_s >= _LEAST_RUN_S
+        long = (each.end - each.first) * motion.step_s >= LEAST_RUN_S
         if not long or each.level - last.level < _STEP_SHARE * largest or straight[rows].mean() < 0.9:
             continue
         settled = np.flatnonzero(steady[rows])
@@ -312,7 +323,7 @@ def _running(values: Floats, largest: float) -> tuple[NDArray[np.bool_], NDArray
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
-def _bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+def bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     """``true`` with breaks of no more than ``rows`` closed."""
     result = true.copy()
     for first, end in stretches(~true):
@@ -337,11 +348,11 @@ def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_])
             cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
     driven, sideways = ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
-    found = _tests_of(motion, "crabbing", "crabbing", _bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
+    found = _tests_of(motion, "crabbing", "crabbing", bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
                       _CRAB_LEAST_S)  # fmt: skip
     found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
     for name, true in cases.items():
-        rows = _bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
+        rows = bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
         found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S)
     return found
 

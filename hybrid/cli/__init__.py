@@ -99,7 +99,10 @@ def mount(app: typer.Typer) -> None:
             results.identify: "Coefficients of a model from recordings, with intervals.",
         },
         ABOARD: {model.watch: "Predict beside the running recorder, and judge what it said."},
-        RECORDINGS: {results.report: "Write one HTML page of a trial, a diagnosis or a batch."},
+        RECORDINGS: {
+            results.speed_power: "Speed at power from runs to and fro, current and wind removed.",
+            results.report: "Write one HTML page of a trial, a diagnosis or a batch.",
+        },
     }
     for panel, commands in panels.items():
         for command, about in commands.items():

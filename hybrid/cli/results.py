@@ -27,6 +27,36 @@ Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder fo
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
 
 
+def speed_power(
+    files: Recordings,
+    conditions: Annotated[
+        Path | None, typer.Option(help="A TOML file of the ship and the day: what the corrections need.")
+    ] = None,
+    vessel: VesselOption = None,
+    power: Annotated[
+        list[float] | None, typer.Option(help="Say the speed at this power in kW; may be given several times.")
+    ] = None,
+    output: Folder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Speed at power in still water, from runs to and fro with the power at the shafts, after ISO 15016:2015."""
+    from hybrid.scripting import speed_power as analyse
+
+    found = analyse(files, conditions, vessel)
+    asked = [found.speed_at(each) for each in power or ()]
+    if output is not None:
+        from analysis.speed_power.report import write_speed_power
+
+        for path in write_speed_power(found, output):
+            typer.echo(path, err=True)
+    from analysis.speed_power.report import as_dict, speed_text
+
+    print_result(as_dict(found, asked), found, as_json=as_json)
+    for each in asked if not as_json else ():
+        speed, interval = speed_text(each)
+        typer.echo(f"at {each.power_kw:g} kW: {speed}, {interval}")
+
+
 def diagnose(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],

@@ -1,0 +1,94 @@
+"""What the corrections ask of a ship and of the day of her trial."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from acquisition.core.trial import Trial
+
+REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
+"""The water that results are stated for, ISO 15016:2015."""
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """A ship as she ran her trial, and the sea and the air of that day; None is not known.
+
+    ``displacement_m3`` is that of the trial and ``stated_displacement_m3`` the one that results are wanted for.
+    ``midship_section_m2`` is the area of the largest section under water, ``bow_length_m`` how far abaft the stem
+    the waterline has 95 % of its largest beam, ``frontal_area_m2`` what the wind sees from ahead.
+    ``wind_resistance`` are C_AA at equal steps of the angle off the bow, 0 to 180 deg, positive where the air
+    brakes, for a wind at ``wind_reference_height_m``; ``anemometer_height_m`` is where it was measured.
+    ``propulsive_efficiency`` is towing power by the power that is measured at the shafts, and ``load_variation``
+    (xi_P) its change by the relative change of resistance. ``form_factor`` is 1 + k. ``wave_from_deg`` is the
+    true direction that the waves come from.
+    """
+
+    length_m: Positive | None = None
+    beam_m: Positive | None = None
+    draught_m: Positive | None = None
+    displacement_m3: Positive | None = None
+    stated_displacement_m3: Positive | None = None
+    midship_section_m2: Positive | None = None
+    wetted_area_m2: Positive | None = None
+    waterplane_area_m2: Positive | None = None
+    form_factor: Positive | None = None
+    bow_length_m: Positive | None = None
+    frontal_area_m2: Positive | None = None
+    wind_resistance: tuple[float, ...] = ()
+    wind_reference_height_m: Positive = 10.0
+    anemometer_height_m: Positive | None = None
+    propulsive_efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    load_variation: float = 0.0
+    wave_height_m: Annotated[float, Field(ge=0.0)] | None = None
+    wave_from_deg: float | None = None
+    water_depth_m: Positive | None = None
+    water_temperature_degc: Annotated[float, Field(ge=-2.0, le=40.0)] | None = None
+    water_density_kgpm3: Annotated[float, Field(ge=950.0, le=1100.0)] = REFERENCE_DENSITY_KGPM3
+    air_density_kgpm3: Annotated[float, Field(ge=1.0, le=1.5)] = 1.225
+
+    def number(self, name: str) -> float:
+        """One of these, NaN where it is not known."""
+        value = getattr(self, name)
+        return float("nan") if value is None else float(value)
+
+    def lacks(self, *names: str) -> list[str]:
+        """Which of these are not known."""
+        return [name for name in names if getattr(self, name) in (None, ())]
+
+    def with_known(self, other: Conditions) -> Conditions:
+        """These with what they do not say taken from others."""
+        default = Conditions()
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        return Conditions(**{
+            name: getattr(other, name) if value == getattr(default, name) else value for name, value in own.items()
+        })  # fmt: skip
+
+
+Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
+
+
+def load_conditions(path: Path | str) -> Conditions:
+    """The conditions that a TOML file gives, by their names. Raises :class:`ConfigurationError`."""
+    from acquisition.config.toml_file import load_toml
+
+    return load_toml(path, Conditions)
+
+
+def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
+    """What a recording itself tells: depth and draught of its run sheet, the mean temperature of the water."""
+    warm = float(table["water_temperature_degc"].mean()) if "water_temperature_degc" in table else float("nan")
+    return Conditions(
+        water_depth_m=trial.water_depth_m, draught_m=trial.draught_m,
+        water_temperature_degc=warm if isfinite(warm) else None,
+    )  # fmt: skip

@@ -1,0 +1,252 @@
+"""Speed runs with power: found in recordings, measured, and put together in double runs and power settings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.actuators import RUDDER
+from acquisition.core.angles import circular_mean, difference, wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import POSE, VELOCITY
+from acquisition.core.errors import InputError
+from acquisition.core.serialisation import Number
+from analysis.manoeuvres.find import marks_of
+from analysis.manoeuvres.indices import LeftOut
+from analysis.manoeuvres.measures import WIDEST_S, smooth_motion
+from analysis.manoeuvres.motion import Motion, motion_of
+from analysis.manoeuvres.runs import (
+    LEAST_RUN_S,
+    LONGEST_BETWEEN_S,
+    RECIPROCAL_DEG,
+    no_speed_run,
+    straight_stretches,
+)
+from analysis.tables.table import NANO, table_actuators, times_ns
+
+_POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>w|kw|mw|nm|knm)")
+_TO_KILO = {"w": 1e-3, "kw": 1.0, "mw": 1e3, "nm": 1e-3, "knm": 1.0}
+_SAME_SHARE = 0.03  # of the shaft speed, within one power setting
+_BLOCKS = 6
+RUN_MINUTES = 10.0
+"""The least that ISO 15016:2015 asks of a run."""
+_FEWEST_SAMPLES = 3  # of the power, in each block
+
+
+@dataclass(frozen=True, slots=True)
+class PowerRun:
+    """One run: where it went, how fast over ground and with what power, both means with their standard errors.
+
+    ``speed_mps`` is the way made good along the heading, by the time. ``setting`` is the shaft speed [rpm], or
+    the cube root of the power [kW] where no shaft speed was recorded; ``double_run`` counts the pairs from 1. The
+    wind is the true one at the anemometer, NaN where it was not recorded. ``approach_minutes`` is how long she went
+    steadily before.
+    """
+
+    start: datetime
+    end: datetime
+    heading_deg: float
+    speed_mps: float
+    speed_se_mps: float
+    power_kw: float
+    power_se_kw: float
+    setting: float
+    wind_from_deg: Number
+    wind_mps: Number
+    approach_minutes: float = 0.0
+    double_run: int = 0
+
+    @property
+    def minutes(self) -> float:
+        """How long it took."""
+        return float((self.end - self.start).total_seconds() / 60.0)
+
+
+def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
+    """By shaft the column of its power, or of its torque with that of its shaft speed, "" for none.
+
+    A column without a shaft's name is the whole ship's and counts alone. Power goes before torque.
+    """
+    measured = {name for name in map(str, table.columns) if table[name].notna().any()}
+    drives = [each.channels[0].name for each in table_actuators(table) if each.drives]
+    shafts: dict[str, tuple[str, str]] = {}
+    for name in sorted(measured, key=lambda each: "torque" in each):
+        if not (match := _POWER.fullmatch(name)):
+            continue
+        shaft = match["shaft"] or ""
+        speeds = [f"{shaft}_rpm", f"{shaft}_shaft_rpm", "shaft_rpm", *(drives if len(drives) == 1 else ())]
+        speed = next((each for each in speeds if each in measured), "")
+        if match["what"] == "power" or speed:
+            shafts.setdefault(shaft, (name, "" if match["what"] == "power" else speed))
+    return {"": shafts[""]} if "" in shafts else shafts
+
+
+def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> tuple[list[PowerRun], list[LeftOut]]:
+    """The speed runs in a table of samples that have power, and the stretches that are none, with the reason.
+
+    ``events`` are (time [ns since 1970], text) as in a recording: runs that the crew marked are the only ones then.
+    Raises :class:`InputError` where neither the power nor the torque and the speed of a shaft were recorded.
+    """
+    columns = power_columns(table)
+    if not columns:
+        raise InputError(
+            "has no power at a shaft", where=str(table.attrs.get("recording", "table")),
+            why="speed is set against power", fix="record or import shaft_power_kw, or shaft_torque_knm with the"
+            " shaft's rpm; `engine_room` in trials/packs has both",
+        )  # fmt: skip
+    motion = motion_of(_without_controls(table))
+    power = np.sum([_on_grid(motion, table, name) * _kilo(name) * _turning(motion, table, speed)
+                    for name, speed in columns.values()], axis=0)  # fmt: skip
+    setting = _setting(motion, table, power)
+    motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
+    smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
+    runs, left_out = list[PowerRun](), list[LeftOut]()
+    for begun, first, end in _rows_of_runs(motion, smooth, events):
+        measured = _samples(motion, table, [name for name, _ in columns.values()], first, end)
+        why = no_speed_run(smooth, first, end)
+        why = why or ("" if measured >= _FEWEST_SAMPLES * _BLOCKS else "its power was hardly measured")
+        if why:
+            start, stop = (motion.utc(float(motion.time_s[row])) for row in (first, end - 1))
+            left_out.append(LeftOut("speed_run", start, stop, why))
+        else:
+            runs.append(_run(motion, table, power, begun, first, end))
+    return runs, left_out
+
+
+def _without_controls(table: pd.DataFrame) -> pd.DataFrame:
+    """Pose and velocity alone, with a helm that says nothing: runs are straight by the heading."""
+    motion = table[[name for name in (*POSE, *VELOCITY) if name in table]]
+    motion.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
+    return motion.assign(**{RUDDER: 0.0})
+
+
+def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
+    samples = table[name].dropna().sort_index()
+    seconds = (times_ns(samples.to_frame()) - motion.origin_ns) / NANO
+    return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
+
+
+def _kilo(name: str) -> float:
+    return _TO_KILO[name.rpartition("_")[2]]
+
+
+def _turning(motion: Motion, table: pd.DataFrame, speed: str) -> Floats | float:
+    """The angular speed of a shaft [rad/s], 1 for a power that is measured as such."""
+    return _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
+
+
+def _setting(motion: Motion, table: pd.DataFrame, power: Floats) -> Floats:
+    """The mean shaft speed of the drives that were recorded [rpm]; without one the cube root of the power."""
+    names = [each.channels[0].name for each in table_actuators(table) if each.drives]
+    known = [name for name in names if name in table and table[name].notna().any()]
+    if known:
+        return np.asarray(np.mean([_on_grid(motion, table, name) for name in known], axis=0))
+    return np.asarray(np.cbrt(power))
+
+
+def _samples(motion: Motion, table: pd.DataFrame, names: Sequence[str], first: int, end: int) -> int:
+    part = table.loc[motion.utc(motion.time_s[first]) : motion.utc(motion.time_s[end - 1])]
+    return min(int(part[name].notna().sum()) for name in names)
+
+
+def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[int, int, int]]:
+    """Of each run the row at which its steady stretch begins, its first row and its end.
+
+    A run is what the crew marked ("run 1 start", "run 1 end"). Without marks it is the last ten minutes of its
+    stretch: what lies before is her approach, on which she gathers the way that a turn has cost.
+    """
+    free = np.ones(motion.time_s.size, dtype=bool)
+    stretches = straight_stretches(motion, smooth, free, bridge_s=LEAST_RUN_S)
+    marks = [each for each in marks_of(events) if re.search(r"\brun\b", each.text, re.I)]
+    if not marks:
+        rows = round(60.0 * RUN_MINUTES / motion.step_s) + 1
+        return [(first, max(first, end - rows), end) for first, end in stretches]
+    spans = [np.searchsorted(motion.time_s, (np.array([mark.start_ns, mark.end_ns]) - motion.origin_ns) / NANO)
+             for mark in marks]  # fmt: skip
+    inside = [
+        (first, max(first, int(start)), min(end, int(stop))) for first, end in stretches for start, stop in spans
+    ]
+    return [each for each in inside if (each[2] - each[1]) * motion.step_s >= LEAST_RUN_S]
+
+
+def _along(motion: Motion, edges: Floats) -> Floats:
+    """The speed made good along the mean heading between rows [m/s]."""
+    heading = np.deg2rad(float(circular_mean(motion.heading_deg[edges[0] : edges[-1] + 1])))
+    north, east, time_s = (np.diff(column[edges]) for column in (motion.north_m, motion.east_m, motion.time_s))
+    return np.asarray((north * np.cos(heading) + east * np.sin(heading)) / time_s)
+
+
+def _run(motion: Motion, table: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
+    edges = np.linspace(first, end - 1, _BLOCKS + 1).astype(int)
+    speeds = _along(motion, edges)
+    powers = np.array([power[a:b].mean() for a, b in pairwise(edges)])
+    wind_from, wind = _wind(motion, table, first, end)
+    return PowerRun(
+        motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]),
+        float(wrap_360(circular_mean(motion.heading_deg[first:end]))),
+        float(_along(motion, edges[[0, -1]])[0]), _error(speeds), float(powers.mean()), _error(powers),
+        float(motion.main_rpm[first:end].mean()), wind_from, wind,
+        float(motion.time_s[first] - motion.time_s[begun]) / 60.0,
+    )  # fmt: skip
+
+
+def _error(blocks: Floats) -> float:
+    """The standard error of a mean from the means of blocks, an even drift taken out: a current makes one."""
+    rows = np.arange(blocks.size)
+    rest = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
+    return float(np.sqrt(rest @ rest / (blocks.size - 2) / blocks.size))
+
+
+def _wind(motion: Motion, table: pd.DataFrame, first: int, end: int) -> tuple[float, float]:
+    """Where the mean true wind comes from [deg] and its speed [m/s], as a vector; NaN where there is none."""
+    if not {"wind_direction_deg", "wind_speed_mps"} <= set(table.columns):
+        return float("nan"), float("nan")
+    air = table.loc[motion.utc(motion.time_s[first]) : motion.utc(motion.time_s[end - 1])]
+    both = air[["wind_direction_deg", "wind_speed_mps"]].ffill().dropna().to_numpy(dtype=float)
+    if not both.size:
+        return float("nan"), float("nan")
+    vector = np.mean(both[:, 1] * np.exp(1j * np.deg2rad(both[:, 0])))
+    return float(np.rad2deg(np.angle(vector)) % 360.0), float(abs(vector))
+
+
+def double_runs(runs: Sequence[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
+    """The runs that have one on the reciprocal course at the same setting within two hours, numbered by pairs.
+
+    Each has one partner, the next in time. The others are left out: their current is not known.
+    """
+    ordered = sorted(runs, key=lambda each: each.start)
+    partner: dict[int, int] = {}
+    for first, one in enumerate(ordered):
+        free = (k for k in range(first + 1, len(ordered)) if k not in partner and _is_reciprocal(one, ordered[k]))
+        if first not in partner and (second := next(free, None)) is not None:
+            partner |= {first: len(partner) // 2 + 1, second: len(partner) // 2 + 1}
+    alone = "no run on the reciprocal course at this power within two hours"
+    left_out = [LeftOut("speed_run", each.start, each.end, alone)
+                for place, each in enumerate(ordered) if place not in partner]  # fmt: skip
+    return [replace(ordered[place], double_run=partner[place]) for place in sorted(partner)], left_out
+
+
+def _is_reciprocal(one: PowerRun, other: PowerRun) -> bool:
+    apart = abs(float(difference(other.heading_deg, one.heading_deg)))
+    soon = (other.start - one.end).total_seconds() < LONGEST_BETWEEN_S
+    return soon and abs(apart - 180.0) < RECIPROCAL_DEG and is_same_setting(one, other)
+
+
+def is_same_setting(one: PowerRun, other: PowerRun) -> bool:
+    """Whether two runs were made at one power setting."""
+    return abs(other.setting - one.setting) < _SAME_SHARE * abs(one.setting)
+
+
+def settings_of(runs: Sequence[PowerRun]) -> list[list[int]]:
+    """The places of the runs of each power setting, in order of the setting."""
+    groups: list[list[int]] = []
+    for place in sorted(range(len(runs)), key=lambda each: runs[each].setting):
+        near = groups and is_same_setting(runs[groups[-1][0]], runs[place])
+        groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
+    return [sorted(group) for group in groups]

@@ -1,0 +1,185 @@
+"""Speed and power of whole trials: a known power curve is found again, from any of the channels that tell power."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import brentq
+
+import seatrial as st
+from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.serialisation import from_json, to_json
+from analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
+from analysis.speed_power.runs import power_columns
+from tests.analysis.speed_power.trials import (
+    BEAM_M,
+    DRAUGHT_M,
+    EFFICIENCY,
+    FRONTAL_M2,
+    LENGTH_M,
+    VOLUME_M3,
+    WIND_CURVE,
+    Day,
+    sail,
+    true_power_kw,
+)
+from tests.conftest import Command
+
+CONDITIONS = Conditions(
+    length_m=LENGTH_M, beam_m=BEAM_M, draught_m=DRAUGHT_M, displacement_m3=VOLUME_M3, frontal_area_m2=FRONTAL_M2,
+    wind_resistance=WIND_CURVE, propulsive_efficiency=EFFICIENCY,
+)  # fmt: skip
+
+
+def true_speed_mps(power_kw: float) -> float:
+    return float(brentq(lambda speed: true_power_kw(speed) - power_kw, 1.0, 20.0))
+
+
+def day_of(seed: int) -> Day:
+    """Any sea: tides up to 1.6 knots from any side, wind up to 12 m/s, half to twice the noise."""
+    random = np.random.default_rng(seed)
+    return Day(
+        tide_mps=random.uniform(0.0, 0.8), phase_rad=random.uniform(0.0, 2.0 * np.pi),
+        steady_mps=random.uniform(-0.3, 0.3), current_to_deg=random.uniform(0.0, 360.0),
+        wind_mps=random.uniform(0.0, 12.0), wind_from_deg=random.uniform(0.0, 360.0),
+        noise=random.uniform(0.5, 2.0), seed=seed,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def table() -> pd.DataFrame:
+    return sail(Day(wind_mps=7.0))
+
+
+@pytest.fixture(scope="module")
+def found(table: pd.DataFrame) -> SpeedPower:
+    return speed_power([table], CONDITIONS)
+
+
+def test_intervals_hold_the_true_curve_in_tide_wind_and_noise() -> None:
+    inside, errors = list[bool](), list[float]()
+    for seed in range(6):
+        result = speed_power([sail(day_of(seed))], CONDITIONS)
+        assert [each.runs for each in result.settings] == [2, 4, 2, 2]
+        for each in (setting.iterative for setting in result.settings):
+            true = true_speed_mps(each.power_kw)
+            inside.append(each.low_mps <= true <= each.high_mps)
+            errors.append(each.speed_mps - true)
+    assert np.mean(inside) >= 0.85
+    assert np.sqrt(np.mean(np.square(errors))) < 0.02  # 0.04 knots, of a current of up to 2
+
+
+def test_current_of_each_run_is_the_tide_that_she_was_in(found: SpeedPower) -> None:
+    day, first = Day(), pd.Timestamp("2026-05-01 06:00", tz="UTC")
+    for each in found.runs:
+        seconds = (each.run.start + (each.run.end - each.run.start) / 2 - first).total_seconds()
+        tide = day.steady_mps + day.tide_mps * np.cos(2.0 * np.pi * seconds / (12.42 * 3600.0) + day.phase_rad)
+        along = tide * np.cos(np.deg2rad(day.current_to_deg - each.run.heading_deg))
+        assert each.current_mps == pytest.approx(along, abs=0.05)
+
+
+def test_mean_of_means_of_two_double_runs_agrees(found: SpeedPower) -> None:
+    both = next(each for each in found.settings if each.runs == 4)
+    assert both.mean_of_means.speed_mps == pytest.approx(true_speed_mps(both.mean_of_means.power_kw), abs=0.03)
+    assert both.mean_of_means.low_mps < both.iterative.speed_mps < both.mean_of_means.high_mps
+
+
+def test_without_the_wind_s_curve_the_wind_stays_in_the_power(table: pd.DataFrame, found: SpeedPower) -> None:
+    as_it_was = speed_power([table])
+    assert {each.name for each in found.corrections if each.applied} == {"wind"}
+    assert not any(each.applied for each in as_it_was.corrections)
+    powers = [[run.power_kw for run in each.runs[:2]] for each in (as_it_was, found)]
+    assert np.ptp(powers[0]) < 20.0 < np.ptp(powers[1])  # kW, against and with the wind
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        lambda t: {"shaft_torque_knm": t["shaft_power_kw"] / (t["main_rpm"] * np.pi / 30.0)},
+        lambda t: {"main_shaft_power_kw": t["shaft_power_kw"]},
+        lambda t: {
+            f"{side}_shaft_power_{unit}": t["shaft_power_kw"] * half
+            for side, unit, half in (("port", "kw", 0.5), ("starboard", "w", 500.0))
+        },
+    ],
+)
+def test_power_of_any_channels_is_the_same(
+    table: pd.DataFrame, columns: Callable[..., dict[str, pd.Series]]
+) -> None:
+    other = table.drop(columns="shaft_power_kw").assign(**columns(table), shaft_rpm=table["main_rpm"])
+    runs = [power_runs(each)[0] for each in (table, other)]
+    assert [each.power_kw for each in runs[1]] == pytest.approx([each.power_kw for each in runs[0]], rel=2e-3)
+
+
+def test_a_total_counts_alone_and_torque_needs_a_shaft_speed(table: pd.DataFrame) -> None:
+    both = table.assign(port_shaft_power_kw=table["shaft_power_kw"])
+    assert power_columns(both) == {"": ("shaft_power_kw", "")}
+    torque = table.drop(columns=["shaft_power_kw", "main_rpm"]).assign(port_shaft_torque_knm=1.0)
+    assert power_columns(torque) == {}
+    with pytest.raises(InputError, match="has no power at a shaft"):
+        power_runs(torque)
+
+
+def test_runs_that_the_crew_marked_are_the_runs(table: pd.DataFrame) -> None:
+    begin = table.index[0].value
+    marks = [(1500, "speed run 1 start"), (1860, "speed run 1 end"), (3800, "run 2 start"), (4160, "run 2 end")]
+    runs, _ = power_runs(table, [(begin + second * 10**9, text) for second, text in marks])
+    assert [round((each.start - table.index[0]).total_seconds()) for each in runs] == [1500, 3800]
+    assert [each.minutes for each in runs] == pytest.approx([6.0, 6.0], abs=0.05)
+
+
+def test_what_the_standard_asks_for_is_said(table: pd.DataFrame) -> None:
+    part = table.iloc[:6900]  # two legs at the first power, one at the second
+    result = speed_power([part], Conditions(length_m=34.0, water_depth_m=9.0, beam_m=9.6, draught_m=2.8))
+    said = " | ".join(result.warnings)
+    for words in ("34 m long", "displacement_m3", "1 double run at 1 power setting", "9 m of water"):
+        assert words in said
+    alone = "no run on the reciprocal course at this power within two hours"
+    assert [each.why for each in result.left_out] == [alone]
+    assert "midship_section_m2" in next(each.method for each in result.corrections if each.name == "shallow water")
+
+
+def test_one_leg_is_no_double_run(table: pd.DataFrame) -> None:
+    with pytest.raises(DataShortageError, match="no double run was found"):
+        speed_power([table.iloc[:2300]])
+
+
+def test_two_tables_are_one_trial(table: pd.DataFrame, found: SpeedPower) -> None:
+    parts = speed_power([table.iloc[:9000], table.iloc[9000:]], CONDITIONS)
+    assert parts.curve.speed_mps(5000.0) == pytest.approx(found.curve.speed_mps(5000.0), abs=0.01)
+
+
+def test_result_prints_draws_and_goes_to_json_and_back(found: SpeedPower) -> None:
+    text = str(found)
+    assert "Speed at power, ISO 15016:2015" in text
+    assert "wind: corrected" in text
+    assert "waves: not corrected" in text
+    assert from_json(SpeedPower, json.loads(json.dumps(to_json(found)))).runs == found.runs
+    assert len(found.plot().axes) == 1
+    asked = found.speed_at(5000.0)
+    assert asked.low_mps < true_speed_mps(5000.0) < asked.high_mps
+    with pytest.raises(InputError, match="outside the runs"):
+        found.speed_at(50_000.0)
+
+
+def test_command_says_the_speed_at_a_power(command: Command, table: pd.DataFrame, tmp_path: Path) -> None:
+    recording, day = tmp_path / "trial.mcap", tmp_path / "day.toml"
+    channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
+    st.write(table, recording, declared=channels)
+    day.write_text("length_m = 180.0\ndraught_m = 11.0\n")
+    asked = ("--conditions", day, "--power", "5000")
+    done = command("speed-power", recording, *asked, "-o", tmp_path / "out", "--json")
+    assert done.code == 0, done.err
+    values = json.loads(done.out)
+    assert values["asked"][0]["power_kw"] == 5000.0
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"speed_power.json", "speed_power.png"}
+    day.write_text("lenght_m = 180.0\n")
+    wrong = command("speed-power", recording, "--conditions", day)
+    assert wrong.code == 1
+    assert "line 1" in wrong.err
+    assert "lenght_m" in wrong.err
