@@ -98,7 +98,7 @@ def import_table(
     allow_missing: bool = False,
     ignore_unknown: bool = False,
     vessel: Path | str | None = None,
-    force: bool = True,
+    force: bool = False,
 ) -> ImportSummary:
     """Write a table file as a recording and say what was found in it; arguments as those of the reader.
 

@@ -106,6 +106,16 @@ def test_junk_under_any_name_is_one_line(tmp_path: Path, name: str, content: byt
     assert "\n" not in str(caught.value)
 
 
+def test_a_recording_that_is_there_is_replaced_on_request_only(tmp_path: Path) -> None:
+    table, output = csv(tmp_path, standard()), tmp_path / "out.mcap"
+    import_table(table, output)
+    before = output.read_bytes()
+    with pytest.raises(InputError, match="is there already"):
+        import_table(table, output)
+    assert output.read_bytes() == before
+    import_table(table, output, force=True)
+
+
 def test_impossible_values_are_kept_and_flagged(tmp_path: Path) -> None:
     table = standard(heading_deg=[0.0, 360.0, -5.0, 400.0, 359.9], surge_mps=[1.0, np.nan, np.inf, 31.0, 2.0])
     summary = import_table(csv(tmp_path, table), tmp_path / "out.mcap")
