@@ -19,14 +19,14 @@ QUANTITIES = {
     "yaw_rate_dps": "yaw rate [deg/s]",
     "drift_angle_deg": "drift angle [deg]",
     "heading_deg": "heading [deg]",
-    "relative_wind_deg": "wind from, off the bow [deg]",
-    "rpm": "shafts, mean [rpm]",
-    "pitch_percent": "pitch, mean [%]",
-    "azimuth_deg": "azimuths, mean [deg]",
-    "rudder_deg": "rudders, mean [deg]",
-    "nozzle_deg": "nozzles, mean [deg]",
+    "relative_wind_deg": "relative wind direction [deg]",
+    "rpm": "mean shaft speed [rpm]",
+    "pitch_percent": "mean pitch [%]",
+    "azimuth_deg": "mean azimuth angle [deg]",
+    "rudder_deg": "mean rudder angle [deg]",
+    "nozzle_deg": "mean nozzle angle [deg]",
     "time_s": "time [min]",
-    "place": "place north, east [m]",
+    "place": "position north, east [m]",
 }
 """What the cells are of, for people."""
 
@@ -67,6 +67,24 @@ def force_map(figure: Figure, places: Sequence[Place]) -> None:
             one.set_axis_off()
 
 
+def map_sentences(places: Sequence[Place]) -> list[str]:
+    """What a map says: of each force the cell in which it is surest, where one stands out."""
+    sentences = []
+    for channel, title in zip(FORCES, FORCE_TITLES, strict=True):
+        mine = [each for each in places if each.channel == channel and abs(each.z) > _SURE]
+        if not mine:
+            continue
+        most = max(mine, key=lambda each: abs(each.z))
+        words, unit = title.rstrip("]").split(" [")
+        what = f"{words} {'moment' if words == 'yaw' else 'force'} that is missing"
+        quantity, _, of = axis_title(quantity_of(most)).rstrip("]").partition(" [")
+        half = 1.96 * abs(most.error / most.z)
+        low, value, high = (_force_text(each) for each in (most.error - half, most.error, most.error + half))
+        sentences.append(f"By {quantity}, the {what} at {cell_name(most)} {of} is {value} {unit} "
+                         f"(95 % interval {low} to {high}).")  # fmt: skip
+    return sentences
+
+
 def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = FORCES.index(channel)
@@ -89,7 +107,7 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
     axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xlabel(axis_title(quantity))
-    axes.set_ylabel("force that lacks: " + FORCE_TITLES[axis])
+    axes.set_ylabel("missing force: " + FORCE_TITLES[axis])
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
 
 

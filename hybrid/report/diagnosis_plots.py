@@ -28,6 +28,7 @@ BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
 
 _LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
 _SHOWN = 15
+_CONTROL_AXES = {"rpm": "shafts\n[rpm]", "deg": "angles\n[deg]", "percent": "pitch\n[%]"}
 
 
 def overview_figure(diagnosis: Diagnosis) -> Figure:
@@ -178,7 +179,7 @@ def window_tracks(figure: Figure, tracks: Tracks) -> None:
         for axes, number in zip(row, chosen.values(), strict=True):
             _controls(axes, {name: tracks.controls[name][number] for name in names})
             axes.sharey(row[0])
-        row[0].set_ylabel(f"[{unit}]")
+        row[0].set_ylabel(_CONTROL_AXES.get(unit, f"[{unit}]"))
         row[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
     for axes in rows[-1] if units else ():
         axes.set_xlabel("time [s]")
@@ -244,5 +245,5 @@ def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
     return [
         ("before", tracks.before, BEFORE),
         ("after", tracks.after, AFTER),
-        ("present motion held", tracks.constant_velocity, HELD),
+        ("constant velocity", tracks.constant_velocity, HELD),
     ]

@@ -107,7 +107,7 @@ def parameter_title(name: str, unit: str) -> str:
 __all__ = ["FEW_LEGS"]  # for the template
 
 _TITLES = {
-    "constant_velocity": "present motion held",
+    "constant_velocity": "constant velocity",
     "reference": "reference",
     "named": "named",
     "reference_calibrated": "reference, calibrated",
@@ -157,9 +157,9 @@ def correction_sentence(correction: IdentifiedCorrection) -> str:
 
 
 def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
-    """What the model's structure can close, beside the present motion held, on legs that took no part."""
+    """What the model's structure can close, beside the constant velocity, on legs that took no part."""
     rungs = {
-        "present motion held": correction.constant_velocity_m,
+        "constant velocity": correction.constant_velocity_m,
         "the model as it was": correction.before_m,
         "what this model's structure can close: coefficients of the other legs": correction.after_m,
     }

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.stats import t
 
 from acquisition.core.actuators import Actuators, names_of
 from acquisition.core.angles import circular_mean, wrap_180, wrap_360
@@ -169,7 +171,7 @@ def error_rows(errors: Mapping[str, Errors], quantity: str, seconds: Sequence[in
 ACCELERATIONS = ("surge_mps2", "sway_mps2", "yaw_dps2")
 PLANES = (
     ("surge_mps", "yaw_rate_dps"),
-    ("surge_mps", "sway_mps"),
+    ("rpm", "sway_mps"),
     ("azimuth_deg", "relative_wind_deg"),
 )
 """What the cells are of."""
@@ -223,6 +225,8 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     measured = whole[list(ACCELERATIONS)].to_numpy(dtype=float)
     relative = wrap_180(whole["wind_direction_deg"].to_numpy() - whole["heading_deg"].to_numpy())
     quantities = {name: whole[name].to_numpy(dtype=float) for name in ("surge_mps", "sway_mps", "yaw_rate_dps")}
+    shafts = [name for each in plant.layout if each.drives and (name := f"{each.name}_rpm") in whole]
+    quantities |= {"rpm": whole[shafts].to_numpy(dtype=float).mean(axis=1)} if shafts else {}
     quantities |= {**_angles(whole, plant.layout), "relative_wind_deg": np.asarray(relative)}
     return Residuals(measured - model, quantities)
 
@@ -238,9 +242,57 @@ def _angles(table: pd.DataFrame, actuators: Actuators) -> dict[str, Floats]:
 
 
 def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:
-    """:data:`PLANES` with the angle that the ship is steered by; without the last for one that has none."""
+    """:data:`PLANES` with the angle that the ship is steered by; without those of which a quantity is not known."""
     angle = next((name for name in ANGLES.values() if name in residuals.quantities), "")
-    return (*PLANES[:-1], (angle, PLANES[-1][1])) if angle else PLANES[:-1]
+    planes = (*PLANES[:-1], (angle, PLANES[-1][1]))
+    return tuple(plane for plane in planes if set(plane) <= set(residuals.quantities))
+
+
+@dataclass(frozen=True, slots=True)
+class LargestResidual:
+    """Where the model lacks most of one acceleration: the class of a quantity, from ``low`` to ``high``, in which
+    the mean that is missing explains most of it, with the half of its 95 % interval and the chance of such a mean
+    where nothing is missing (t test), and how many ``seconds``.
+    """
+
+    acceleration: str
+    quantity: str
+    low: float
+    high: float
+    mean: float
+    half_width: float
+    seconds: int
+    p_value: float
+
+
+def largest_residuals(residuals: Residuals) -> list[LargestResidual]:
+    """Of each of :data:`ACCELERATIONS` the class that stands out most, in their order; none where none does.
+
+    Residuals of seconds that follow each other are alike: a mean's interval is that of means over blocks. What
+    stands out does so at 5 % though as many classes are tried (Bonferroni).
+    """
+    every = [
+        LargestResidual(name, quantity, low, high, *_mean_of(values[inside]))
+        for name, values in zip(ACCELERATIONS, residuals.missing.T, strict=True)
+        for quantity, x in residuals.quantities.items()
+        for low, high in pairwise(_EDGES.get(quantity, edges_of(x)).tolist())
+        if (inside := (x >= low) & (x < high)).sum() >= ENOUGH_S
+    ]
+    sure = [each for each in every if each.p_value * len(every) < _CHANCE]
+    best = {each.acceleration: each for each in sorted(sure, key=lambda one: one.seconds * one.mean**2)}
+    return [best[name] for name in ACCELERATIONS if name in best]
+
+
+_BLOCK_S = 15  # a few of a ship's own time constants at ordinary speeds
+_CHANCE = 0.05
+
+
+def _mean_of(values: Floats) -> tuple[float, float, int, float]:
+    """The mean of seconds in their order, the half of its 95 % interval, how many, and its chance."""
+    blocks = np.array([part.mean() for part in np.array_split(values, values.size // _BLOCK_S)])
+    error = max(float(np.std(blocks, ddof=1)) / np.sqrt(blocks.size), 1e-300)
+    mean, law = float(values.mean()), t(blocks.size - 1)
+    return mean, float(law.ppf(0.975) * error), int(values.size), float(2.0 * law.sf(abs(mean) / error))
 
 
 def cells_of(residuals: Residuals, x: str, y: str) -> Cells:

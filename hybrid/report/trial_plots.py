@@ -33,7 +33,7 @@ from hybrid.report.words import plain, quantity_title
 
 __all__ = ["residual_maps", "training_range"]  # for the template
 
-LACKS = ("surge lacks\n[m/s\u00b2]", "sway lacks\n[m/s\u00b2]", "yaw lacks\n[deg/s\u00b2]")
+MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
 _LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
@@ -48,7 +48,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
     planes = planes_of(residuals)
     cells = [cells_of(residuals, *plane) for plane in planes]
     grid = figure.subplots(len(ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
-    for row, words in enumerate(LACKS):
+    for row, words in enumerate(MISSING):
         values = np.concatenate([each.mean[row].ravel() for each in cells])
         values = np.abs(values[np.isfinite(values)])
         extent = float(np.quantile(values, 0.98)) if values.size else 1.0
@@ -60,7 +60,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
         counted = np.where(each.seconds > 0, each.seconds, np.nan)
         mesh = _mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0)))
         axes.set_xlabel(axis_title(x))
-    figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="in a cell [s]")
+    figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="time in a cell\n[s]")
     for row in grid:
         for axes, (_, y) in zip(row, planes, strict=True):
             axes.set_ylabel(axis_title(y), fontsize=8)

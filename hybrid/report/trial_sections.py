@@ -13,7 +13,8 @@ from analysis.products import Products
 from analysis.report.pages import events_of, run_sheet
 from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED
 from hybrid.report.case import Case
-from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, error_rows
+from hybrid.report.diagnosis_map_plots import axis_title
+from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, Residuals, error_rows, largest_residuals
 from hybrid.report.tables import score_rows
 from hybrid.report.words import join_words, plain, quantity_title
 
@@ -230,3 +231,23 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
         what = "track and channels to zoom into" + (f", {trial}" if len(case.paths) > 1 else "")
         pages[what] = page.name
     return pages
+
+
+_UNITS = {"surge_mps2": "m/s\u00b2", "sway_mps2": "m/s\u00b2", "yaw_dps2": "deg/s\u00b2"}
+
+
+def residual_sentences(residuals: Residuals) -> list[str]:
+    """What the maps of a trial say, a sentence an acceleration in which something stands out."""
+    sentences = []
+    for each in largest_residuals(residuals):
+        words, unit = each.acceleration.partition("_")[0], _UNITS[each.acceleration]
+        quantity, _, of = axis_title(each.quantity).rstrip("]").partition(" [")
+        mean, low, high = (
+            np.format_float_positional(value, 2, fractional=False, trim="-", sign=True)
+            for value in (each.mean, each.mean - each.half_width, each.mean + each.half_width)
+        )
+        sentences.append(
+            f"By {quantity}, the {words} acceleration that is missing from {each.low:g} to {each.high:g} {of} is "
+            f"{mean} {unit} (95 % interval {low} to {high}; {each.seconds} s).".replace("-", "\u2212")
+        )
+    return sentences or ["In no class of any quantity does the missing acceleration stand out of its uncertainty."]

@@ -230,7 +230,7 @@ def test_windows_stand_over_what_the_actuators_did() -> None:
     figure, made = Figure(), tracks()
     plots.window_tracks(figure, made)
     below = figure.axes[2:]
-    assert [axes.get_ylabel() for axes in below] == ["[rpm]", "", "[deg]", ""]
+    assert [axes.get_ylabel() for axes in below] == ["shafts\n[rpm]", "", "angles\n[deg]", ""]
     worst = list(plots.chosen_windows(made).values()).index(5)
     (line,) = below[2 + worst].get_lines()
     assert np.asarray(line.get_ydata()) == pytest.approx(-np.degrees(0.06))

@@ -19,9 +19,11 @@ from hybrid.report.errors import (
     Residuals,
     cells_of,
     edges_of,
+    largest_residuals,
     modelled_acceleration,
     residuals_of,
 )
+from hybrid.report.trial_sections import residual_sentences
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.files import load_vessel
@@ -103,3 +105,23 @@ def test_azimuths_about_astern_have_their_mean_astern() -> None:
     turned = resample(table).assign(port_angle_deg=179.0, starboard_angle_deg=-179.0)
     found = residuals_of(turned, motion, vessel_plant(load_vessel("gunnerus_short")))
     np.testing.assert_allclose(np.abs(found.quantities["azimuth_deg"]), 180.0, atol=1e-9)
+
+
+def test_the_sentence_names_where_a_model_lacks_most_and_how_much() -> None:
+    """Of a model that has too much thrust astern it is the surge that is missing where the shafts turn astern."""
+    random = np.random.default_rng(3)
+    rpm = np.repeat(random.uniform(-120.0, 120.0, 60), 30)
+    noise = 0.004 * random.standard_normal((1800, 3))
+    noise[:, 0] += np.where(rpm < 0.0, -0.03, 0.0)
+    quantities = {"rpm": rpm, "yaw_rate_dps": random.uniform(-1.0, 1.0, rpm.size)}
+    found = largest_residuals(Residuals(noise, quantities))
+    assert [(each.acceleration, each.quantity) for each in found] == [("surge_mps2", "rpm")]
+    (most,) = found
+    assert most.high <= 0.0
+    assert abs(most.mean + 0.03) < 1.5 * most.half_width < 0.01
+    (sentence,) = residual_sentences(Residuals(noise, quantities))
+    assert sentence.startswith(
+        f"By mean shaft speed, the surge acceleration that is missing from \u2212{-most.low:g}"
+    )
+    none = residual_sentences(Residuals(noise * 0.0 + random.standard_normal(noise.shape), quantities))
+    assert none == ["In no class of any quantity does the missing acceleration stand out of its uncertainty."]
