@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acquisition.core.arrays import Floats
 from acquisition.core.files import write_text
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
@@ -26,6 +28,7 @@ __all__ = ["TOLD_APART", "heading_of", "limit_rows"]  # for the template
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
 _LEAST = 1.0
+_MOST_SHOWN = 18  # effects in one picture
 
 
 def write_plan(plan: Plan, folder: Path) -> list[Path]:
@@ -83,7 +86,7 @@ def draw_programmes(axes: Axes, plan: Plan) -> None:
         for part in programme.parts:
             colour = PALETTE[names.index(part.name) % len(PALETTE)]
             axes.barh(row, part.minutes, left=begin, color=colour, edgecolor="white", alpha=0.55)
-            words = part.name.replace("_", "\n")
+            words = fill(plain(part.name), 12)
             axes.text(begin + part.minutes / 2.0, row, words, ha="center", va="center", fontsize=7)
             begin += part.minutes
     axes.set_yticks([0, 1], ["yours", "better"])
@@ -93,25 +96,35 @@ def draw_programmes(axes: Axes, plan: Plan) -> None:
 
 
 def draw_evidence(figure: Figure, plan: Plan) -> None:
-    """What tells each pair of effects apart, by either programme."""
-    names = [plain(name) for name in plan.asked.limits]
+    """What tells those pairs of effects apart that are hardest to tell apart, by either programme."""
+    shown = hardest_effects(plan)
+    names = [plain(list(plan.asked.limits)[each]) for each in shown]
     left, right = figure.subplots(1, 2)
-    _draw_matrix(left, plan.asked, names, "yours")
-    _draw_matrix(right, plan.better, names, "better")
+    _draw_matrix(left, plan.asked.evidence[np.ix_(shown, shown)], names, "yours")
+    _draw_matrix(right, plan.better.evidence[np.ix_(shown, shown)], names, "better")
     right.set_yticklabels([])
-    bar = figure.colorbar(right.images[0], ax=[left, right], shrink=0.6, label="twice the log likelihood")
+    bar = figure.colorbar(right.images[0], ax=[left, right], shrink=0.6, label="twice the log likelihood ratio [1]")
     bar.ax.axhline(TOLD_APART, color="black", linewidth=1.0)
 
 
-def _draw_matrix(axes: Axes, programme: Programme, names: list[str], title: str) -> None:
+def hardest_effects(plan: Plan) -> list[int]:
+    """The numbers of the effects that are told worst from some other by either programme, in the catalogue's order;
+    at most as many as can be read in a picture.
+    """
+    both = np.minimum(plan.asked.evidence, plan.better.evidence)
+    least = np.min(np.where(np.isfinite(both), both, np.inf), axis=1)
+    return sorted(np.argsort(least, kind="stable")[:_MOST_SHOWN].tolist())
+
+
+def _draw_matrix(axes: Axes, evidence: Floats, names: list[str], title: str) -> None:
     from matplotlib.colors import LogNorm
 
-    shown = np.where(np.isfinite(programme.evidence), np.clip(programme.evidence, _LEAST, _MOST), np.nan)
+    shown = np.where(np.isfinite(evidence), np.clip(evidence, _LEAST, _MOST), np.nan)
     axes.imshow(shown, cmap="cividis", norm=LogNorm(_LEAST, _MOST))
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=5.5)
-    axes.set_yticks(range(len(names)), names, fontsize=5.5)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8)
+    axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.grid(visible=False)
-    axes.set_title(title)
+    axes.set_title(title, loc="left")
 
 
 def draw_plan(figure: Figure, plan: Plan) -> None:

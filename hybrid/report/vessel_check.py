@@ -19,7 +19,7 @@ from analysis.manoeuvres.measures import peak
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import plain_name
 from analysis.report.figures import write_figure
-from analysis.report.plots import FAINT, INK, PALETTE, ship
+from analysis.report.plots import FAINT, INK, PALETTE, outlines
 from analysis.report.rendering import Page, render
 from hybrid.report.notebook import templates
 from hybrid.report.words import join_words
@@ -179,11 +179,9 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
         shown = motion.between(test.executes_s[0] - 2.0 * length_m / check.speed_mps, test.executes_s[-1])
         across, ahead = _from_execute(shown, motion, test, length_m)
         axes.plot(across, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
-        turned = np.floor(np.abs(shown.heading_deg) / 60.0)
-        for row in (np.flatnonzero(np.diff(turned) > 0) + 1)[:6]:
-            ship(axes, across[row], ahead[row], np.deg2rad(shown.heading_deg[row]), 1.0)
+        after = slice(int(np.searchsorted(shown.time_s, test.executes_s[0])), None)
+        outlines(axes, across[after], ahead[after], np.deg2rad(shown.heading_deg[after]), 1.0)
         _limit_lines(axes, test)
-    ship(axes, 0.0, 0.0, 0.0, 1.0)
     tests = check.of_kind("turning_circle")
     if tests:
         _write(
@@ -198,14 +196,15 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
 def _limit_lines(axes: Axes, test: StandardTest) -> None:
     """IMO's advance across the approach, and its tactical diameter beside it."""
     side = 1.0 if test.helm_deg > 0.0 else -1.0
+    words = "_" if side < 0.0 else "IMO's largest advance and diameter"
     for name in ("advance_m", "tactical_diameter_m"):
         index = test.indices.get(name)
         if index is None or index.limit_lengths is None:
             continue
         if name == "advance_m":
-            axes.plot([0.0, side * 3.0], [index.limit_lengths] * 2, color=RED, linewidth=0.9, linestyle="--")
+            axes.plot([0.0, side * 3.0], [index.limit_lengths] * 2, "--", color=RED, linewidth=0.9, label=words)
         else:
-            axes.plot([side * index.limit_lengths] * 2, [-1.0, 2.0], color=RED, linewidth=0.9, linestyle="--")
+            axes.plot([side * index.limit_lengths] * 2, [-1.0, 2.0], "--", color=RED, linewidth=0.9)
 
 
 def _from_execute(shown: Motion, motion: Motion, test: StandardTest, length_m: float) -> tuple[Floats, Floats]:
@@ -245,9 +244,9 @@ def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
     rpm, speed = check.speeds.T
     axes.plot(rpm, speed, "o-", color=BLUE, markersize=3.5)
     if isfinite(check.speed_mps):
-        axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="the tests'")
+        axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="speed of the tests")
         axes.legend(loc="upper left", fontsize=8)
-    axes.set_xlabel("shafts [rpm]")
+    axes.set_xlabel("shaft speed [rpm]")
     axes.set_ylabel("speed [m/s]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
