@@ -238,11 +238,11 @@ def train(
 
     Raises :class:`DataShortageError` where there is no window, :class:`ConfigurationError` for an unknown method.
     """
-    from hybrid.calibrators import refuse_unknown
+    from hybrid.calibrators import refuse_untrainable
     from hybrid.calibrators.train import train as train_calibrator
     from hybrid.effects.catalogue import vessel_plant
 
-    refuse_unknown(method)
+    refuse_untrainable(method)
     model = _model(recordings, vessel)
     plant = vessel_plant(model.vessel)
     dataset = _dataset(
@@ -300,10 +300,10 @@ def evaluate(
 
     ``splits`` are ``leg``, ``time``, ``recording``, ``random`` (without any: leg and time, and recording where
     there are several); ``methods`` are kinds of calibrators, ``FILE.py:CLASS`` for one's own (without any: all but
-    ``paper_adam``). With ``any_commands`` on all windows that have data, under the commands as they were recorded;
-    otherwise on held ones.
+    ``paper_adam`` that can be trained here). With ``any_commands`` on all windows that have data, under the
+    commands as they were recorded; otherwise on held ones.
     """
-    from hybrid.calibrators import COMPARED, refuse_unknown
+    from hybrid.calibrators import COMPARED, can_train, refuse_untrainable
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.evaluation import splits as split_kinds
     from hybrid.evaluation.study import study
@@ -312,10 +312,10 @@ def evaluate(
     kinds = (
         list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(as_paths(recordings)) == 1 else 3]
     )
-    names = list(dict.fromkeys(methods or COMPARED))
+    names = list(dict.fromkeys(methods or filter(can_train, COMPARED)))
     split_kinds.refuse_unknown(kinds)
     for each in names:
-        refuse_unknown(each)
+        refuse_untrainable(each)
     model = _model(recordings, vessel)
     plant = vessel_plant(model.vessel)
     dataset = _dataset(

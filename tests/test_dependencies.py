@@ -82,8 +82,8 @@ def test_the_tested_pythons_begin_with_the_lowest_promised() -> None:
 @every_python
 def test_every_dependency_is_pinned_within_its_range(python: str) -> None:
     project = PROJECT["project"]
-    asked = chain(project["dependencies"], *project["optional-dependencies"].values())
-    assert unmet([Requirement(line) for line in asked], python) == []
+    asked = map(Requirement, chain(project["dependencies"], *project["optional-dependencies"].values()))
+    assert unmet([each for each in asked if each.name != project["name"]], python) == []
 
 
 @every_python

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import load
 
 if TYPE_CHECKING:
     from hybrid.calibrators.calibrator import Calibrator
     from hybrid.vessel.plant import Plant
 
-# Imported when first used: torch takes more than a second.
+# Imported when first used.
 _METHODS = {
     "paper": "hybrid.calibrators.networks:PaperCalibrator",
     "data_driven": "hybrid.calibrators.networks:DataDrivenCalibrator",
@@ -18,6 +20,7 @@ _METHODS = {
     "paper_adam": "hybrid.calibrators.networks:PublishedPaperCalibrator",
     "adaptive": "hybrid.calibrators.adaptive.calibrator:AdaptiveCalibrator",
 }
+INSTALL = "pip install 'seatrial[networks]'"
 METHODS: tuple[str, ...] = tuple(_METHODS)
 COMPARED = tuple(method for method in METHODS if method != "paper_adam")
 """What is compared where nobody says which methods: ``paper_adam`` is ``paper`` again, trained for longer."""
@@ -29,6 +32,21 @@ def refuse_unknown(method: str) -> None:
     """
     if method not in _METHODS:
         make_calibrator(method)
+
+
+def can_train(method: str) -> bool:
+    """Whether calibrators of a method can be trained here: all but networks can, and they where PyTorch is."""
+    return "networks:" not in _METHODS.get(method, "") or find_spec("torch") is not None
+
+
+def refuse_untrainable(method: str) -> None:
+    """Raise :class:`ConfigurationError` for the name of no calibrator, or of one that cannot be trained here."""
+    refuse_unknown(method)
+    if not can_train(method):
+        raise ConfigurationError(
+            f"{method} is a network, and PyTorch, which trains it, is not installed",
+            fix=f"{INSTALL}, or take another method",
+        )
 
 
 def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:

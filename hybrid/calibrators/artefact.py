@@ -13,13 +13,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-import safetensors.torch
+import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 from safetensors import SafetensorError
-from torch import Tensor, isfinite, isnan
 
 from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
@@ -35,10 +34,6 @@ from hybrid.prediction.dataset import Source
 from hybrid.prediction.prediction_windows import PAST_S
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant
-
-if TYPE_CHECKING:
-    from torch import Tensor
-
 
 SIDECAR = "calibrator.json"
 FORMAT = 8
@@ -101,8 +96,9 @@ class StoredFallback:
 class Sidecar:
     """Everything about an artefact but the weights; ``files`` has their hashes.
 
-    ``any_commands`` is written where it is so: a calibrator of held controls does not know the word. ``actuators``
-    are those of the ship as a recording says them, empty for the default list.
+    ``data_driven`` is left out where no network could be trained. ``any_commands`` is written where it is so: a
+    calibrator of held controls does not know the word. ``actuators`` are those of the ship as a recording says
+    them, empty for the default list.
     """
 
     format: int
@@ -113,12 +109,12 @@ class Sidecar:
     channels: tuple[str, ...]
     vessel: Reference
     calibrator: Model
-    data_driven: Model
     files: dict[str, Digest]
     region_m: tuple[SemiAxes, ...]
     reserve: StoredFallback
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
+    data_driven: Model | None = None
     any_commands: bool = False
     actuators: str = ""
 
@@ -131,7 +127,7 @@ class _Head:
 _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 
-def model_of(calibrator: Calibrator, tensors: Mapping[str, Tensor]) -> Model:
+def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> Model:
     """A calibrator in words and numbers; the scaling from its ``tensors``, where they hold one."""
     method = absolute(calibrator.method)
     return Model(
@@ -143,7 +139,7 @@ def model_of(calibrator: Calibrator, tensors: Mapping[str, Tensor]) -> Model:
     )
 
 
-def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Tensor]) -> tuple[Quantity, ...]:
+def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]) -> tuple[Quantity, ...]:
     rows = {key: tensors.get(f"{side}.{key}") for key in ("mean", "deviation")}
     low_high = tensors.get(f"{side}.range")
     rows |= dict(zip(("low", "high"), (None, None) if low_high is None else low_high, strict=True))
@@ -229,7 +225,7 @@ def _check(sidecar: Sidecar, path: Path) -> None:
             raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
-    for model in (sidecar.calibrator, sidecar.data_driven):
+    for model in filter(None, (sidecar.calibrator, sidecar.data_driven)):
         if model.code_sha256:
             _check_code(model, path)
         elif model.method not in METHODS:
@@ -271,9 +267,9 @@ def _short(value: object) -> str:
     return text if len(text) <= 120 else f"{text[:120]}..."
 
 
-Tensors = dict[str, Tensor]
+Tensors = dict[str, Floats]
 PARTS = ("calibrator", "data_driven")
-"""The tensors of an artefact, one file each."""
+"""The tensors of an artefact, one file each; the second where there is such a network."""
 
 
 def save(trained: TrainedCalibrator, folder: Path) -> Path:
@@ -283,10 +279,11 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     the way: whatever happens, the folder holds the old artefact, the new one or none. Raises
     :class:`StorageError`, and :class:`InputError` for weights that are no numbers.
     """
-    tensors = {name: _on_disk(getattr(trained, name).state_dict()) for name in PARTS}
-    for name in PARTS:
-        _refuse_not_numbers(tensors[name], folder / _file(name))
-    contents = {_file(name): safetensors.torch.save(each) for name, each in tensors.items()}
+    parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
+    tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
+    for name, each in tensors.items():
+        _refuse_not_numbers(each, folder / _file(name))
+    contents = {_file(name): safetensors.numpy.save(each) for name, each in tensors.items()}
     sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
     make_folder(folder)
     _write_together(
@@ -296,7 +293,7 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
 
 
 def _left_out(sidecar: Sidecar) -> set[str]:
-    return {name for name in ("any_commands", "actuators") if not getattr(sidecar, name)}
+    return {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
 
 
 def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
@@ -326,7 +323,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         channels=trial_names(trained.plant.layout),
         vessel=Reference(trained.vessel, plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
-        data_driven=model_of(trained.data_driven, tensors["data_driven"]),
+        data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
         files=digests,
         region_m=_semi_axes(trained.region_m),
         reserve=_stored_fallback(trained.fallback),
@@ -343,10 +340,10 @@ def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
     Raises :class:`InputError` naming what is missing or not what it should be.
     """
     sidecar, plant = read_sidecar(folder, method)
-    tensors = {name: _tensors(folder / _file(name), sidecar.files) for name in PARTS}
+    beside = sidecar.data_driven
     return TrainedCalibrator(
-        calibrator=_restored(sidecar, "calibrator", plant, tensors, folder),
-        data_driven=_restored(sidecar, "data_driven", plant, tensors, folder),
+        calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
+        data_driven=_restored(sidecar, beside, "data_driven", plant, folder) if beside else None,
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
@@ -375,10 +372,9 @@ def _fallback_from(stored: StoredFallback) -> Fallback:
     return Fallback(training_m, hindcast_m, np.array(stored.region))
 
 
-def _restored(sidecar: Sidecar, part: str, plant: Plant, every: dict[str, Tensors], folder: Path) -> Calibrator:
+def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: Path) -> Calibrator:
     """The calibrator that a ``part`` of the sidecar describes, with its weights, if one goes with the other."""
-    model: Model = getattr(sidecar, part)
-    tensors = every[part]
+    tensors = _tensors(folder / _file(part), sidecar.files)
     calibrator = make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
     names = tuple(each.name for each in model.inputs)
@@ -402,11 +398,6 @@ def _file(name: str) -> str:
     return f"{name}.safetensors"
 
 
-def _on_disk(tensors: Tensors) -> Tensors:
-    """Tensors in main memory, each with memory of its own, as the format wants them."""
-    return {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
-
-
 def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
     """The tensors of one file, if it is the one that the sidecar was written with."""
     content = read_bytes(path)
@@ -418,8 +409,8 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
             fix="take a sound copy of the folder, or train anew",
         )
     try:
-        tensors = safetensors.torch.load(content)
-    except (SafetensorError, ValueError, KeyError, RuntimeError) as error:
+        tensors: Tensors = safetensors.numpy.load(content)
+    except (SafetensorError, ValueError, KeyError, RuntimeError, TypeError) as error:
         raise damage_error(path, _reason(error)) from error
     _refuse_not_numbers(tensors, path)
     return tensors
@@ -428,7 +419,7 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
 def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
     """Raise :class:`InputError` for weights that predict nothing; a deviation may be endless, for a constant."""
     for name, value in tensors.items():
-        if bool(isnan(value).any() if name.endswith("deviation") else not isfinite(value).all()):
+        if bool(np.isnan(value).any() if name.endswith("deviation") else not np.isfinite(value).all()):
             raise InputError(f"has a {name} that is no number", where=str(path),
                              why="the training failed or the file was changed", fix="train anew")  # fmt: skip
 
@@ -438,7 +429,7 @@ def _digest(content: bytes) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """The first lines of what a library says; torch lists every tensor."""
+    """The first lines of what a library says."""
     if isinstance(error, SeatrialError):
         return error.what
     text = f"{error} is missing" if isinstance(error, KeyError) else str(error)

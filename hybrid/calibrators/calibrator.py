@@ -19,8 +19,6 @@ from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.regions import conformal_region
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from hybrid.vessel.plant import Plant
 
 Examples = tuple[PredictionWindows, Floats]
@@ -119,11 +117,11 @@ class Calibrator(ABC):
         return conformal_region(self.out_of_sample_tracks(stopping), stopping[0])
 
     @abstractmethod
-    def state_dict(self) -> dict[str, Tensor]:
+    def state_dict(self) -> dict[str, Floats]:
         """Everything that was fitted, by name."""
 
     @abstractmethod
-    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+    def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         """Take over what :meth:`state_dict` of a fitted calibrator returned, and return itself."""
 
 

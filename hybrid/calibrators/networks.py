@@ -9,34 +9,24 @@ Where the commands may be any, each second's row has two means of every control 
 force that goes with it adds to the speed, and one that counts each second by the time that is left, as what that
 speed adds to the distance. Held controls are both of their means.
 
-They are trained by least squares, Levenberg's and Marquardt's steps, stopped early. A step needs the derivative of
-every output with respect to every weight, which the few hundred weights of these networks allow. A few dozen steps
-come further than a thousand epochs of Adam, and in a fraction of the time. Each step sees rows drawn anew, so that
-its cost does not grow with the data.
-
-The steps are ours for these two reasons, other rows each time and an end where windows kept out stop gaining:
-``scipy.optimize.least_squares`` on all rows is after twelve steps 1.6 times (trf) and 2.1 times (lm) as far off on
-windows not seen, in 1.5 and 3.4 times the time that ours takes to its end (tests/benchmarks/least_squares.py).
+They are trained by least squares (``network_training.py``, which alone needs PyTorch), stopped early;
 ``paper_adam`` is the paper's network trained as it was published, by Adam (Kingma and Ba 2015).
 """
 
 from __future__ import annotations
 
-import os
 from abc import abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
-import torch
-from torch import Tensor, nn
 
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.errors import InputError
 from acquisition.core.progress import Progress
+from hybrid.calibrators import refuse_untrainable
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known, simulate_tracks
 from hybrid.prediction.kalman_filter import filtered_starts
@@ -49,199 +39,16 @@ if TYPE_CHECKING:
     from hybrid.vessel.plant import Plant
 
 
-Rows = tuple[Tensor, Tensor]
+Rows = tuple[Floats, Floats]
 """Inputs [rows, C] and the outputs wanted [rows, K], both scaled."""
-
-MOST_DECAY = 1e-4
-DECAY_IN_WINDOWS = 20.0
-"""The weights' decay is the mean squared error times this over the number of windows, as for weights that are
-normally distributed and errors that are the same all along a window (MacKay 1992); at most :data:`MOST_DECAY`."""
-FIRST_DAMPING, LEAST_DAMPING = 1.0, 1e-9
-FIRST_ROWS, MORE_ROWS = 100, 1.25
-"""The first steps see few rows, each step more of them: far from the goal a few show the way."""
-EASIER, HARDER, MOST_TRIALS = 1.0 / 3.0, 4.0, 8
-
-
-@dataclass(frozen=True, slots=True)
-class StoppingRule:
-    """When training ends: after so many steps, or so many in a row without gain on the stopping rows.
-
-    ``rows`` is how many are drawn for a step, once the first steps are done.
-    """
-
-    steps: int
-    rows: int
-    patience: int
-
-
-class Perceptron:
-    """The weights of linear layers with ReLU between them as one vector, and the derivatives by it."""
-
-    def __init__(self, network: nn.Sequential) -> None:
-        self.shapes = [weight.shape for weight in network.parameters()]
-        self.sizes = [shape.numel() for shape in self.shapes]
-
-    def parts(self, weights: Tensor) -> list[Tensor]:
-        """Matrix, offset, matrix, offset and so on: views of the vector."""
-        pieces = weights.split(self.sizes)  # type: ignore[no-untyped-call]
-        return [piece.view(shape) for piece, shape in zip(pieces, self.shapes, strict=True)]
-
-    def layers(self, weights: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """Matrix and offset of each layer."""
-        parts = self.parts(weights)
-        return list(zip(parts[::2], parts[1::2], strict=True))
-
-    def give(self, weights: Tensor, network: nn.Sequential) -> None:
-        """Write the weights into the network."""
-        with torch.no_grad():
-            for parameter, part in zip(network.parameters(), self.parts(weights), strict=True):
-                parameter.copy_(part)
-
-    def outputs(self, weights: Tensor, inputs: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """The outputs [rows, K], and what enters each layer."""
-        *hidden, (matrix, offset) = self.layers(weights)
-        entering = [inputs]
-        for below, shift in hidden:
-            entering.append(torch.relu(torch.addmm(shift, entering[-1], below.T)))
-        return torch.addmm(offset, entering[-1], matrix.T), entering
-
-    def jacobian(self, weights: Tensor, entering: list[Tensor]) -> Tensor:
-        """The derivative of each output by each weight [rows K, weights], back from the last layer."""
-        layers = self.layers(weights)
-        rows, outputs = len(entering[0]), len(layers[-1][1])
-        by_sum = torch.eye(outputs, dtype=weights.dtype, device=weights.device).expand(rows, outputs, outputs)
-        parts: list[Tensor] = []
-        for number in reversed(range(len(layers))):
-            by_matrix = by_sum[..., None] * entering[number][:, None, None, :]
-            parts = [by_matrix.reshape(rows, outputs, -1), by_sum, *parts]
-            if number:
-                by_sum = (by_sum @ layers[number][0]) * (entering[number] > 0.0)[:, None, :]
-        return torch.cat(parts, dim=-1).reshape(rows * outputs, -1)
-
-
-def fit_network(
-    network: nn.Sequential,
-    training: Rows,
-    stopping: Rows,
-    until: StoppingRule,
-    windows: int,
-    seed: int = 0,
-    progress: Progress = lambda share: None,
-) -> None:
-    """Fit the weights of linear layers with ReLU between them; the best on the ``stopping`` rows are kept.
-
-    ``windows`` is how many of the training rows are independent: those of one window err together.
-    The damping of Marquardt (1963) falls after a step that lowered the error and grows after one that did not.
-    Rows are drawn on the processor, so that the same seed means the same rows on every device.
-    """
-    perceptron, generator = Perceptron(network), torch.Generator().manual_seed(seed)
-
-    def steps() -> Iterator[Tensor]:
-        weights, damping = _weights_of(network), FIRST_DAMPING
-        share, rows = DECAY_IN_WINDOWS / windows, float(min(until.rows, FIRST_ROWS))
-        while True:
-            drawn = _drawn(training, int(rows), generator)
-            weights, damping = _stepped(perceptron, weights, damping, share, drawn)
-            rows = min(until.rows, MORE_ROWS * rows)
-            yield weights
-
-    _keep_best(network, steps(), stopping, until, progress)
-
-
-def _keep_best(
-    network: nn.Sequential, steps: Iterator[Tensor], stopping: Rows, until: StoppingRule, progress: Progress
-) -> None:
-    """Give the network those weights of all ``steps`` that err least on the ``stopping`` rows; they end where too
-    many have brought no gain.
-    """
-    torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
-    perceptron, best, best_error, since = Perceptron(network), _weights_of(network), float("inf"), 0
-    for step, weights in enumerate(islice(steps, until.steps), 1):
-        error, since = _mean_square(perceptron, weights, stopping), since + 1
-        if error < best_error:
-            best, best_error, since = weights, error, 0
-        perceptron.give(weights, network)
-        progress(step / until.steps)
-        if since > until.patience:
-            break
-    perceptron.give(best, network)
-
-
-def _weights_of(network: nn.Sequential) -> Tensor:
-    """All weights of a network, one after the other; not those that it learns on."""
-    return nn.utils.parameters_to_vector(network.parameters()).detach()
-
-
-ADAM_RATE = 1e-3
-"""The learning rate that the paper gives."""
-
-
-def fit_network_by_adam(
-    network: nn.Sequential,
-    training: Rows,
-    stopping: Rows,
-    until: StoppingRule,
-    seed: int = 0,
-    progress: Progress = lambda share: None,
-) -> None:
-    """As :func:`fit_network`, each step one pass over all rows by Adam, ``until.rows`` at a time."""
-    generator = torch.Generator().manual_seed(seed)
-    adam = torch.optim.Adam(network.parameters(), lr=ADAM_RATE)
-
-    def passes() -> Iterator[Tensor]:
-        while True:
-            order = torch.randperm(len(training[0]), generator=generator).to(training[0].device)
-            for rows in torch.split(order, until.rows):
-                adam.zero_grad()
-                missed = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
-                missed.backward()  # type: ignore[no-untyped-call]
-                adam.step()
-            yield _weights_of(network)
-
-    _keep_best(network, passes(), stopping, until, progress)
-
-
-def _drawn(data: Rows, rows: int, generator: torch.Generator) -> Rows:
-    """As many rows, each at most once; all where there are no more."""
-    inputs, wanted = data
-    if len(inputs) <= rows:
-        return data
-    chosen = torch.randperm(len(inputs), generator=generator)[:rows].to(inputs.device)
-    return inputs[chosen], wanted[chosen]
-
-
-def _stepped(
-    perceptron: Perceptron, weights: Tensor, damping: float, share: float, data: Rows
-) -> tuple[Tensor, float]:
-    """The weights after the first step that lowers error and decay, and the damping for the next."""
-    inputs, wanted = data
-    outputs, entering = perceptron.outputs(weights, inputs)
-    slopes, missed = perceptron.jacobian(weights, entering), (outputs - wanted).reshape(-1)
-    error = missed.square().mean().item()
-    decay = min(MOST_DECAY, share * error)
-    curvature = slopes.T @ slopes / len(missed)
-    gradient = slopes.T @ missed / len(missed) + decay * weights
-    before = error + decay * weights.square().sum().item()
-    for _ in range(MOST_TRIALS):
-        damped = curvature.clone()
-        damped.diagonal().add_(damping + decay)
-        moved = weights - torch.cholesky_solve(gradient[:, None], torch.linalg.cholesky(damped))[:, 0]
-        after = _mean_square(perceptron, moved, data) + decay * moved.square().sum().item()
-        if after < before:
-            return moved, max(EASIER * damping, LEAST_DAMPING)
-        damping *= HARDER
-    return weights, damping
-
-
-def _mean_square(perceptron: Perceptron, weights: Tensor, data: Rows) -> float:
-    return nn.functional.mse_loss(perceptron.outputs(weights, data[0])[0], data[1]).item()
-
+Layers = tuple[tuple[Floats, Floats], ...]
+"""The matrix [above, below] and the offset [above] of each layer."""
 
 HIDDEN = (10, 10, 10)
 DOMAIN_MARGIN = 0.1
 """How far past the range of the training an input may lie inside the domain, as a share of that range."""
-DEVICE_VARIABLE = "SEATRIAL_DEVICE"
-"""The environment variable that names the device for training, e.g. ``cpu`` or ``cuda:1``."""
+_PLACE = 2
+"""A layer's number on disk grows by so much: between two stands a ReLU, as in PyTorch's sequences."""
 REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
 
 
@@ -319,33 +126,30 @@ def displacement(track: Floats, start: Floats) -> Floats:
 class Standardisation:
     """Standard scaling of columns: zero mean and unit deviation; constant columns become zero."""
 
-    mean: Tensor
-    deviation: Tensor
+    mean: Floats
+    deviation: Floats
 
     @classmethod
-    def of(cls, columns: Tensor) -> Standardisation:
+    def of(cls, columns: Floats) -> Standardisation:
         """The scaling of columns [rows, C]."""
-        deviation = columns.std(dim=0, correction=0)
-        constant = deviation <= 1e-9 * (1.0 + columns.mean(dim=0).abs())
-        return cls(columns.mean(dim=0), torch.where(constant, torch.inf, deviation))
+        mean, deviation = columns.mean(axis=0), columns.std(axis=0)
+        return cls(mean, np.where(deviation <= 1e-9 * (1.0 + np.abs(mean)), np.inf, deviation))
 
-    def scaled(self, columns: Tensor) -> Tensor:
+    def scaled(self, columns: Floats) -> Floats:
         """Columns [*, C] in units of their deviation."""
         return (columns - self.mean) / self.deviation
 
-    def unscaled(self, columns: Tensor) -> Tensor:
+    def unscaled(self, columns: Floats) -> Floats:
         """The inverse of :meth:`scaled`; constant columns come back as their mean."""
-        finite = torch.where(torch.isinf(self.deviation), 0.0, self.deviation)
-        return columns * finite + self.mean
+        return columns * np.where(np.isinf(self.deviation), 0.0, self.deviation) + self.mean
 
 
-def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) -> nn.Sequential:
-    """A perceptron with ReLU between its layers, in double precision."""
-    widths = (inputs, *hidden)
-    layers: list[nn.Module] = []
-    for below, above in pairwise(widths):
-        layers += [nn.Linear(below, above), nn.ReLU()]
-    return nn.Sequential(*layers, nn.Linear(widths[-1], outputs)).double()
+def outputs_of(layers: Layers, inputs: Floats) -> Floats:
+    """What a perceptron with ReLU between its layers gives [*, K] for inputs [*, C]."""
+    *hidden, (matrix, offset) = layers
+    for below, shift in hidden:
+        inputs = np.maximum(inputs @ below.T + shift, 0.0)
+    return np.asarray(inputs @ matrix.T + offset)
 
 
 class NetworkCalibrator(Calibrator):
@@ -357,6 +161,7 @@ class NetworkCalibrator(Calibrator):
     """
 
     needs_reference: ClassVar[bool]
+    by_adam: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -386,24 +191,23 @@ class NetworkCalibrator(Calibrator):
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
-        torch.manual_seed(self.seed)
+        refuse_untrainable(self.method)
         self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
         inputs, targets = self._rows(*training)
         self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
-        self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
-        self.network_ = make_network(inputs.shape[-1], targets.shape[-1])
-        device = training_device()
-        self.network_.to(device)
-        rows = self._scaled((inputs, targets), device), self._scaled(self._rows(*stopping), device)
-        self._train(*rows, len(training[0]), progress)
-        self.network_.cpu()
+        self.input_range_ = np.stack([inputs.min(axis=0), inputs.max(axis=0)])
+        self.layers_ = self._train(
+            self._scaled((inputs, targets)), self._scaled(self._rows(*stopping)), len(training[0]), progress
+        )
         self.usual_error_m_ = self._errors(*stopping)
         return self
 
-    def _train(self, training: Rows, stopping: Rows, windows: int, progress: Progress) -> None:
-        """Fit the network to scaled rows of so many ``windows``."""
+    def _train(self, training: Rows, stopping: Rows, windows: int, progress: Progress) -> Layers:
+        """The layers of the network, fitted to scaled rows of so many ``windows``."""
+        from hybrid.calibrators.network_training import StoppingRule, train_network
+
         until = StoppingRule(self.epochs, self.batch, self.patience)
-        fit_network(self.network_, training, stopping, until, windows, self.seed, progress)
+        return train_network(training, stopping, until, None if self.by_adam else windows, self.seed, progress)
 
     def _errors(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The mean errors [2] on windows over the horizon and over the hindcast."""
@@ -424,16 +228,15 @@ class NetworkCalibrator(Calibrator):
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading is that of :meth:`heading`, which is not learned."""
-        features = torch.from_numpy(self._inputs(windows, reference))
-        with torch.no_grad():
-            learned = self.output_scaling_.unscaled(self.network_(self.input_scaling_.scaled(features))).numpy()
+        features = self.input_scaling_.scaled(self._inputs(windows, reference))
+        learned = self.output_scaling_.unscaled(outputs_of(self.layers_, features))
         moved = self.base(windows, reference) + learned
         position = windows.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
         return np.concatenate([position, self.heading(windows, reference)[..., None]], axis=-1)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         """The network's inputs at every second, and the range of each in the training."""
-        low, high = self.input_range_.numpy()
+        low, high = self.input_range_
         return DomainOfApplicability(
             self.inputs, self._inputs(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
@@ -447,41 +250,50 @@ class NetworkCalibrator(Calibrator):
         track = reference if self.needs_reference else constant_velocity(windows)
         return track[..., 2]
 
-    def state_dict(self) -> dict[str, Tensor]:
-        """Everything learned, by name."""
+    def state_dict(self) -> dict[str, Floats]:
         scalings = {"input": self.input_scaling_, "output": self.output_scaling_}
-        tensors = {f"network.{name}": value for name, value in self.network_.state_dict().items()}
+        tensors = {
+            f"network.{_PLACE * number}.{name}": value
+            for number, layer in enumerate(self.layers_)
+            for name, value in zip(("weight", "bias"), layer, strict=True)
+        }
         for name, scaling in scalings.items():
             tensors[f"{name}.mean"], tensors[f"{name}.deviation"] = scaling.mean, scaling.deviation
         tensors["input.range"] = self.input_range_
-        tensors["usual_error_m"] = torch.from_numpy(self.usual_error_m_)
-        return {name: value.contiguous() for name, value in tensors.items()}
+        tensors["usual_error_m"] = self.usual_error_m_
+        return tensors
 
-    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+    def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
-        if tensors["input.mean"].numel() != len(self.inputs):
+        if tensors["input.mean"].size != len(self.inputs):
             raise InputError("was trained on other inputs than this version gives", fix="train anew")
         self.input_scaling_ = Standardisation(tensors["input.mean"], tensors["input.deviation"])
         self.output_scaling_ = Standardisation(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]
-        self.usual_error_m_ = tensors["usual_error_m"].numpy()
-        self.network_ = make_network(len(self.input_scaling_.mean), len(self.output_scaling_.mean))
-        prefix = "network."
-        self.network_.load_state_dict(
-            {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
-        )
+        self.usual_error_m_ = tensors["usual_error_m"]
+        self.layers_ = _layers_of(tensors, (len(self.inputs), *HIDDEN, len(self.outputs)))
         return self
 
-    def _rows(self, windows: PredictionWindows, reference: Floats) -> tuple[Tensor, Tensor]:
+    def _rows(self, windows: PredictionWindows, reference: Floats) -> Rows:
         """Inputs and targets [rows, C], [rows, 2] of the seconds whose position was measured."""
         features = self._inputs(windows, reference)
         targets = displacement(windows.track, windows.start) - self.base(windows, reference)
         measured = np.isfinite(targets).all(axis=-1)
-        return torch.from_numpy(features[measured]), torch.from_numpy(targets[measured])
+        return features[measured], targets[measured]
 
-    def _scaled(self, rows: Rows, device: torch.device) -> Rows:
+    def _scaled(self, rows: Rows) -> Rows:
         inputs, targets = rows
-        return self.input_scaling_.scaled(inputs).to(device), self.output_scaling_.scaled(targets).to(device)
+        return self.input_scaling_.scaled(inputs), self.output_scaling_.scaled(targets)
+
+
+def _layers_of(tensors: dict[str, Floats], widths: tuple[int, ...]) -> Layers:
+    """The layers of a network of these ``widths``, inputs to outputs. Raises :class:`ValueError` for others."""
+    names = (f"network.{_PLACE * number}." for number in range(len(widths) - 1))
+    layers = tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
+    shapes = [(matrix.shape, offset.shape) for matrix, offset in layers]
+    if shapes != (wanted := [((above, below), (above,)) for below, above in pairwise(widths)]):
+        raise ValueError(f"layers of the shapes {shapes} instead of {wanted}")
+    return layers
 
 
 class PaperCalibrator(NetworkCalibrator):
@@ -502,15 +314,12 @@ class PublishedPaperCalibrator(PaperCalibrator):
     """The paper's calibrator trained by Adam, as published; passes, rows and patience are ours."""
 
     method = "paper_adam"
+    by_adam: ClassVar[bool] = True
 
     def __init__(
         self, seed: int = 0, plant: Plant | None = None, epochs: int = 1000, batch: int = 100, patience: int = 100
     ) -> None:
         super().__init__(seed, plant, epochs, batch, patience)
-
-    def _train(self, training: Rows, stopping: Rows, windows: int, progress: Progress) -> None:
-        until = StoppingRule(self.epochs, self.batch, self.patience)
-        fit_network_by_adam(self.network_, training, stopping, until, self.seed, progress)
 
 
 class AdditiveCalibrator(PaperCalibrator):
@@ -533,21 +342,3 @@ class DataDrivenCalibrator(NetworkCalibrator):
 
     def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return start_inputs(windows)
-
-
-def training_device() -> torch.device:
-    """The device for training: the one that is named, else a GPU where there is one.
-
-    Raises :class:`ConfigurationError` for one that is named but not there.
-    """
-    name = os.environ.get(DEVICE_VARIABLE) or ("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        torch.zeros(1, device=name)
-    except (RuntimeError, AssertionError) as error:
-        raise ConfigurationError(
-            f"cannot compute on {name!r}",
-            where=DEVICE_VARIABLE,
-            why=str(error).splitlines()[0],
-            fix="name a device of torch, such as cpu or cuda, or leave the variable out",
-        ) from error
-    return torch.device(name)

@@ -26,7 +26,6 @@ from hybrid.vessel.actuators import angle_columns, control_labels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from torch import Tensor
 
     from hybrid.vessel.plant import Plant
 
@@ -141,9 +140,7 @@ class OwnCalibrator(Calibrator):
         margin = np.maximum(DOMAIN_MARGIN * (high - low), least_margin(windows.actuators))
         return DomainOfApplicability(self.inputs, starts_of(windows), low, high, margin)
 
-    def state_dict(self) -> dict[str, Tensor]:
-        import torch
-
+    def state_dict(self) -> dict[str, Floats]:
         own = self.own
         with own_code(f"{self._name}.__getstate__", self._file):
             state: Any = own.__getstate__() if hasattr(own, "__setstate__") else vars(own)
@@ -153,7 +150,7 @@ class OwnCalibrator(Calibrator):
             self._refuse_unsaved(name, value)
         text = np.frombuffer(json.dumps(others).encode(), np.uint8)
         every = {"range": self.range_, "others": text} | {f"own.{name}": each for name, each in arrays.items()}
-        return {name: torch.from_numpy(np.array(value)) for name, value in every.items()}
+        return {name: np.array(value) for name, value in every.items()}
 
     def _refuse_unsaved(self, name: str, value: Any) -> None:
         try:
@@ -165,8 +162,8 @@ class OwnCalibrator(Calibrator):
                 fix="keep those, or write __getstate__ that returns a dict of them, and __setstate__ that takes it",
             ) from error  # fmt: skip
 
-    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
-        found = {name: tensor.numpy() for name, tensor in tensors.items()}
+    def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
+        found = dict(tensors)
         self.range_, others = found.pop("range"), json.loads(found.pop("others").tobytes())
         state = {name.removeprefix("own."): value for name, value in found.items()} | others
         with own_code(f"{self._name}.__setstate__", self._file):

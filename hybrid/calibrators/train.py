@@ -6,6 +6,7 @@ import platform
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.progress import Progress, part_of
 from acquisition.core.result import ModelResult
 from acquisition.core.trial import software_version
-from hybrid.calibrators import make_calibrator
+from hybrid.calibrators import can_train, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_with_fallback
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import Fallback
@@ -33,7 +34,7 @@ METHOD = "adaptive"
 
 def versions() -> dict[str, str]:
     """The software that a calibrator is made with."""
-    libraries = {name: version(name) for name in ("torch", "numpy")}
+    libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
     return {
         "seatrial": software_version().removeprefix("seatrial "),
         "python": platform.python_version(),
@@ -45,13 +46,13 @@ class TrainedCalibrator(ModelResult):
     """A calibrator as it is trained, saved and used for predictions.
 
     ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was
-    trained on the same windows without a model. ``region_m`` [H, 2] are the semi-axes of the 95 % region by
-    second for a relative uncertainty of one, from legs kept out of the training; ``fallback`` predicts outside the
-    domain of applicability.
+    trained on the same windows without a model, None where networks could not be trained. ``region_m`` [H, 2] are
+    the semi-axes of the 95 % region by second for a relative uncertainty of one, from legs kept out of the
+    training; ``fallback`` predicts outside the domain of applicability.
     """
 
     calibrator: Calibrator
-    data_driven: Calibrator
+    data_driven: Calibrator | None
     horizon_s: int
     vessel: str
     plant: Plant
@@ -111,7 +112,7 @@ def train(
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> TrainedCalibrator:
-    """Train a calibrator of ``method`` and the network without a model on a data set.
+    """Train a calibrator of ``method`` and, where networks can be trained, the one without a model on a data set.
 
     A share :data:`HELD_OUT_SHARE` of the legs, or of the recordings where the commands may be any, is kept out for
     early stopping and for the size of the regions.
@@ -123,7 +124,9 @@ def train(
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
-    data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
+    data_driven = None
+    if can_train("data_driven"):
+        data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
     return TrainedCalibrator(
         calibrator=calibrator,
         data_driven=data_driven,

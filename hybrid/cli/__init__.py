@@ -76,6 +76,14 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
     Console().print(result)
 
 
+def say_what_needs_networks(what: str) -> None:
+    """Say on stderr that ``what`` is left out where networks cannot be trained."""
+    from hybrid.calibrators import INSTALL, can_train
+
+    if not can_train("data_driven"):
+        typer.echo(f"left out, as PyTorch is not installed, which trains networks: {what}; {INSTALL}", err=True)
+
+
 def mount(app: typer.Typer) -> None:
     """Add the commands of the model to the command line."""
     from hybrid.cli import model, results, trials, vessel

@@ -26,6 +26,7 @@ from hybrid.cli import (
     VesselOption,
     chosen_calibrator,
     print_result,
+    say_what_needs_networks,
 )
 
 WATCH_HORIZON_S = 30
@@ -50,12 +51,12 @@ def train(
 ) -> None:
     """Train a calibrator on held windows, or on all."""
     from analysis.tables.files import make_folder
-    from hybrid.calibrators import refuse_unknown
+    from hybrid.calibrators import refuse_untrainable
     from hybrid.calibrators.artefact import save
     from hybrid.scripting import train as run
     from hybrid.vessel.reference import reference_model, trials_of
 
-    refuse_unknown(method)
+    refuse_untrainable(method)
     reference_model(trials_of(files), vessel)
     make_folder(output)  # before hours of work
     trained = run(
@@ -67,6 +68,7 @@ def train(
         typer.echo(json.dumps({**trained.remarks, "calibrator": str(path.parent), **trained.metrics}))
         return
     typer.echo(str(trained), err=True)
+    say_what_needs_networks("the one without a model beside it")
     metrics = trained.metrics
     if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:
         typer.echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
@@ -133,6 +135,8 @@ def evaluate(
 
     if output is not None:
         make_folder(output)
+    if not method:
+        say_what_needs_networks("every method but adaptive")
     evaluation = run(
         files, vessel, horizon, splits=split or (), methods=method or (), draws=draws, stride_s=stride,
         any_commands=any_commands, repair=repair, rebuild_positions=rebuild_positions, seed=seed,

@@ -230,11 +230,12 @@ def fidelity(
     from tempfile import TemporaryDirectory
 
     from acquisition.core.progress import bar
-    from hybrid.calibrators import refuse_unknown
+    from hybrid.calibrators import refuse_untrainable
     from hybrid.report.notebook import run_notebook
     from hybrid.simulation.sea_state import sea_state_named
 
-    refuse_unknown(method)
+    for each in (method, "data_driven"):
+        refuse_untrainable(each)
     sea_state_named(sea_state)
     with TemporaryDirectory() as temporary, bar("fidelity") as progress:
         folder = Path(temporary) if output is None else output.resolve()

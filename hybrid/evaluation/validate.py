@@ -144,8 +144,9 @@ def _tracks(
     if trained is None:
         return tracks, None
     hybrid = trained.predict_tracks(windows, reference_tracks)
-    data_driven = trained.data_driven.predict(windows, reference_tracks)
-    return {**tracks, "data_driven": data_driven, "hybrid": hybrid.tracks}, hybrid
+    if trained.data_driven is not None:
+        tracks["data_driven"] = trained.data_driven.predict(windows, reference_tracks)
+    return {**tracks, "hybrid": hybrid.tracks}, hybrid
 
 
 def _coverage(predicted: PredictedTracks, windows: PredictionWindows) -> float:

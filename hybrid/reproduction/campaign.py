@@ -25,7 +25,7 @@ from analysis.tables.resample import resample
 from analysis.tables.table import table_actuators
 from analysis.windows.held import held_windows
 from analysis.windows.recordings import SecondBySecond
-from hybrid.calibrators import make_calibrator
+from hybrid.calibrators import make_calibrator, refuse_untrainable
 from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
@@ -309,6 +309,7 @@ def seas_of(
     jobs: Sequence[Job], workers: int | None = None, progress: Progress = lambda share: None
 ) -> tuple[Sea, ...]:
     """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``."""
+    refuse_untrainable("paper")  # before the simulations
     return tuple(map_calls([(sea_of, job) for job in jobs], workers, progress))
 
 

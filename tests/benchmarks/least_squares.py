@@ -26,7 +26,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.adaptive import fit
 from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
-from hybrid.calibrators.networks import PaperCalibrator, Perceptron, Rows, StoppingRule, fit_network, make_network
+from hybrid.calibrators.network_training import Perceptron, Rows, StoppingRule, fit_network, make_network
+from hybrid.calibrators.networks import PaperCalibrator
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances

@@ -23,15 +23,8 @@ from acquisition.core.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hybrid.calibrators.networks import (
-    HIDDEN,
-    PaperCalibrator,
-    Rows,
-    Standardisation,
-    StoppingRule,
-    fit_network,
-    make_network,
-)
+from hybrid.calibrators.network_training import Rows, StoppingRule, fit_network, make_network
+from hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Standardisation
 from hybrid.effects import vessel_plant
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
@@ -75,12 +68,12 @@ def _windows_of(seed: int) -> tuple[Floats, Floats]:
 def scaled_rows(rate_hz: int, every: tuple[Floats, Floats]) -> tuple[Rows, Rows, Floats]:
     """Scaled rows to fit and rows kept out, by window, and the deviation of the outputs [m]."""
     step = FASTEST_HZ // rate_hz
-    tensors = [torch.from_numpy(each[:, step - 1 :: step].copy()) for each in every]
-    scalings = [Standardisation.of(each[:FITTED].flatten(0, 1)) for each in tensors]
-    scaled = [scaling.scaled(each) for scaling, each in zip(scalings, tensors, strict=True)]
+    thinned = [each[:, step - 1 :: step] for each in every]
+    scalings = [Standardisation.of(each[:FITTED].reshape(-1, each.shape[-1])) for each in thinned]
+    scaled = [torch.from_numpy(scaling.scaled(each)) for scaling, each in zip(scalings, thinned, strict=True)]
     fitted, kept_out = ((scaled[0][part].flatten(0, 1), scaled[1][part].flatten(0, 1))
                         for part in (slice(FITTED), slice(FITTED, None)))  # fmt: skip
-    return fitted, kept_out, scalings[1].deviation.numpy()
+    return fitted, kept_out, scalings[1].deviation
 
 
 def distance_m(predicted: Floats, rows: Rows, deviation_m: Floats) -> float:

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import safetensors.torch
-import torch
+import safetensors.numpy
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.actuators import DEFAULT
+from acquisition.core.arrays import Floats
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from hybrid.calibrators import METHODS, make_calibrator
@@ -84,12 +84,12 @@ def rewrite(folder: Path, sidecar: object) -> None:
     (folder / SIDECAR).write_text(json.dumps(sidecar))
 
 
-def with_weights(folder: Path, change: Callable[[dict[str, torch.Tensor]], object]) -> None:
+def with_weights(folder: Path, change: Callable[[dict[str, Floats]], object]) -> None:
     """Change the calibrator's tensors, and its hash in the sidecar so that it agrees."""
     path = folder / FILES[0]
-    tensors = safetensors.torch.load(path.read_bytes())
+    tensors = {name: value.copy() for name, value in safetensors.numpy.load(path.read_bytes()).items()}
     change(tensors)
-    path.write_bytes(safetensors.torch.save(tensors))
+    path.write_bytes(safetensors.numpy.save(tensors))
     sidecar = sidecar_of(folder)
     sidecar["files"][FILES[0]] = hashlib.sha256(path.read_bytes()).hexdigest()
     rewrite(folder, sidecar)
@@ -203,7 +203,7 @@ def _write(name: str, content: bytes) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_bytes(content)
 
 
-def _weights(change: Callable[[dict[str, torch.Tensor]], object]) -> Callable[[Path], None]:
+def _weights(change: Callable[[dict[str, Floats]], object]) -> Callable[[Path], None]:
     return lambda folder: with_weights(folder, change)
 
 
@@ -266,9 +266,9 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
         _weights(lambda each: each["network.0.bias"].__setitem__(3, float("inf"))), "network.0.bias.*no number"),
     "a layer too few": (_weights(lambda each: each.pop("network.0.bias")), "weights are not those of paper"),
     "a wrong layer": (
-        _weights(lambda each: each.update({"network.0.bias": torch.zeros(3)})), "weights are not those of paper"),
+        _weights(lambda each: each.update({"network.0.bias": np.zeros(3)})), "weights are not those of paper"),
     "a scaling too short": (
-        _weights(lambda each: each.update({"input.range": torch.zeros(2, 3)})), "not scaled as its weights"),
+        _weights(lambda each: each.update({"input.range": np.zeros((2, 3))})), "not scaled as its weights"),
 }  # fmt: skip
 
 
@@ -421,8 +421,7 @@ def test_a_full_disk_leaves_the_old_one(
 
 def test_a_failed_training_is_not_saved(tiny: Callable[..., TrainedCalibrator], tmp_path: Path) -> None:
     trained = tiny()
-    with torch.no_grad():
-        trained.calibrator.state_dict()["network.0.weight"][0, 0] = torch.nan
+    trained.calibrator.state_dict()["network.0.weight"][0, 0] = np.nan
     with pytest.raises(InputError, match=r"is no number.*train anew"):
         save(trained, tmp_path)
     assert not list(tmp_path.iterdir())

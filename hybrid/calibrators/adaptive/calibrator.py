@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +51,6 @@ from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.actuators import KINDS, angle_columns, control_labels
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import SURGE, YAW_RATE
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 MEMBERS = 5
 MOST_WINDOWS = 400
@@ -388,9 +385,7 @@ class AdaptiveCalibrator(Calibrator):
         margin = np.maximum(DOMAIN_MARGIN * (high - low), least_margin(windows.actuators))
         return DomainOfApplicability(start_names(windows.actuators), starts_of(windows), low, high, margin)
 
-    def state_dict(self) -> dict[str, Tensor]:
-        import torch
-
+    def state_dict(self) -> dict[str, Floats]:
         power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # no infinity in a file
         usual = self.usual_
         fitted = {
@@ -400,10 +395,9 @@ class AdaptiveCalibrator(Calibrator):
         }  # fmt: skip
         if self.gust_s_ is not None:
             fitted["gust"] = np.array([self.gust_s_])
-        return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in fitted.items()}
+        return fitted
 
-    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
-        fitted = {name: tensor.numpy() for name, tensor in tensors.items()}
+    def load_state_dict(self, fitted: dict[str, Floats]) -> Self:
         self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
         numbers = len(parameter_names(self.plant.form)) if self.plant else 0
         if self.vectors_.ndim != 2 or self.vectors_.shape[1] != numbers:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import ClassVar, Self
 
 import numpy as np
-from torch import Tensor
 
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Bools, Floats
@@ -69,10 +68,10 @@ class Oracle(Calibrator):
     def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
         return np.zeros(len(windows), dtype=bool)
 
-    def state_dict(self) -> dict[str, Tensor]:
+    def state_dict(self) -> dict[str, Floats]:
         return {}
 
-    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+    def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         return self
 
 
