@@ -101,15 +101,15 @@ def export(
         typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0. Give it often."),
     ] = None,
 ) -> None:
-    """Write a recording as a table: Parquet, CSV, .mat or NetCDF (.nc: CF-1.11, ACDD-1.3)."""
+    """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
     from dataclasses import asdict
 
     from acquisition.recording.reader import read_recording
     from analysis.prepare import Preparation, prepare
-    from analysis.tables.export import export_table
+    from analysis.tables.export import KINDS, export_table
     from analysis.tables.table import history_of
 
-    netcdf = expect_suffix(output, ".parquet", ".csv", ".mat", ".nc") == ".nc"
+    netcdf = expect_suffix(output, *KINDS) == ".nc"
     attributes = _named_values(attribute or [])
     if attributes and not netcdf:
         raise typer.BadParameter("--attribute is for NetCDF: name the output .nc")

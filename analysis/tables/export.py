@@ -1,7 +1,8 @@
-"""A table as Parquet, CSV, .mat or NetCDF, with the units and where it all comes from in or beside the file.
+"""A table as Parquet, CSV, Excel, .mat, NetCDF, or its track as KML or GPX, with units and where it comes from.
 
-Parquet carries both in its metadata, .mat in structs and NetCDF in attributes. CSV has no place for them and has to
-open anywhere without options, so that they stand in a second file beside it, the name with ``.json`` after it.
+Parquet carries both in its metadata, .mat in structs, NetCDF in attributes and Excel on a second sheet. CSV has no
+place for them and has to open anywhere without options, so that they stand in a second file beside it, the name
+with ``.json`` after it. KML and GPX say the trial's name only.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,8 @@ from acquisition.core.trial import software_version
 from analysis.tables.files import expect_suffix, write_parquet
 from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
 
+Writer = Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]
+"""Writes a table and what is to be said about it; the files that it wrote."""
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
 FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
 _RATE_UNITS = {"surge_mps2": "m/s2", "sway_mps2": "m/s2", "yaw_dps2": "deg/s2"}
@@ -37,9 +41,10 @@ def export_table(
     options: Mapping[str, Any] | None = None,
     attributes: Mapping[str, str] | None = None,
 ) -> list[Path]:
-    """Write a table as Parquet, CSV, .mat or .nc by the suffix of ``path`` and return the files that were written.
+    """Write a table as the suffix of ``path`` says, and return the files that were written.
 
-    Units, trial and :func:`analysis.tables.table.provenance_of` go with it, and global ``attributes`` with NetCDF.
+    It is .parquet, .csv, .xlsx, .mat, .nc, or for the track alone .kml or .gpx. Units, trial and
+    :func:`analysis.tables.table.provenance_of` go with it, and global ``attributes`` with NetCDF.
     A file appears under its name only when it is complete. Raises :class:`InputError` for another suffix and
     :class:`StorageError` when it cannot be written.
     """
@@ -150,10 +155,11 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     return [path]
 
 
-def _write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    from analysis.tables.netcdf import write_netcdf
-
-    return write_netcdf(table, path, about)
+def _late(module: str, name: str) -> Writer:
+    """A writer whose module is imported when it is used."""
+    return lambda table, path, about: list(
+        getattr(import_module(f"analysis.tables.{module}"), name)(table, path, about)
+    )
 
 
 def matlab_name(name: str) -> str:
@@ -162,6 +168,10 @@ def matlab_name(name: str) -> str:
     return (plain if plain[:1].isalpha() else f"x{plain}")[:_LONGEST_MATLAB_NAME]
 
 
-_WRITERS: dict[str, Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]] = {
-    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".nc": _write_netcdf,
+_WRITERS: dict[str, Writer] = {
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".nc": _late("netcdf", "write_netcdf"),
+    ".xlsx": _late("excel", "write_excel"), ".kml": _late("tracks", "write_kml"),
+    ".gpx": _late("tracks", "write_gpx"),
 }  # fmt: skip
+KINDS = tuple(_WRITERS)
+"""The suffixes of what a table can be written as."""

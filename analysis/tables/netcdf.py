@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from pymap3d import ned2geodetic
 from scipy.io import netcdf_file
 
 from acquisition.core.arrays import Floats
@@ -27,8 +26,8 @@ from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial, software_version
 from analysis.tables.export import FLAG_SUFFIX, SIGMA_SUFFIX
-from analysis.tables.resample import interpolate
 from analysis.tables.table import NANO, times_ns
+from analysis.tables.tracks import places_of
 
 STANDARD_NAMES = {
     "north_m": "projection_y_coordinate",
@@ -71,7 +70,7 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     A single trajectory as in H.4.2 of the CF conventions, its rows along ``obs``. Trial and provenance are global
     attributes too, as JSON.
     """
-    places = _places(table)
+    places = places_of(table)
     attributes = {**_global_attributes(table, places, about), **about.get("attributes", {})}
     with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
@@ -94,7 +93,7 @@ def remarks(table: pd.DataFrame, given: Mapping[str, str]) -> list[str]:
         said.append(
             f"not known: {', '.join(unsaid)}; say them in [trial] before recording or by --attribute NAME=VALUE"
         )
-    if not _places(table):
+    if not places_of(table):
         instead = "north and east stand for them" if _local(table) else "nor has it positions in the plane"
         said.append(f"no latitude and longitude: the recording has none and no origin; {instead}")
     return said
@@ -103,26 +102,6 @@ def remarks(table: pd.DataFrame, given: Mapping[str, str]) -> list[str]:
 def _local(table: pd.DataFrame) -> list[str]:
     """The coordinates in the tangent plane that a table has."""
     return [name for name in ("north_m", "east_m") if name in table.columns]
-
-
-def _places(table: pd.DataFrame) -> dict[str, Floats]:
-    """Latitude and longitude [deg] of each row, from north and east or as they are; nothing without either."""
-    time_ns, trial = times_ns(table), table.attrs.get("trial", {})
-    origin = trial.get("origin_latitude_deg"), trial.get("origin_longitude_deg")
-
-    def at_rows(values: Any) -> Floats:
-        return interpolate(time_ns, np.asarray(values, dtype=float), time_ns)
-
-    if None not in origin and {"north_m", "east_m"} <= set(table.columns):
-        lat, lon, _ = ned2geodetic(at_rows(table["north_m"]), at_rows(table["east_m"]), 0.0, *origin, 0.0)
-    elif {"latitude_deg", "longitude_deg"} <= set(table.columns):
-        lat, turned = at_rows(table["latitude_deg"]), table["longitude_deg"].to_numpy(dtype=float, copy=True)
-        there = np.isfinite(turned)
-        turned[there] = np.unwrap(turned[there], period=360.0)
-        lon = (at_rows(turned) + 180.0) % 360.0 - 180.0
-    else:
-        return {}
-    return {"lat": np.asarray(lat), "lon": np.asarray(lon)}
 
 
 _PLACE_ATTRIBUTES: dict[str, Attributes] = {

@@ -6,6 +6,7 @@ import hashlib
 import json
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -13,11 +14,13 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from openpyxl import load_workbook
+from pymap3d import ned2geodetic
 from scipy.io import loadmat, netcdf_file
 from typer.testing import CliRunner
 
 from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.errors import InputError, StorageError
+from acquisition.core.errors import DataShortageError, InputError, StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
@@ -85,6 +88,47 @@ def test_any_number_comes_back_to_the_last_bit(
     pd.testing.assert_frame_equal(read_table(folder / "any.mcap"), table.dropna(), check_exact=True)
 
 
+def test_a_track_is_where_the_ship_was(tmp_path: Path) -> None:
+    """Two stretches with a hole between, in KML and GPX; a GPX is imported again."""
+    table = steady_table(400).drop(index=steady_table(400).index[100:200])
+    table.attrs["trial"] = {"name": "a <b> & c", "origin_latitude_deg": 63.4, "origin_longitude_deg": 10.4}
+    for kind in ("kml", "gpx"):
+        export_table(table, tmp_path / f"track.{kind}")
+    lat, lon, _ = ned2geodetic(table["north_m"].to_numpy(), table["east_m"].to_numpy(), 0.0, 63.4, 10.4, 0.0)
+    gpx = ElementTree.parse(tmp_path / "track.gpx").getroot()
+    spaces = {"g": "http://www.topografix.com/GPX/1/1", "k": "http://www.opengis.net/kml/2.2"}
+    assert [len(each) for each in gpx.findall(".//g:trkseg", spaces)] == [100, 200]
+    assert gpx.findtext(".//g:name", "", spaces) == "a <b> & c"
+    points = gpx.findall(".//g:trkpt", spaces)
+    assert [float(each.attrib["lat"]) for each in points] == pytest.approx(lat, abs=1e-8)
+    assert [float(each.attrib["lon"]) for each in points] == pytest.approx(lon, abs=1e-8)
+    times = [pd.Timestamp(each.findtext("g:time", "", spaces)) for each in points]
+    assert times == list(table.index.round("ms"))
+    kml = ElementTree.parse(tmp_path / "track.kml").getroot()
+    drawn = " ".join(each.text or "" for each in kml.findall(".//k:coordinates", spaces)).split()
+    assert drawn == [f"{point.attrib['lon']},{point.attrib['lat']}" for point in points]
+
+
+def test_a_track_without_an_origin_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataShortageError, match=r"no latitude and longitude.*origin"):
+        export_table(steady_table(60), tmp_path / "track.kml")
+
+
+def test_a_workbook_holds_the_table_and_text_is_no_formula(tmp_path: Path) -> None:
+    table = steady_table(60)
+    table.attrs["trial"] = {"name": "=1+1", "vessel": "ship"}
+    for name in ("first", "second"):
+        export_table(table, tmp_path / f"{name}.xlsx")
+    assert (tmp_path / "first.xlsx").read_bytes() == (tmp_path / "second.xlsx").read_bytes()
+    book = load_workbook(tmp_path / "first.xlsx")
+    data = book["data"]
+    assert [cell.value for cell in data[1]] == ["time [UTC]", *table.columns]
+    assert data.cell(2, 1).value == table.index[0].tz_localize(None).to_pydatetime()
+    assert {cell.data_type for row in book["about"].iter_rows() for cell in row} <= {"s", "n"}
+    values = [[cell.value for cell in row[1:]] for row in data.iter_rows(min_row=2)]
+    assert np.array(values, dtype=float) == pytest.approx(table.to_numpy(), rel=1e-12)
+
+
 @pytest.mark.parametrize("suffix", KINDS)
 def test_every_product_says_where_it_comes_from(recording: Path, tmp_path: Path, suffix: str) -> None:
     table = resample(add_step(read_table(recording), "repair", text="put right"), 2.0)
@@ -143,7 +187,7 @@ def test_a_product_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path, 
         export_table(steady_table(3), tmp_path / f"table{suffix}")
     assert [path.name for path in tmp_path.iterdir()] == [f"table{suffix}"]
     with pytest.raises(InputError, match="parquet"):
-        export_table(steady_table(3), tmp_path / "table.xlsx")
+        export_table(steady_table(3), tmp_path / "table.docx")
 
 
 def test_a_row_gets_the_gravest_flag_of_the_samples_it_stands_for() -> None:
