@@ -56,7 +56,7 @@ def test_no_help_text_loses_its_units() -> None:
 
 @pytest.mark.parametrize(
     "words", [("smooth", "{file}", "-o", "{out}.csv"), ("windows", "{file}", "-o", "{out}.csv"),
-              ("check", "{file}", "--repair", "{out}.csv"), ("export", "{file}", "-o", "{out}.xlsx")],
+              ("check", "{file}", "--repair", "{out}.csv"), ("export", "{file}", "-o", "{out}.docx")],
 )  # fmt: skip
 def test_no_file_is_written_under_the_suffix_of_another_kind(
     words: tuple[str, ...], recording: Path, tmp_path: Path

@@ -106,4 +106,4 @@ def test_a_part_is_a_share_of_the_time_not_of_the_rows() -> None:
 
 def test_an_export_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="parquet"):
-        export_table(steady_table(3), tmp_path / "table.xlsx")
+        export_table(steady_table(3), tmp_path / "table.docx")
