@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from acquisition.core.errors import SeatrialError
-from acquisition.recording.reader import Recording, read_recording
+from acquisition.recording.reader import Recording, read_parts
 from analysis.estimation.smoother import SmoothedMotion, smooth
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
@@ -70,11 +70,11 @@ class Products:
                 self.shortfalls.append(cause)
 
 
-def analyse(path: Path, options: Options, name: str = "") -> Products:
-    """The analysis of one recording, step by step; what its channels do not allow is left out and said."""
-    recording = read_recording(path)
+def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products:
+    """The analysis of one recording, the file or its parts; what its channels do not allow is left out and said."""
+    recording, name = read_parts(paths), name or paths[0].stem
     raw = table_of(recording)
-    raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
+    raw.attrs["recording"] = name  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
     repaired = RepairResult(raw, ())
     if options.repair:
@@ -85,7 +85,7 @@ def analyse(path: Path, options: Options, name: str = "") -> Products:
     products = Products(recording, quality, repaired.table, one_hz, repaired.repairs)
     with products.step():
         require(one_hz)
-        products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name or path.stem)
+        products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
     with products.step():
         products.manoeuvres = find_manoeuvres(repaired.table, options.length_m, recording.events)
     if options.smooth:
@@ -93,7 +93,7 @@ def analyse(path: Path, options: Options, name: str = "") -> Products:
             motion = smooth(repaired.table, 1.0)
             products.one_hz, products.remarks = _with_motion(one_hz, motion), motion.remarks
             if products.windows is not None:
-                products.windows = add_start_states(products.windows, {name or path.stem: motion})
+                products.windows = add_start_states(products.windows, {name: motion})
     return products
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
@@ -295,6 +295,7 @@ class RecordingParts(MessageSink):
 
 
 _TIME = r"\d{8}T\d{6}Z"
+_LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
 
 
 def safe_name(name: str) -> str:
@@ -307,6 +308,15 @@ def parts_in(folder: Path, name: str) -> dict[Path, str]:
     pattern = re.compile(rf"({re.escape(safe_name(name))}_{_TIME}(?:_then_{_TIME})*)(?:_part\d+)?(?:_\d+)?\.mcap")
     found = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
     return {path: match[1] for path, match in found if match}
+
+
+def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
+    """Recordings as their files, in the order of their names; the parts of one recording together, as they came."""
+    found: dict[Path, list[Path]] = {}
+    for path in sorted(paths):
+        match = _LATER_PART.fullmatch(path.stem)
+        found.setdefault(path.with_name(f"{match[1]}.mcap") if match else path, []).append(path)
+    return [tuple(files) for files in found.values()]
 
 
 def _stem(folder: Path, name: str, started: datetime) -> str:

@@ -7,9 +7,9 @@ goes and says so (``closed`` is False).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -46,7 +46,7 @@ class Recording:
     ``raw`` counts the undecoded messages by topic, ``events`` are (time, text). ``metadata`` is what the file says
     besides the trial: which part of a recording it is, whose clock it has. ``health`` is the last word on each
     source: its state, its frames, how many were refused, why, and dropped. ``predictions`` counts what another
-    program foretold beside the recorder.
+    program foretold beside the recorder. ``later_parts`` are the files after the first of one in parts.
     """
 
     path: Path
@@ -61,6 +61,12 @@ class Recording:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     health: dict[str, dict[str, Any]] = field(default_factory=dict)
     predictions: int = 0
+    later_parts: tuple[Path, ...] = ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files that it was read from."""
+        return (self.path, *self.later_parts)
 
 
 class Entry(NamedTuple):
@@ -298,6 +304,28 @@ def read_recording(path: Path | str) -> Recording:
         health=printable(health),
         predictions=predictions,
     )
+
+
+def read_parts(paths: Sequence[Path]) -> Recording:
+    """One recording in parts, the files in their order: samples one after the other, run sheet of the last.
+
+    Raises as :func:`read_recording`.
+    """
+    first, *others = map(read_recording, paths)
+    series, raw = dict(first.series), Counter(first.raw)
+    for part in others:
+        raw.update(part.raw)
+        for name, samples in part.series.items():
+            series[name] = series[name].append(samples) if name in series else samples
+    every = [first, *others]
+    spans = [part for part in every if part.messages] or every
+    return replace(
+        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata, series=series,
+        raw=dict(raw), events=[event for part in every for event in part.events],
+        messages=sum(part.messages for part in every), predictions=sum(part.predictions for part in every),
+        closed=all(part.closed for part in every),
+        start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),
+    )  # fmt: skip
 
 
 def read_trial(path: Path | str) -> Trial:

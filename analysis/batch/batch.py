@@ -17,6 +17,7 @@ import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.progress import Progress
+from acquisition.recording.parts import whole_recordings
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
 from analysis.batch.workers import (
     LOCK,
@@ -95,7 +96,7 @@ def run_batch(
     timeout_s: float | None = None,
     task: Task | None = None,
 ) -> Summary:
-    """Process every ``*.mcap`` below ``folder`` into ``out`` and write the index over all of them.
+    """Process every ``*.mcap`` below ``folder`` into ``out``, parts of one recording as one, and write the index.
 
     ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
     ``tcp://host:8786`` instead. Results of equal provenance are used as they are unless ``again``. A
@@ -111,16 +112,15 @@ def run_batch(
     found = recordings_below(folder, out)
     if not found:
         raise DataShortageError("holds no recording", where=str(folder), fix="name a folder with .mcap files")
-    names = result_names([path.relative_to(folder).as_posix() for path in found])
-    chosen = options or Options()
+    names, chosen = names_of(folder, found), options or Options()
     jobs = [
-        Job(name, str(path.resolve()), str(out), chosen, again, timeout_s)
-        for name, path in zip(names, found, strict=True)
+        Job(name, str(paths[0].resolve()), str(out), chosen, again, timeout_s, tuple(map(str, paths[1:])))
+        for name, paths in zip(names, found, strict=True)
     ]
     with exclusive_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
-        for row, path in zip(rows, found, strict=True):
-            row["path"] = path.relative_to(folder).as_posix()
+        for row, paths in zip(rows, found, strict=True):
+            row["path"] = paths[0].relative_to(folder).as_posix()
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = gone_rows(set(names), out)
         index = write_index([*rows, *gone], out, folder.resolve().name)
@@ -134,18 +134,28 @@ def process_job(job: Job) -> Row:
 
 
 def _result(job: Job) -> Row:
-    path = Path(job.path)
-    row = None if job.again else reusable_row(path, job.folder, job.options, job.name)
-    return process_recording(path, job.folder, job.options, job.name) if row is None else {**row, "reused": True}
+    path, later = Path(job.path), tuple(map(Path, job.later))
+    row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
+    if row is not None:
+        return {**row, "reused": True}
+    return process_recording(path, job.folder, job.options, job.name, later)
 
 
-def recordings_below(folder: Path, out: Path) -> list[Path]:
-    """What is called ``*.mcap`` below a folder, in the order of its names, the output folder left out."""
+def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
+    """What is called ``*.mcap`` below a folder, in the order of its names, the output folder left out.
+
+    The files of a recording in parts stand together.
+    """
     if not folder.is_dir():
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
                          fix="name the folder that holds the recordings")  # fmt: skip
     outside = (path for path in folder.rglob("*.mcap") if not path.resolve().is_relative_to(out))
-    return sorted(path for path in outside if not path.name.startswith("."))
+    return whole_recordings(path for path in outside if not path.name.startswith("."))
+
+
+def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:
+    """A name for each recording below a folder: :func:`result_names` of their first files."""
+    return result_names([paths[0].relative_to(folder).as_posix() for paths in found])
 
 
 def result_names(paths: list[str]) -> list[str]:

@@ -11,7 +11,7 @@ import json
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
 from importlib.metadata import version
@@ -47,8 +47,12 @@ _COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise o
 _THUMBNAIL_POINTS = 60
 
 
-def process_recording(path: Path | str, folder: Path | str, options: Options | None = None, name: str = "") -> Row:
+def process_recording(
+    path: Path | str, folder: Path | str, options: Options | None = None, name: str = "", later: Sequence[Path] = ()
+) -> Row:
     """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
+
+    ``later`` are the parts after the one at ``path``, of a recording in parts.
 
     ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are to
     be joined need different ones. Written are ``quality.json`` and ``flags.parquet``, ``table.parquet`` (1 Hz),
@@ -58,9 +62,9 @@ def process_recording(path: Path | str, folder: Path | str, options: Options | N
     no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a result cannot
     be written.
     """
-    path, folder, options = Path(path), Path(folder), options or Options()
-    provenance = origin_of(path, options, name)
-    products = analyse(path, options, name)
+    paths, folder, options = (Path(path), *later), Path(folder), options or Options()
+    provenance = origin_of(paths, options, name)
+    products = analyse(paths, options, name)
     row = row_of(products, provenance)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -74,25 +78,26 @@ def process_recording(path: Path | str, folder: Path | str, options: Options | N
     return row
 
 
-def origin_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
+def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[str, Any]:
     """What a result rests on, before it is made: the recording's ``name``, size [bytes] and SHA-256, the options,
     the versions.
 
     Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
     """
-    if path.is_dir():
-        raise InputError("is a folder, not a recording", where=str(path), fix="rename the folder")
+    where = str(paths[0])
+    if paths[0].is_dir():
+        raise InputError("is a folder, not a recording", where=where, fix="rename the folder")
     try:
-        size = path.stat().st_size
+        size = sum(path.stat().st_size for path in paths)
     except OSError as error:
-        raise InputError("cannot be read", where=str(path), why=error.strerror or str(error)) from error
-    digest = sha256_of(path)
+        raise InputError("cannot be read", where=where, why=error.strerror or str(error)) from error
+    digest = sha256_of(*paths)
     if digest is None:
-        raise InputError("cannot be read", where=str(path), fix="check its permissions")
+        raise InputError("cannot be read", where=where, fix="check its permissions")
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {
-        "recording": name or path.stem,
+        "recording": name or paths[0].stem,
         "bytes": size,
         "sha256": digest,
         "options": asdict(options),
@@ -114,13 +119,16 @@ def _put(partial: Path, folder: Path) -> None:
             raise
 
 
-def reusable_row(path: Path, folder: Path, options: Options, name: str = "") -> Row | None:
+def reusable_row(
+    path: Path, folder: Path, options: Options, name: str = "", later: Sequence[Path] = ()
+) -> Row | None:
     """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
     try:
         row: Row = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return row if row.get("provenance") == json.loads(json.dumps(origin_of(path, options, name))) else None
+    origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
+    return row if row.get("provenance") == origin else None
 
 
 def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
@@ -139,7 +147,7 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        named = {provenance["recording"]: to_json(whence)}
+        named = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}
         write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
@@ -167,6 +175,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "channels": len(trial_channels(products.table)) - len(missing),
         "missing": missing,
         "closed": recording.closed,
+        "parts": len(recording.paths),
         "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
         "findings": len(products.quality.findings),
         "findings_by_code": dict(Counter(each.code for each in products.quality.findings)),

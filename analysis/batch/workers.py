@@ -44,7 +44,9 @@ _MOST_SUBMITTED = 2 * MOST_ATTEMPTS
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One recording to be processed; everything a worker must know, in plain values."""
+    """One recording to be processed; everything a worker must know, in plain values. ``later`` are the parts after
+    the one at ``path``.
+    """
 
     name: str
     path: str
@@ -52,6 +54,7 @@ class Job:
     options: Options
     again: bool = False
     timeout_s: float | None = None
+    later: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path:

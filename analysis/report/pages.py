@@ -31,7 +31,7 @@ from analysis.tables.export import SIGMA_SUFFIX
 from analysis.tables.table import sha256_of
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from pathlib import Path
 
     from acquisition.recording.reader import Recording
     from analysis.manoeuvres import Manoeuvre
@@ -157,11 +157,16 @@ def run_sheet(
         ("current", _current(manoeuvres)),
         *_form(ship, one_hz),
         ("crew's notes", trial.crew_notes or UNKNOWN),
-        ("recording", f"{recording.path.name}, {recording.path.stat().st_size:,} bytes"),
-        ("SHA-256", sha256_of(recording.path) or UNKNOWN),
+        ("recording", _files_text(recording.paths)),
+        ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
         ("closed properly", "yes" if recording.closed else "no: it is read as far as it goes"),
         ("this page by", software_version()),
     ]
+
+
+def _files_text(paths: Sequence[Path]) -> str:
+    more = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
+    return f"{paths[0].name}{more}, {sum(path.stat().st_size for path in paths):,} bytes"
 
 
 def _actuators(said: str) -> list[tuple[str, str]]:

@@ -366,13 +366,16 @@ def provenance_of(
     }
 
 
-def sha256_of(path: Path) -> str | None:
-    """The SHA-256 of a file in hexadecimal; None where it cannot be read."""
+def sha256_of(*paths: Path) -> str | None:
+    """The SHA-256 of each file in hexadecimal, commas between them; None where one cannot be read."""
+    digests = []
     try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        for path in paths:
+            with path.open("rb") as stream:
+                digests.append(hashlib.file_digest(stream, "sha256").hexdigest())
     except OSError:
         return None
+    return ", ".join(digests)
 
 
 HISTORY_KEY = "history"

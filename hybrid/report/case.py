@@ -86,7 +86,7 @@ class Case:
         length_m = None if ship is None else ship.between_perpendiculars_m
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
                           length_m=length_m)  # fmt: skip
-        products = analyse(path, options, name)
+        products = analyse([path], options, name)
         lacking = [each for each in NAMES if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 

@@ -18,6 +18,7 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.batch import one_recording
+from analysis.batch.batch import recordings_below
 from analysis.batch.one_recording import SUMMARY, distance_m, process_recording, reusable_row, thumbnail
 from analysis.products import cause_of
 from analysis.tables.files import read_parquet
@@ -65,6 +66,30 @@ def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result
     process_recording(elsewhere, tmp_path / "out", SMOOTHED)
     assert hashes(tmp_path / "out") == hashes(result)
     assert not any(str(tmp_path).encode() in path.read_bytes() for path in (tmp_path / "out").iterdir())
+
+
+def test_parts_are_one_trial(tmp_path: Path) -> None:
+    """What is made of a recording in three parts is what is made of it in one file, each sample once."""
+    table, trial = sailed(), Trial(name="trial", vessel="gunnerus_short")
+    whole = write_table(table, tmp_path / "whole.mcap", trial)
+    names = [f"trial_20260517T120000Z{part}.mcap" for part in ("", "_part00002", "_part00003")]
+    assert whole == sum(
+        write_table(table.iloc[first:end], tmp_path / name, trial)
+        for name, first, end in zip(names, (0, 100, 170), (100, 170, 240), strict=True)
+    )
+    found = recordings_below(tmp_path, tmp_path / "out")
+    assert [[path.name for path in each] for each in found] == [names, ["whole.mcap"]]
+    rows = [
+        process_recording(paths[0], tmp_path / "out" / str(number), QUICK, "trial", paths[1:])
+        for number, paths in enumerate(found)
+    ]
+    assert [row["parts"] for row in rows] == [3, 1]
+    same = rows[0].keys() - {"provenance", "parts"}
+    assert {name: rows[0][name] for name in same} == {name: rows[1][name] for name in same}
+    tables = [read_parquet(tmp_path / "out" / str(number) / "table.parquet")[0] for number in range(2)]
+    pd.testing.assert_frame_equal(*tables)
+    digests = [hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in names]
+    assert rows[0]["provenance"]["sha256"] == ", ".join(digests)
 
 
 def test_a_result_is_used_again_only_for_the_same_recording_options_and_name(
