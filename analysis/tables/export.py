@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -155,11 +154,28 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     return [path]
 
 
-def _late(module: str, name: str) -> Writer:
-    """A writer whose module is imported when it is used."""
-    return lambda table, path, about: list(
-        getattr(import_module(f"analysis.tables.{module}"), name)(table, path, about)
-    )
+def _write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    from analysis.tables.netcdf import write_netcdf
+
+    return write_netcdf(table, path, about)
+
+
+def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    from analysis.tables.excel import write_excel
+
+    return write_excel(table, path, about)
+
+
+def _write_kml(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    from analysis.tables.tracks import write_kml
+
+    return write_kml(table, path, about)
+
+
+def _write_gpx(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    from analysis.tables.tracks import write_gpx
+
+    return write_gpx(table, path, about)
 
 
 def matlab_name(name: str) -> str:
@@ -169,9 +185,8 @@ def matlab_name(name: str) -> str:
 
 
 _WRITERS: dict[str, Writer] = {
-    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".nc": _late("netcdf", "write_netcdf"),
-    ".xlsx": _late("excel", "write_excel"), ".kml": _late("tracks", "write_kml"),
-    ".gpx": _late("tracks", "write_gpx"),
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".nc": _write_netcdf,
+    ".xlsx": _write_excel, ".kml": _write_kml, ".gpx": _write_gpx,
 }  # fmt: skip
 KINDS = tuple(_WRITERS)
 """The suffixes of what a table can be written as."""
