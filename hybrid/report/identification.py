@@ -17,6 +17,7 @@ from hybrid.report.tables import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]
 _TRIALS = 5
+_MOST = 20  # coefficients in one picture
 
 
 def identification_view(found: Identification) -> Group:
@@ -41,9 +42,9 @@ def _coefficients(found: Identification) -> Table:
         title, ("coefficient", "value", "95 % from", "to", "start", ""), (), wrap=True, pad_edge=False
     )
     for each in found.coefficients:
-        cells = [f"{number:.4g}" for number in (each.value, each.low, each.high, each.start)]
-        said, style = ("", "") if each.known else ("not told", "dim")
-        table.add_row(", ".join((each.name, *each.twins)), *cells, said, style=style)
+        cells = [f"{number:.3g}" for number in (each.value, each.low, each.high, each.start)]
+        said, style = ("", "") if each.known else ("unknown", "dim")
+        table.add_row("\n".join((each.name, *each.twins)), *cells, said, style=style)
     return table
 
 
@@ -70,25 +71,27 @@ def _next(candidates: Sequence[Candidate]) -> Table:
 
 
 def draw_identification(figure: Figure, found: Identification) -> None:
-    """Left the segments as measured and as simulated, right each coefficient with its interval and the prior's."""
+    """Left the segments as measured and as simulated, right the coefficients that the data tell best, each with its
+    interval and the prior's."""
     left, right = figure.subplots(1, 2)
     measured, simulated = found.tracks
     for number, (one, other) in enumerate(zip(measured, simulated, strict=True)):
-        left.plot(one[:, 1], one[:, 0], color=INK, linewidth=1.0, label="measured" if number == 0 else None)
+        left.plot(one[:, 1], one[:, 0], color=INK, linewidth=2.0, label="measured" if number == 0 else None)
         left.plot(other[:, 1], other[:, 0], color=_ORANGE, linewidth=1.0, label="model" if number == 0 else None)
     left.set_aspect("equal", adjustable="datalim")
     left.set_xlabel("east [m]")
     left.set_ylabel("north [m]")
-    left.legend(loc="best")
-    places = np.arange(len(found.coefficients))[::-1]
-    for place, each in zip(places, found.coefficients, strict=True):
-        width = _half_width(each)
+    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    shown = sorted(found.coefficients, key=lambda each: (each.high - each.low) / _half_width(each))[:_MOST]
+    for place, each in enumerate(shown):
         right.plot([-1.0, 1.0], [place, place], color=FAINT, linewidth=5.0, solid_capstyle="butt")
-        shown = (np.array([each.low, each.value, each.high]) - each.start) / width
-        right.plot(shown[[0, 2]], [place, place], color=_BLUE if each.known else INK, linewidth=1.5)
-        right.plot(shown[1], place, "o", color=_BLUE if each.known else INK, markersize=3)
-    right.set_yticks(places, [each.name for each in found.coefficients], fontsize=6)
-    right.set_xlabel("departure from the start, in half widths of the prior's 95 % interval")
+        ends = (np.array([each.low, each.value, each.high]) - each.start) / _half_width(each)
+        right.plot(ends[[0, 2]], [place, place], color=_BLUE if each.known else INK, linewidth=1.5)
+        right.plot(ends[1], place, "o", color=_BLUE if each.known else INK, markersize=4)
+    right.set_yticks(range(len(shown)), [each.name for each in shown], fontsize=8)
+    right.set_ylim(len(shown) - 0.5, -0.5)
+    right.set_title(f"{len(shown)} of {len(found.coefficients)} coefficients, best known first", loc="left")
+    right.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
 
 
 def _half_width(each: Estimate) -> float:

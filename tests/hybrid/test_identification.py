@@ -64,7 +64,7 @@ def test_what_the_data_do_not_tell_stays_at_the_start(found: Identification) -> 
     assert not astern.known
     assert astern.value == pytest.approx(astern.start, rel=0.02)
     assert (astern.low, astern.high) == pytest.approx((astern.start_low, astern.start_high), rel=0.05)
-    assert "not told" in str(found)
+    assert "unknown" in str(found)
 
 
 def test_a_trial_that_uses_the_propeller_astern_is_worth_more_than_none(found: Identification) -> None:
