@@ -117,6 +117,9 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
         *declared_groups(table).items(),
     ]  # fmt: skip
+    orders = {order.name: channel.name for each in actuators
+              for channel, order in zip(each.channels, each.orders, strict=True)}  # fmt: skip
+    panels = [(title, (*names, *(order for order, of in orders.items() if of in names))) for title, names in panels]
     shown = [{"title": title, "names": [name for name in names if name in there]} for title, names in panels]
     controls = {
         channel.name: {
@@ -127,10 +130,10 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         for number, each in enumerate(actuators)
         for channel in each.channels
     }
+    ordered = {order: {**controls[of], "width": 1.2, "dash": "dash"} for order, of in orders.items()}
     return {
-        "colours": {"ink": INK, "faint": FAINT, "held": HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1],
-                    "palette": PALETTE},
-        "controls": controls,
+        "colours": {"ink": INK, "faint": FAINT, "held": HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1]},
+        "controls": {**controls, **ordered},
         "methods": methods,
         "panels": [each for each in shown if each["names"]] or shown[:1],  # the cursor needs an axis of time
         "labels": {name: label(name, known) for name in ("north_m", "east_m", *there)},
@@ -146,7 +149,7 @@ def _figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, st
     }
     if data["held"]:
         held_s = sum(end - begin for begin, end in data["held"])
-        figures |= {"held": f"{held_s / 60:.1f} min", "legs": str(len(data["legs"]))}
+        figures |= {"held": f"{held_s / 60:.1f} min", "legs": str(data["legs"])}
     if data["manoeuvres"]:
         figures["manoeuvres"] = str(len(data["manoeuvres"]))
     return figures
@@ -199,7 +202,8 @@ def page_data(
         raise InputError("the table's times do not increase", fix="sort it and drop double times, or resample it")
     channels = trial_channels(table)
     declared = [channel.name for channel in declared_channels(table)]
-    names = [name for name in (*channels, *declared) if name in table and table[name].notna().any()]
+    orders = [each.name for actuator in table_actuators(table) for each in actuator.orders]
+    names = [name for name in (*channels, *declared, *orders) if name in table and table[name].notna().any()]
     if not names:
         raise DataShortageError(
             f"the table has none of the {len(channels)} channels", fix="name its columns with a column map"
@@ -213,9 +217,7 @@ def page_data(
         "time_s": seconds_since(time_ns[rows], start_ms),
         **_columns(table.iloc[rows], names),
         "holes": np.searchsorted(rows, holes).tolist(),
-        "legs": [] if windows is None else [
-            {"leg": str(name), "held": _held_s(part, start_ms)} for name, part in windows.groupby("leg", sort=False)
-        ],
+        "legs": 0 if windows is None else int(windows["leg"].nunique()),
         "held": [] if windows is None else _held_s(windows, start_ms),
         "predicted": {name: _prediction(each, start_ms) for name, each in (predicted or {}).items()},
         "manoeuvres": [_manoeuvre(each, start_ms) for each in manoeuvres],

@@ -116,6 +116,16 @@ def test_rounded_angles_stay_inside_their_turn() -> None:
     assert round_values(BY_NAME["port_angle_deg"], np.array([-179.999, 180.0])).tolist() == [180.0, 180.0]
 
 
+def test_an_order_is_in_the_panel_of_what_followed_it() -> None:
+    data = data_of(interactive_page(circling().assign(port_order_rpm=130.0)).html)
+    (panel,) = (each["names"] for each in data["style"]["panels"] if "port_rpm" in each["names"])
+    assert "port_order_rpm" in panel
+    ordered, followed = (data["style"]["controls"][name] for name in ("port_order_rpm", "port_rpm"))
+    assert ordered["colour"] == followed["colour"]
+    assert ordered["dash"] == "dash"
+    assert "dash" not in followed
+
+
 def test_missing_values_are_null() -> None:
     table = circling()
     table.iloc[5, table.columns.get_loc("surge_mps")] = np.nan
@@ -155,8 +165,7 @@ def test_thinning_keeps_the_ends_what_is_missing_and_the_rows_beside_holes(rows:
 def test_held_stretches_and_legs_are_those_of_the_windows() -> None:
     windows = held_windows(circling().assign(surge_mps=1.0))
     data = page_data(circling(), windows.rows)
-    assert len(data["legs"]) == windows.legs == 2
-    assert [leg["held"] for leg in data["legs"]] == [[each] for each in data["held"]]
+    assert data["legs"] == windows.legs == 2
     assert data["held"][0][0] == 0.0
     for begin, end in data["held"]:
         assert np.ptp(circling()["port_rpm"].iloc[int(begin) : int(end) + 1]) == 0.0
@@ -354,6 +363,35 @@ def test_a_manoeuvres_button_zooms_to_it_and_marks_it(page: Browser) -> None:
     assert page.evaluate("document.querySelector('#manoeuvres tr').classList.contains('at')")
     executes = page.evaluate("track.data.find(trace=>trace.meta&&trace.meta.executes).x")
     np.testing.assert_allclose(executes, circling()["east_m"].iloc[[100, 200]], atol=0.006)
+
+
+BAND = """(second=>{const r=series.getBoundingClientRect(),{t,h}=series._fullLayout._size,a=axes(series)[0];
+return [r.x+a._offset+a.l2p(page.start_ms+1000*second), r.y+t-((BAND[0]+BAND[1])/2-1)*h]})"""
+
+
+@pytest.mark.parametrize(
+    "place", [f"{BAND}(200)", f"{ON_TRACK}(rowAt(100))"], ids=["above the panels", "on the track"]
+)
+def test_a_click_on_a_manoeuvre_shows_it_alone(page: Browser, place: str) -> None:
+    """Panels and track hold it and little more, and whole trial brings all back."""
+    page.click(*page.evaluate(place))
+    page.wait_for(f"state.from > 0 && {SURGE_RANGE}[1] < 36")
+    begin, end = page.evaluate("[state.from, state.to]")
+    assert 50 < begin < 100 < 300 < end < 350
+    assert second_of(page) == pytest.approx(100.0, abs=1.0)
+    rows = circling().iloc[int(np.ceil(begin)) : int(end) + 1]
+    for axis, name in zip(("xaxis", "yaxis"), ("east_m", "north_m"), strict=True):
+        low, high = sorted(page.evaluate(f"track._fullLayout.{axis}.range"))
+        assert low <= rows[name].min() <= rows[name].max() <= high
+    page.click_on("#whole")
+    page.wait_for("state.from === 0 && state.to === END_S")
+    assert page.errors == []
+
+
+def test_a_row_of_the_list_zooms_as_its_number_does(page: Browser) -> None:
+    page.click_on("#manoeuvres td:last-child")
+    page.wait_for("state.from > 0")
+    assert 50 < page.evaluate("state.from") < 100
 
 
 def test_predictions_are_hidden_and_shown_by_their_button(page: Browser) -> None:

@@ -60,8 +60,10 @@ function seriesTraces() {
   panels.forEach(({names}, number) => {
     for (const name of names) {
       const [x, y] = lifted([STAMPS, channel(name)], [...page.holes, ...(page.lifts[name] || [])]);
-      const {colour, width} = controls[name] || {colour: colours.ink, width: 1.2};
-      traces.push(line(x, y, colour, width, {yaxis: axisName(number), meta: {channel: name}}));
+      const {colour, width, dash} = controls[name] || {colour: colours.ink, width: 1.2};
+      const trace = line(x, y, colour, width, {yaxis: axisName(number), meta: {channel: name}});
+      if (dash) trace.line.dash = dash;
+      traces.push(trace);
     }
     for (const method of methods) {
       const data = page.predicted[method];
@@ -111,8 +113,8 @@ function manoeuvreNumbers() {
     yanchor: "middle", text: String(number + 1), showarrow: false, font: {size: 10}}));
 }
 
-function keyOf(names, number) {  // which colour is which thruster, above the panel
-  const text = names.map(name => `<span style="color:${controls[name].colour}">` +
+function keyOf(names, number) {  // which colour is which actuator, above the panel
+  const text = names.filter(name => !controls[name].dash).map(name => `<span style="color:${controls[name].colour}">` +
     `<b>${controls[name].actuator}</b></span>`).join("   ");
   return {x: 1, y: domainOf(number)[1], xref: "paper", yref: "paper", xanchor: "right", yanchor: "bottom", text,
     showarrow: false, font: {size: 11}};
@@ -135,14 +137,13 @@ function seriesLayout() {
     layout["yaxis" + (number ? number + 1 : "")] = {domain: domainOf(number), gridcolor: colours.grid,
       zeroline: false, nticks: 5, automargin: false,
       title: {text: title.replace(" [", "<br>["), standoff: 4, font: {size: 11}},
-      ...(isWide(names) && {tickmode: "linear", dtick: 90})};
+      tickmode: ticksOf(names, reach(names.flatMap(channel))), dtick: 90};
   });
   return layout;
 }
 
-function isWide(names) {  // angles over so much of the turn that quarters are the ticks to have
-  const [low, high] = reach(names.filter(name => page.angles.includes(name)).flatMap(channel));
-  return high - low > 150;
+function ticksOf(names, [low, high]) {  // quarters of the turn, which dtick says, for angles over so much of it
+  return names.some(name => page.angles.includes(name)) && high - low > 150 ? "linear" : "auto";
 }
 
 function common() {
@@ -150,22 +151,19 @@ function common() {
     paper_bgcolor: "#fff", font: {family: "system-ui, sans-serif", size: 11, color: colours.ink}};
 }
 
-// --- the track: all of it faint, the stretch that is looked at in ink, held legs in their colours
+// --- the track: all of it faint, the stretch that is looked at in ink, broad where controls were held
 
 function trackTraces() {
   const east = channel("east_m"), north = channel("north_m");
   const inside = (from, to) => rowsOf(Math.max(from, state.from), Math.min(to, state.to));
-  const whole = state.from === 0 && state.to === END_S, plain = whole && !page.legs.length;
-  const traces = [line(...lifted([east, north], page.holes), plain ? colours.ink : colours.faint, 1.2)];
+  const whole = state.from === 0 && state.to === END_S;
+  const traces = [line(...lifted([east, north], page.holes), whole ? colours.ink : colours.faint, 1.2)];
   if (!whole) {
     const path = joined([inside(0, END_S)]);
     traces.push(line(path.x, path.y, colours.ink, 1.2, {meta: {stretch: true}}));
   }
-  colours.palette.forEach((colour, number) => {
-    const mine = page.legs.filter((_, leg) => leg % colours.palette.length === number);
-    const path = joined(mine.flatMap(leg => leg.held.map(([a, b]) => inside(a, b))));
-    if (path.x.length) traces.push(line(path.x, path.y, colour, 2.6, {meta: {legs: number}}));
-  });
+  const held = joined(page.held.map(([a, b]) => inside(a, b)));
+  if (held.x.length) traces.unshift(line(held.x, held.y, colours.held, 6, {opacity: 0.5, meta: {held: true}}));
   return [...traces, ...predictedTracks(), executePoints(), ends()];
 }
 
@@ -241,8 +239,9 @@ function fitStretch() {
   const seen = name => channel(name).slice(first, end);
   const ranges = panels.map(({names}) => reach(names.flatMap(seen)));
   const known = ranges.map((range, number) => [range, number]).filter(([range]) => range[0] <= range[1]);
-  Plotly.relayout(series, Object.fromEntries(known.map(([range, number]) =>
-    [`yaxis${number ? number + 1 : ""}.range`, withMargin(range, 1)])));
+  Plotly.relayout(series, Object.fromEntries(known.flatMap(([range, number]) =>
+    [[`yaxis${number ? number + 1 : ""}.range`, withMargin(range, 1)],
+      [`yaxis${number ? number + 1 : ""}.tickmode`, ticksOf(panels[number].names, range)]])));
   const [east, north] = [reach(seen("east_m")), reach(seen("north_m"))];
   if (hasTrack && east[0] <= east[1]) {
     Plotly.relayout(track, {"xaxis.range": withMargin(east, 5), "yaxis.range": withMargin(north, 5)});
@@ -251,8 +250,9 @@ function fitStretch() {
 
 function showAll() {
   showTimes(0, Math.max(END_S, 1));
-  Plotly.relayout(series, Object.fromEntries(panels.map((_, number) =>
-    [`yaxis${number ? number + 1 : ""}.autorange`, true])));
+  Plotly.relayout(series, Object.fromEntries(panels.flatMap(({names}, number) =>
+    [[`yaxis${number ? number + 1 : ""}.autorange`, true],
+      [`yaxis${number ? number + 1 : ""}.tickmode`, ticksOf(names, reach(names.flatMap(channel)))]])));
   if (hasTrack) Plotly.relayout(track, {"xaxis.autorange": true, "yaxis.autorange": true});
 }
 
@@ -363,26 +363,60 @@ function tell(row, event) {
   tip.style.top = `${event.clientY - frame.top + 14}px`;
 }
 
-function followMouse(plot, rowUnder, told) {
+// --- manoeuvres: a click on one, in the list, above the panels or on the track, shows it alone
+
+function manoeuvreAbove(event) {  // the manoeuvre whose band above the panels is under the mouse, the shortest of them
+  const frame = series.getBoundingClientRect(), {t, h} = series._fullLayout._size, axis = axes(series)[0];
+  const up = (t - (event.clientY - frame.top)) / h + 1;
+  if (up < BAND[0] - SLACK || up > BAND[1] + SLACK) return null;
+  const seconds = (axis.p2l(event.clientX - frame.left - axis._offset) - page.start_ms) / 1000;
+  return manoeuvreOf(({start_s, end_s}) => start_s <= seconds && seconds <= end_s);
+}
+
+const SLACK = 0.004;  // in heights of all panels
+const POINT_PX = 12;
+
+function manoeuvreOnTrack(event) {  // the manoeuvre whose first point is under the mouse
+  const at = inside(track, event);
+  const near = pixel => pixel && Math.hypot(pixel[0] - at[0], pixel[1] - at[1]) < POINT_PX;
+  return at && manoeuvreOf(({start_s}) => near(pixelOf(rowAt(start_s))));
+}
+
+function manoeuvreOf(isMeant) {
+  const length = number => page.manoeuvres[number].end_s - page.manoeuvres[number].start_s;
+  const meant = page.manoeuvres.map((_, number) => number).filter(number => isMeant(page.manoeuvres[number]));
+  return meant.length ? meant.reduce((a, b) => length(b) < length(a) ? b : a) : null;
+}
+
+function zoomTo(number) {
+  const {start_s, end_s} = page.manoeuvres[number], margin = 0.15 * (end_s - start_s) + 5;
+  showTimes(start_s - margin, end_s + margin).then(fitStretch);
+  moveTo(rowAt(start_s));
+}
+
+function followMouse(plot, rowUnder, manoeuvreUnder, told) {
   let pressed = null;
   plot.addEventListener("pointermove", event => {
     const row = rowUnder(event);
     look(row);
     if (told) told(row, event);
+    plot.style.cursor = manoeuvreUnder(event) === null ? "" : "pointer";
   });
   plot.addEventListener("pointerleave", () => look(null));
   plot.addEventListener("pointerdown", event => { pressed = event; }, true);
   // plotly covers the page while a button is down, so the release is heard by the window
   window.addEventListener("pointerup", event => {
     const moved = pressed && Math.hypot(event.clientX - pressed.clientX, event.clientY - pressed.clientY);
-    const row = pressed && pressed.button === 0 && moved < 4 ? rowUnder(pressed) : null;
+    const clicked = pressed && pressed.button === 0 && moved < 4 ? pressed : null;
     pressed = null;
-    if (row !== null) moveTo(row);
+    if (clicked === null) return;
+    const number = manoeuvreUnder(clicked), row = rowUnder(clicked);
+    if (number !== null) zoomTo(number); else if (row !== null) moveTo(row);
   }, true);
 }
 
 function showTimes(from, to) {
-  Plotly.relayout(series, {"xaxis.range": [stamp(from), stamp(to)]});
+  return Plotly.relayout(series, {"xaxis.range": [stamp(from), stamp(to)]});
 }
 
 function timesChanged() {
@@ -415,8 +449,8 @@ function resizeAll([width, most]) {
 }
 
 function listen() {
-  followMouse(series, rowInSeries);
-  if (hasTrack) followMouse(track, rowOnTrack, tell);
+  followMouse(series, rowInSeries, manoeuvreAbove);
+  if (hasTrack) followMouse(track, rowOnTrack, manoeuvreOnTrack, tell);
   series.on("plotly_relayout", timesChanged);
   series.on("plotly_afterplot", () => moveTo(state.row));
   if (hasTrack) track.on("plotly_afterplot", () => placeShip(state.row));
@@ -427,11 +461,8 @@ function listen() {
     step(way * (event.shiftKey ? 10 : 1));
   });
   document.querySelectorAll("button[data-method]").forEach(each => each.addEventListener("click", () => toggle(each)));
-  document.querySelectorAll("#manoeuvres button").forEach(each => each.addEventListener("click", () => {
-    const {start_s, end_s} = page.manoeuvres[each.dataset.number], margin = 0.15 * (end_s - start_s) + 5;
-    showTimes(start_s - margin, end_s + margin);
-    moveTo(rowAt(start_s));
-  }));
+  document.querySelectorAll("#manoeuvres tr").forEach(each =>
+    each.addEventListener("click", () => zoomTo(Number(each.dataset.number))));
   byId("whole").addEventListener("click", showAll);
   byId("fit").addEventListener("click", fitStretch);
   window.addEventListener("beforeprint", () => resizeAll(PAPER_PX));
