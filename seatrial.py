@@ -76,7 +76,6 @@ _PLACES = {
     "declare": "acquisition.core.declared:declare",
     "export": "analysis.tables.export:export_table",
     "import_table": "acquisition.tables.import_table:import_table",
-    "links": "hybrid.report.notebook:links",
     "load_calibrator": "hybrid.calibrators.artefact:load",
     "load_case": "hybrid.report.case:load_case",
     "load_diagnosis": "hybrid.diagnosis.serialisation:read_diagnosis",
@@ -87,11 +86,10 @@ _PLACES = {
     "resample": "analysis.tables.resample:resample",
     "save_calibrator": "hybrid.calibrators.artefact:save",
     "save_vessel": "hybrid.vessel.files:save_vessel",
-    "sections": "hybrid.report.notebook:sections",
+    "sections": "hybrid.report.sections:sections",
     "smooth": "analysis.estimation.smoother:smooth",
     "vessels": "acquisition.config.vessel_file:vessel_names",
     "version": "acquisition.core.trial:software_version",
-    "write_interactive_pages": "hybrid.report.trial_sections:write_interactive_pages",
 } | {
     name: f"{_SCRIPTING}:{name}"
     for name in (

@@ -31,7 +31,6 @@ workers = None  # processes; one a core without a number
 # %%
 import json
 import os
-from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -41,7 +40,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from IPython.display import HTML
+from markupsafe import Markup
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -56,6 +55,7 @@ from acquisition.core.progress import Progress
 from analysis.batch.workers import map_calls
 from analysis.report.figures import fill_figure, png_of, write_figure
 from analysis.report.plots import INK
+from analysis.report.rendering import Page, picture, render
 from hybrid.calibrators import make_calibrator
 from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
@@ -608,10 +608,21 @@ def write_map(found: FidelityMap, folder: Path) -> list[Path]:
     with atomic_file(path) as unfinished:
         unfinished.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
     paths = [path]
-    for name, draw, size_inch in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):
+    for name, (draw, size_inch, _) in zip((NAME, f"{NAME}_axes"), DRAWN, strict=True):
         figure = fill_figure(partial(draw, found=found), size_inch)
         paths += write_figure(figure, folder, name, ("png", "svg", "pdf"))
     return paths
+
+
+DRAWN: tuple[tuple[Callable[[Figure, FidelityMap], None], tuple[float, float], str], ...] = (
+    (
+        draw_map,
+        (8.5, 5.6),
+        "The method that errs least, by the quality of the reference and the number of windows.",
+    ),
+    (draw_axes, (8.5, 5.2), "The same with one thing of the model wrong at a time."),
+)
+"""The map's pictures: how each is drawn, its size and its caption."""
 
 
 # %% [markdown]
@@ -619,19 +630,19 @@ def write_map(found: FidelityMap, folder: Path) -> list[Path]:
 
 
 # %%
-def picture(draw: Callable[[Figure, FidelityMap], None], size_inch: tuple[float, float]) -> HTML:
-    """A figure of the map, as a page shows it."""
-    png = png_of(fill_figure(partial(draw, found=found), size_inch))
-    return HTML(f'<img alt="{draw.__name__}" src="data:image/png;base64,{b64encode(png).decode()}">')
+def page_of(found: FidelityMap, subtitle: str = "") -> Page:
+    """What the map says and its pictures, as a page."""
+    drawn = [(fill_figure(partial(draw, found=found), size_inch), words) for draw, size_inch, words in DRAWN]
+    pictures = [picture(png_of(figure), words) for figure, words in drawn]
+    said = [Markup("<p>{}</p>").format(sentence) for sentence in reading(found)]
+    title = "How bad may the reference be, and how much data does it save?"
+    return render("base.html", title=title, subtitle=subtitle, body=Markup("").join([*said, *pictures]))
 
 
-# %% tags=["run"]
-found = papers_map(sea_state, method, seed, seeds, workers)
-write_map(found, Path(folder))
-HTML("".join(f"<p>{sentence}</p>" for sentence in reading(found)))
+# %%
+if __name__ == "__main__":  # in a notebook; `seatrial reproduce fidelity` calls the functions
+    from IPython.display import display
 
-# %% tags=["run"]
-picture(draw_map, (8.5, 5.6))
-
-# %% tags=["run"]
-picture(draw_axes, (8.5, 5.2))
+    found = papers_map(sea_state, method, seed, seeds, workers)
+    write_map(found, Path(folder))
+    display(page_of(found))

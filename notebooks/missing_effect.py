@@ -20,7 +20,6 @@
 
 # %% tags=["parameters"]
 folder = "diagnosis"  # what `seatrial diagnose -o` wrote
-beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
@@ -29,9 +28,6 @@ import seatrial as st
 diagnosis, extras = st.load_diagnosis(folder)
 show = st.sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)
 show("question")
-
-# %%
-st.links(beside)
 
 # %% [markdown]
 # ## Found

@@ -19,12 +19,11 @@
 
 # %% tags=["parameters"]
 folder = "reproduction"  # what `seatrial reproduce table3 -o` wrote
-figures_folder = "figures"
 
 # %%
 import seatrial as st
 
-show = st.reproduction_sections(folder, figures_folder)
+show = st.reproduction_sections(folder)
 
 # %% [markdown]
 # ## Against what was published

@@ -13,9 +13,8 @@
 # %% [markdown]
 # # Trial validation
 #
-# What one trial, or several, say about a simulation model and a calibrator on top of it: first whether the data
-# can be trusted, then what the ship did, then how well her way was predicted, where it was not, and on what
-# ground.
+# What one trial, or several, say about a ship, and about a simulation model and a calibrator on top of it: the
+# sections of the report that `seatrial report` writes, one by one.
 
 # %% tags=["parameters"]
 recordings: list[str] = []  # MCAP files
@@ -25,100 +24,38 @@ horizon_s: int | None = None  # how far is predicted; without it what the calibr
 part = "0..100"  # of each recording's time in percent, where predictions are judged
 repair = True  # put right before what is certainly wrong
 allow_seen = False  # also recordings that the calibrator was trained on
+length_m: float | None = None  # of the ship between perpendiculars, where no vessel file says it
 diagnosis: str | None = None  # what `seatrial diagnose` wrote of these recordings
-story: str | None = None  # the report on it, to link to
-remark = ""  # something to say at the top
-interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
 import seatrial as st
 
-case = st.load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
-show = st.sections("trial.html", figures_folder, case=case, remark=remark)
-show("headline")
-
-# %%
-st.sections("diagnosis.html", figures_folder)("in_short", folder=diagnosis)
-
-# %%
-pages = {} if interactive is None else st.write_interactive_pages(case, interactive)
-st.links({"how the diagnosis came to that": story, **pages})
-
-# %% [markdown]
-# ## Run sheet
-
-# %%
-show("sheet")
-
-# %% [markdown]
-# ## Data quality
-#
-# Flags follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. What is certainly wrong is put right,
-# or left out, before all that follows, and what was done is listed; the recording itself stays as it is.
-
-# %%
-show("data_quality")
-
-# %% [markdown]
-# ## Where she went
-
-# %%
-show("tracks")
-
-# %% [markdown]
-# ## What she did
-#
-# A prediction knows the motion, the wind and the thruster settings at its start, and goes on with both held. It
-# is judged only where the thrusters were really held, which is shaded.
-
-# %%
-show("time_series")
-
-# %% [markdown]
-# ## Manoeuvres
+case = st.load_case(
+    recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen, length_m=length_m
+)
+show = st.sections("trial.html", figures_folder, case=case, remark="", folder=diagnosis, pages={})
+show("cover")
 
 # %%
 show("indices")
 
-# %% [markdown]
-# ## How well her way was predicted
-
 # %%
-show("baselines")
-
-# %%
-show("by_second")
+show("figures")
 
 # %% [markdown]
-# ### From many starts
+# A prediction knows the motion, the wind and the thruster settings at its start, and goes on with both held. It
+# is judged only where the thrusters were really held.
 
 # %%
-show("fans")
+show("model", "diagnosis")
+
+# %%
+show("data")
 
 # %% [markdown]
-# ### Errors, and whether the regions hold what they say
+# Where the model is off: acceleration measured, less what the model has at the same speeds, settings and wind; on
+# what ground: the range of the training; and what an adaptive calibrator has learned.
 
 # %%
-show("distributions")
-
-# %% [markdown]
-# ## Where the model is off
-#
-# Acceleration measured, less what the model has at the same speeds, settings and wind. A model that lacks nothing
-# is white everywhere but for noise.
-
-# %%
-show("residual_maps")
-
-# %% [markdown]
-# ## On what ground: the range of the training
-
-# %%
-show("coverage")
-
-# %% [markdown]
-# ## Parameters
-
-# %%
-show("parameters")
+show("methods")

@@ -21,7 +21,7 @@ PAGES = pages()
 _COMMAND = re.compile(r"(?<![-/])\bseatrial [a-z][^`\n|]+")
 _PATH = re.compile(r"`((?:acquisition|analysis|hybrid|trials|tests|docs|notebooks)/[\w./*]+)`")
 _REMOTE = ("http://", "https://", "mailto:")
-EXTERNAL = {"https://mcap.dev", "https://jupytext.readthedocs.io"}
+EXTERNAL = {"https://mcap.dev", "https://jupytext.readthedocs.io", "https://weasyprint.org"}
 """Other sites that a page may link to: few, as nobody looks after them."""
 
 

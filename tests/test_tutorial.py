@@ -33,7 +33,7 @@ MAKES = {
     "6": ["trial.parquet", "windows.parquet", "windows.starts.parquet"],
     "7": ["manoeuvres/manoeuvres.html", "manoeuvres/manoeuvres.json"],
     "8": ["calibrator/calibrator.json"],
-    "10": ["report.html", "report.ipynb", "figures", "diagnosis/missing_effect.html"],
+    "10": ["report.html", "report.pdf", "indices.json", "figures", "diagnosis/report.pdf"],
     "9": ["diagnosis/report.html", "diagnosis/diagnosis.json", "diagnosis/vessel.toml"],
 }
 """What each step leaves in the folder, by its number."""

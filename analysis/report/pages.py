@@ -24,6 +24,8 @@ from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.trial import software_version
 from analysis.kinematics import mean_wind
+from analysis.manoeuvres.criteria import mean_of
+from analysis.manoeuvres.indices import index_of
 from analysis.quality.samples import ASSUMED
 from analysis.report.quality_page import HEADER, channel_rows, finding_cells
 from analysis.report.rendering import Page, render
@@ -124,13 +126,13 @@ BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.
 
 @dataclass(frozen=True, slots=True)
 class Ship:
-    """Main dimensions [m], from a vessel file or a person."""
+    """Main dimensions [m], from a vessel file or a person; a person may know the length only."""
 
     name: str
     over_all_m: float
     between_perpendiculars_m: float
-    beam_m: float
-    draught_m: float
+    beam_m: float | None = None
+    draught_m: float | None = None
 
 
 def run_sheet(
@@ -140,9 +142,17 @@ def run_sheet(
 
     ``one_hz`` is the recording once a second. ``manoeuvres`` whose turns show a current give it.
     """
+    return [*circumstances(recording, one_hz, manoeuvres, ship), *file_rows(recording)]
+
+
+def circumstances(
+    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre] = (), ship: Ship | None = None
+) -> list[tuple[str, str]]:
+    """The ship, her loading, time, place and weather, as :func:`run_sheet` has them."""
     trial = recording.trial
     return [
         ("ship", trial.vessel or UNKNOWN),
+        *_form(ship, one_hz),
         *_actuators(trial.actuators),
         ("trial", trial.name or UNKNOWN),
         *_when(one_hz),
@@ -155,8 +165,13 @@ def run_sheet(
         ("wind", _wind(recording, one_hz)),
         ("sea state", trial.sea_state or UNKNOWN),
         ("current", _current(manoeuvres)),
-        *_form(ship, one_hz),
         ("crew's notes", trial.crew_notes or UNKNOWN),
+    ]
+
+
+def file_rows(recording: Recording) -> list[tuple[str, str]]:
+    """The file behind a run sheet, and the software."""
+    return [
         ("recording", _files_text(recording.paths)),
         ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
         ("closed properly", "yes" if recording.closed else "no: it is read as far as it goes"),
@@ -167,6 +182,14 @@ def run_sheet(
 def _files_text(paths: Sequence[Path]) -> str:
     more = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
     return f"{paths[0].name}{more}, {sum(path.stat().st_size for path in paths):,} bytes"
+
+
+def known_rows(rows: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """The rows of a run sheet whose value is known, and the others named in one."""
+    rows = list(rows)
+    unknown = [what for what, value in rows if value == UNKNOWN]
+    known = [(what, value) for what, value in rows if value != UNKNOWN]
+    return [*known, (UNKNOWN, ", ".join(unknown))] if unknown else known
 
 
 def _actuators(said: str) -> list[tuple[str, str]]:
@@ -232,14 +255,22 @@ def wind_words(table: pd.DataFrame) -> str:
 
 
 def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
-    """The mean of what turns of more than one and a half circles show."""
+    """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself."""
     found = [each.current for each in manoeuvres if each.current is not None]
     if not found:
         return "not known: no turn of one and a half circles"
-    north, east = (float(np.mean([getattr(each, name) for each in found])) for name in ("north_mps", "east_mps"))
-    towards = np.rad2deg(np.arctan2(east, north)) % 360.0
+    north, east = (
+        mean_of([index_of("", getattr(each, f"{name}_mps"), getattr(each, f"{name}_within_mps")) for each in found])
+        for name in ("north", "east")
+    )  # fmt: skip
+    speed = float(np.hypot(north.index.value, east.index.value))
+    towards = np.arctan2(east.index.value, north.index.value)
+    within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
     turns = f"{len(found)} turn{'' if len(found) == 1 else 's'}"
-    return f"{np.hypot(north, east):.2f} m/s towards {towards:.0f}\u00b0, from {turns}, wind drift included"
+    return (
+        f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 (95 % interval), "
+        f"from {turns}, wind drift included"
+    )
 
 
 def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
@@ -250,15 +281,15 @@ def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
     both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
     speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
     length_m = ship.between_perpendiculars_m
-    per_speed = f", L/V {length_m / speed:.1f} s at the median speed of {speed:.2f} m/s" if speed > 0.1 else ""
-    words = (
-        f"{ship.over_all_m:g} m over all, {length_m:g} m between perpendiculars (L), {ship.beam_m:g} m wide, "
-        f"draught {ship.draught_m:g} m, by the vessel file {ship.name}"
-    )
-    return [
-        ("dimensions", words),
-        ("ratios", f"L/B {length_m / ship.beam_m:.2f}, B/T {ship.beam_m / ship.draught_m:.2f}{per_speed}"),
-    ]
+    per_speed = [f"L/V {length_m / speed:.1f} s at the median speed of {speed:.2f} m/s"] if speed > 0.1 else []
+    words, ratios = f"{length_m:g} m between perpendiculars (L), as given for this report", per_speed
+    if ship.beam_m and ship.draught_m:
+        words = (
+            f"{ship.over_all_m:g} m over all, {length_m:g} m between perpendiculars (L), {ship.beam_m:g} m wide, "
+            f"draught {ship.draught_m:g} m, by the vessel file {ship.name}"
+        )
+        ratios = [f"L/B {length_m / ship.beam_m:.2f}", f"B/T {ship.beam_m / ship.draught_m:.2f}", *per_speed]
+    return [("dimensions", words), *([("ratios", ", ".join(ratios))] if ratios else [])]
 
 
 def events_of(recording: Recording) -> list[list[str]]:

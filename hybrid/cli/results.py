@@ -188,9 +188,8 @@ def table3(
         from hybrid.reproduction.figures import figure_data_of, write_figure_data
         from hybrid.reproduction.page import write_page
 
-        shown = figure_data_of([sea for sea in seas if sea.job.seed == seed])
-        write_figure_data(shown, output)
-        for path in (*write_table3(table, output), write_page(table, output, shown)):
+        write_figure_data(figure_data_of([sea for sea in seas if sea.job.seed == seed]), output)
+        for path in (*write_table3(table, output), write_page(output)):
             typer.echo(path, err=True)
     print_result(table.as_dict(), table, as_json=as_json)
 
@@ -226,30 +225,30 @@ def fidelity(
     workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Degrade the reference step by step and learn from ever more windows: runs the notebook ``fidelity_map``."""
-    from tempfile import TemporaryDirectory
-
+    """Degrade the reference step by step and learn from ever more windows (notebook ``fidelity_map``)."""
     from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
     from hybrid.calibrators import refuse_untrainable
-    from hybrid.report.notebook import run_notebook
+    from hybrid.reproduction.fidelity import notebook
     from hybrid.simulation.sea_state import sea_state_named
 
     for each in (method, "data_driven"):
         refuse_untrainable(each)
     sea_state_named(sea_state)
-    with TemporaryDirectory() as temporary, bar("fidelity") as progress:
-        folder = Path(temporary) if output is None else output.resolve()
-        asked = {"sea_state": sea_state, "method": method, "seed": seed, "seeds": seeds, "workers": workers}
-        page = folder / "fidelity_map.html"
-        run_notebook("fidelity_map", {**asked, "folder": str(folder)}, page, f"{method}, {sea_state} sea", progress)
-        found = json.loads((folder / "fidelity_map.json").read_text(encoding="utf-8"))
     if output is not None:
-        for path in sorted(output.glob("fidelity_map*")):
+        make_folder(output)
+    code = notebook("fidelity_map")
+    with bar("fidelity") as progress:
+        found = code.papers_map(sea_state, method, seed, seeds, workers, progress)
+    if output is not None:
+        page = code.page_of(found, f"{method}, {sea_state} sea").write(output / "fidelity_map.html")
+        for path in (*code.write_map(found, output), page):
             typer.echo(path, err=True)
+    numbers = code.with_reading(found)
     if as_json:
-        typer.echo(json.dumps(found))
+        typer.echo(json.dumps(numbers))
         return
-    for sentence in found["reading"]:
+    for sentence in numbers["reading"]:
         typer.echo(sentence)
 
 
@@ -269,24 +268,40 @@ def report(
     recordings: Annotated[
         Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
     ] = None,
+    length: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="The ship's length between perpendiculars in metres, if no vessel file has it."),
+    ] = None,
     interactive: Annotated[
         bool, typer.Option("--interactive/--no-interactive", help="Also a page of the track to zoom into.")
     ] = True,
+    pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also each page as PDF.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Write the report that a folder asks for."""
-    from acquisition.core.progress import bar
+    """Write the report that a folder asks for, as HTML and PDF."""
+    from acquisition.core.errors import ConfigurationError
+    from acquisition.core.progress import bar, part_of
+    from analysis.report.pdf import write_pdf
     from hybrid.report.folder import Choices
     from hybrid.report.folder import report as run
-    from hybrid.report.notebook import FAILED
+    from hybrid.report.sections import FAILED
 
-    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive)
+    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length)
     with bar("report") as progress:
-        pages = run(folder, choices, recordings, progress)
+        pages = run(folder, choices, recordings, part_of(progress, 0, 2) if pdf else progress)
+        printed, warnings = list[Path](), list[str]()
+        for number, page in enumerate(pages if pdf else ()):
+            try:
+                printed.append(write_pdf(page))
+            except ConfigurationError as error:
+                warnings = [str(error)]
+            progress(0.5 + 0.5 * (number + 1) / len(pages))
+    warnings += [f"a section of {page} failed; its place in the page says why" for page in pages
+                 if FAILED in page.read_text(encoding="utf-8")]  # fmt: skip
     if as_json:
-        typer.echo(json.dumps({"report": str(pages[0]), "pages": [str(page) for page in pages]}))
-        return
-    for page in pages:
-        typer.echo(page)
-        if FAILED in page.read_text(encoding="utf-8"):
-            typer.echo(f"warning: a section of {page} failed; its place in the page says why", err=True)
+        named = {"pages": [str(page) for page in pages], "pdf": [str(each) for each in printed]}
+        typer.echo(json.dumps({"report": str(pages[0]), **named}))
+    for path in () if as_json else (*pages, *printed):
+        typer.echo(path)
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)

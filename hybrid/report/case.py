@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.config.vessel_file import vessel_of_ship
-from acquisition.core.channels import NAMES
+from acquisition.core.channels import MOTION
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from acquisition.core.result import ChosenModel
 from acquisition.recording.reader import read_trial
@@ -61,6 +61,7 @@ class Case:
     stride_s: int = 5
     repair: bool = True
     allow_seen: bool = False
+    length_m: float | None = None
 
     @cached_property
     def named_paths(self) -> dict[str, Path]:
@@ -75,20 +76,24 @@ class Case:
             try:
                 made[name] = self._products_of(path, name)
             except SeatrialError as error:
-                left_out[name] = str(error)
+                left_out[name] = str(error.at(""))
         if not made:
             raise DataShortageError("no recording can be read", why="; ".join(left_out.values()))
         return made, left_out
 
     def _products_of(self, path: Path, name: str) -> Products:
-        """The analysis of one recording; channels that it lacks are there, and empty."""
-        ship = ship_of(read_trial(path).vessel, path)
-        length_m = None if ship is None else ship.between_perpendiculars_m
+        """The analysis of one recording; channels of motion and wind that it lacks are there, and empty."""
+        ship = self._ship_of(read_trial(path).vessel, path)
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
-                          length_m=length_m)  # fmt: skip
+                          length_m=None if ship is None else ship.between_perpendiculars_m)  # fmt: skip
         products = analyse([path], options, name)
-        lacking = [each for each in NAMES if each not in products.one_hz]
+        lacking = [each for each in MOTION if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
+
+    def _ship_of(self, name: str, recording: Path) -> Ship | None:
+        if self.length_m is not None:
+            return Ship(name, self.length_m, self.length_m)
+        return ship_of(name, recording)
 
     @property
     def products(self) -> dict[str, Products]:
@@ -101,8 +106,16 @@ class Case:
         return self._analysed[1]
 
     def ship(self, name: str) -> Ship | None:
-        """The main dimensions of the ship that a recording names, None where it names none that is known."""
-        return ship_of(self.products[name].recording.trial.vessel, self.named_paths[name])
+        """The main dimensions of the ship that a recording names, None where it names none that is known.
+
+        A length that was given stands above those of a file.
+        """
+        return self._ship_of(self.products[name].recording.trial.vessel, self.named_paths[name])
+
+    def length_of(self, name: str) -> float | None:
+        """The length between perpendiculars of the ship of a recording [m], None where it is not known."""
+        ship = self.ship(name)
+        return None if ship is None else ship.between_perpendiculars_m
 
     @cached_property
     def _predictor(self) -> Predictor:
@@ -156,11 +169,16 @@ class Case:
 
     @cached_property
     def why_not(self) -> str:
-        """Why nothing can be predicted on these recordings; empty where it can."""
+        """Why nothing is predicted on these recordings; empty where it is.
+
+        Of a ship without a model of her own none is judged unless one was asked for.
+        """
         try:
+            if self.trained is None and self.vessel is None and self.model.doubt:
+                return "the recordings name no ship that there is a model of"
             _ = self.validation
         except (ConfigurationError, DataShortageError, InputError) as error:
-            return str(error)
+            return str(error.at(""))
         return ""
 
     @property
@@ -242,9 +260,10 @@ def load_case(
     part: str = "0..100",
     repair: bool = True,
     allow_seen: bool = False,
+    length_m: float | None = None,
 ) -> Case:
     """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
-    each recording's time in percent.
+    each recording's time in percent; ``length_m`` is the ship's where no vessel file says it.
 
     Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
@@ -255,4 +274,5 @@ def load_case(
     seconds = horizon_s or HORIZON_S
     if trained is not None or vessel is not None:
         seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s
-    return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen)
+    return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen,
+                length_m=length_m)  # fmt: skip

@@ -27,7 +27,7 @@ from hybrid.diagnosis.result import (
     When,
 )
 from hybrid.prediction.scores import FEW_LEGS, Interval
-from hybrid.report.notebook import templates
+from hybrid.report.sections import templates
 from hybrid.report.words import join_words, plain, quantity_title
 
 _SMALL = 0.001

@@ -17,8 +17,8 @@ from analysis.report.rendering import Page, render
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval
-from hybrid.report.notebook import templates
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic, reach
+from hybrid.report.sections import templates
 from hybrid.report.tables import MEANING, caption_of, counts_of, spread, truth_rows
 from hybrid.report.words import no_wrap, plain
 

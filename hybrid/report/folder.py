@@ -1,39 +1,45 @@
-"""From a folder to its report: what is in it says which notebook tells it.
+"""From a folder to its report: what is in it says which one.
 
-A diagnosis is told by ``missing_effect``, a reproduction by ``paper_reproduction``, recordings by
-``trial_validation``, and the results of a batch by a ``trial_validation`` for each recording, to which the index
-then leads.
+A diagnosis and a reproduction get their own page anew, recordings the report of their trial, and the results of a
+batch a report for each recording, to which the index then leads.
 """
 
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from markupsafe import Markup
+
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
+from acquisition.core.files import write_text
 from acquisition.core.progress import Progress, part_of
+from analysis.manoeuvres.indices import as_json
+from analysis.report.rendering import render
 from analysis.tables.files import make_folder
 from analysis.tables.table import sha256_of
-from hybrid.diagnosis.serialisation import read_json
+from hybrid.diagnosis.serialisation import read_diagnosis, read_json
 from hybrid.report.case import load_case
-from hybrid.report.notebook import run_notebook
-from hybrid.reproduction.page import is_reproduced
+from hybrid.report.diagnosis_words import PAGE_FILE, write_report
+from hybrid.report.sections import sections
+from hybrid.report.trial_sections import ship_name, subtitle, write_interactive_pages
+from hybrid.reproduction.page import is_reproduced, write_page
 
-Kind = Literal["missing_effect", "paper_reproduction", "trial_validation", "batch"]
+Kind = Literal["diagnosis", "reproduction", "trial", "batch"]
 
-PAGES = {"missing_effect": "missing_effect.html", "paper_reproduction": "paper_reproduction.html",
-         "trial_validation": "report.html"}  # fmt: skip
-
-_NOWHERE: dict[str, str] = {}
+BLOCKS = ("cover", "indices", "figures", "model", "diagnosis", "data", "methods", "files")
+"""The sections of a trial's report, in their order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What a trial's report is made with; without a calibrator that of the folder, if there is one in it."""
+    """What a trial's report is made with; without a calibrator that of the folder, if there is one in it.
+
+    ``length_m`` is the ship's length between perpendiculars, where no vessel file says it.
+    """
 
     calibrator: Path | None = None
     vessel: str | None = None
@@ -42,18 +48,19 @@ class Choices:
     repair: bool = True
     allow_seen: bool = False
     interactive: bool = True
+    length_m: float | None = None
 
 
 def kind_of(folder: Path) -> Kind:
-    """What a folder holds. Raises :class:`InputError` where no notebook tells of it."""
+    """What a folder holds. Raises :class:`InputError` where there is nothing to report on."""
     if (folder / "diagnosis.json").is_file():
-        return "missing_effect"
+        return "diagnosis"
     if is_reproduced(folder):
-        return "paper_reproduction"
+        return "reproduction"
     if (folder / "index.parquet").is_file():
         return "batch"
     if recordings_in(folder):
-        return "trial_validation"
+        return "trial"
     raise InputError(
         "holds nothing to report on", where=str(folder),
         why="there is no recording, diagnosis.json, table3.json or index.parquet in it",
@@ -74,8 +81,7 @@ def report(
 ) -> list[Path]:
     """Write the report of a folder, or of one recording beside it, and return the paths of its pages.
 
-    ``recordings`` is the folder that a batch went through. Raises :class:`InputError` for what cannot be told,
-    :class:`SeatrialError` where a notebook fails.
+    ``recordings`` is the folder that a batch went through. Raises :class:`InputError` for what cannot be told.
     """
     if not where.exists():
         raise InputError("does not exist", where=str(where), fix="give a recording or a folder")
@@ -84,9 +90,9 @@ def report(
     kind = kind_of(where)
     if kind == "batch":
         return batch_reports(where, recordings, choices, progress)
-    if kind == "trial_validation":
+    if kind == "trial":
         return folder_report(where, choices, progress)
-    return [_told(kind, where, progress)]
+    return [write_report(*read_diagnosis(where), where) if kind == "diagnosis" else write_page(where)]
 
 
 def _folder_of(recording: Path) -> Path:
@@ -100,33 +106,14 @@ def _folder_of(recording: Path) -> Path:
     return folder
 
 
-def _told(kind: Kind, folder: Path, progress: Progress, back: dict[str, str] = _NOWHERE) -> Path:
-    """The report of a diagnosis or of the paper's results; ``back`` are links to where it is told from."""
-    parameters: dict[str, Any] = {"folder": str(folder.resolve()), "figures_folder": str(_figures(folder))}
-    if kind == "missing_effect":
-        parameters["beside"] = {"in short: the page of the diagnosis": "report.html"} | back
-    return run_notebook(kind, parameters, folder / PAGES[kind], _about(kind, folder), progress)
-
-
-def _about(kind: Kind, folder: Path) -> str:
-    """What a report is about, in a line below its title."""
-    if kind != "missing_effect":
-        return "Wang, Li et al. 2021, Table III and figures"
-    known = read_json(folder / "diagnosis.json").get("provenance", {})
-    return f"{known.get('recordings', folder.resolve().name)}, against {known.get('vessel', 'the model')}"
-
-
-def _figures(folder: Path) -> Path:
-    return folder.resolve() / "figures"
-
-
 def folder_report(
     folder: Path,
     choices: Choices,
     progress: Progress = lambda share: None,
     recordings: Sequence[Path] | None = None,
 ) -> list[Path]:
-    """The report of a trial's folder, of all or some of its recordings, and of the diagnosis of them in it."""
+    """The report of a trial's folder, of all or some of its recordings, and the page of the diagnosis of them in
+    it."""
     paths = list(recordings or recordings_in(folder))
     calibrator = choices.calibrator or (folder / "calibrator" if _is_calibrator(folder / "calibrator") else None)
     own, within = replace(choices, calibrator=calibrator), folder / "diagnosis"
@@ -135,9 +122,7 @@ def folder_report(
     if not _is_of(within, paths):
         remark = "The diagnosis in this folder is of other recordings and is left out."
         return [trial_report(paths, folder, own, progress, remark=remark)]
-    back = {"the report of the trial": f"../{PAGES['trial_validation']}"}
-    story = _told("missing_effect", within, part_of(progress, 0, 2), back)
-    return [trial_report(paths, folder, own, part_of(progress, 1, 2), story), story]
+    return [trial_report(paths, folder, own, progress, within), within / PAGE_FILE]
 
 
 def _is_of(diagnosis: Path, recordings: Sequence[Path]) -> bool:
@@ -155,29 +140,32 @@ def trial_report(
     folder: Path,
     choices: Choices,
     progress: Progress = lambda share: None,
-    story: Path | None = None,
+    diagnosis: Path | None = None,
     remark: str = "",
 ) -> Path:
-    """``report.html`` in ``folder`` about recordings that belong together; ``story`` is the page of their
-    diagnosis, ``remark`` something to say at the top."""
-    load_case(recordings, choices.calibrator, choices.vessel, choices.horizon_s)  # what is wrong is said at once
+    """``report.html`` in ``folder`` about recordings that belong together, and ``indices.json`` beside it.
+
+    ``diagnosis`` is the folder of their diagnosis, ``remark`` something to say at the top.
+    """
+    case = load_case(
+        recordings, choices.calibrator, choices.vessel, choices.horizon_s,
+        part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
+    )  # fmt: skip
+    made = case.products  # what is wrong is said before anything is written
     make_folder(folder)
-    parameters: dict[str, Any] = {
-        "recordings": [str(path.resolve()) for path in recordings],
-        "calibrator": None if choices.calibrator is None else str(choices.calibrator.resolve()),
-        "vessel": choices.vessel,
-        "horizon_s": choices.horizon_s,
-        "part": choices.part,
-        "repair": choices.repair,
-        "allow_seen": choices.allow_seen,
-        "figures_folder": str(_figures(folder)),
-        "diagnosis": None if story is None else str(story.parent.resolve()),
-        "story": None if story is None else os.path.relpath(story, folder),
-        "remark": remark,
-        "interactive": str(folder.resolve()) if choices.interactive else None,
-    }
-    subtitle = ", ".join(path.name for path in recordings)
-    return run_notebook("trial_validation", parameters, folder / PAGES["trial_validation"], subtitle, progress)
+    pages = write_interactive_pages(case, folder) if choices.interactive else {}
+    show = sections("trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages)
+    parts = []
+    for number, block in enumerate(BLOCKS):
+        parts.append(show(block).html)
+        progress((number + 1) / len(BLOCKS))
+    indices = {name: as_json(each.manoeuvres) for name, each in made.items()}
+    write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
+    page = render(
+        "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),
+        body=Markup("".join(parts)),  # markup of templates, in which what a recording says is escaped
+    )  # fmt: skip
+    return page.write(folder / PAGE_FILE)
 
 
 def batch_reports(

@@ -15,7 +15,7 @@ from acquisition.core.files import write_text
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
-from hybrid.report.notebook import templates
+from hybrid.report.sections import templates
 from hybrid.report.tables import heading_of, limit_rows
 from hybrid.report.words import plain
 

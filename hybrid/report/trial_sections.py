@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
+from analysis.kinematics import mean_wind
+from analysis.manoeuvres.criteria import Conditions, IndexRow, Mean, index_rows, untested, verdict
+from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.report import index_cells, plain_name
+from analysis.manoeuvres.turning_circle import REMOVED
 from analysis.products import Products
-from analysis.report.pages import events_of, run_sheet
+from analysis.report.manoeuvre_plots import PICTURED
+from analysis.report.pages import beaufort, circumstances, events_of, file_rows, known_rows
+from analysis.report.quality_page import counts_of
+from analysis.report.words import in_words, reason_of
 from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED
 from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
@@ -19,18 +28,22 @@ from hybrid.report.tables import score_rows
 from hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
-    import pandas as pd
-
+    from analysis.quality.findings import Finding
     from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
     from hybrid.calibrators.calibrator import DomainOfApplicability
     from hybrid.evaluation.validate import Validation
 
-__all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "events_of", "run_sheet"]  # for the template
+__all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "file_rows", "in_words", "reason_of", "untested"]
+# for the template
 
 INTERACTIVE = "interactive"
-_A_DAY_S = 86_400.0  # received so long after: the source's clock is of another day
+MOST_PICTURES = 6
+"""Manoeuvres that have a picture in the report: three on a sheet; the page to zoom into has all."""
+MOST_ROWS = 40
+"""Rows of the page of indices: more do not stand on one sheet."""
+MOST_FINDINGS = 14
 _OVERLAP = {
-    "nothing": "None has seen these recordings.",
+    "nothing": "No method was trained on these recordings.",
     "another part": "The calibrator was trained on another part of the same recordings.",
     "some": "The calibrator has seen some of this.",
 }
@@ -40,6 +53,107 @@ _SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
 def window_rows(products: Products) -> pd.DataFrame | None:
     """The long table of a recording's held windows."""
     return None if products.windows is None else products.windows.rows
+
+
+def ship_name(case: Case) -> str:
+    """The ships that the recordings name."""
+    named = [each.recording.trial.vessel for each in case.products.values() if each.recording.trial.vessel]
+    return join_words(list(dict.fromkeys(named))) if named else "a ship that is not named"
+
+
+def subtitle(case: Case) -> str:
+    """When and where, in a line below the title."""
+    first = next(iter(case.products.values()))
+    trial, start = first.recording.trial, first.one_hz.index[0]
+    several = f"{len(case.products)} recordings" if len(case.products) > 1 else ""
+    return ", ".join(each for each in (trial.name, trial.place, f"{start:%d %B %Y}".lstrip("0"), several) if each)
+
+
+def manoeuvres_of(case: Case) -> list[Manoeuvre]:
+    """All manoeuvres of all recordings."""
+    return [each for products in case.products.values() for each in products.manoeuvres]
+
+
+def conditions_of(case: Case) -> Conditions:
+    """What the standards ask of the ship and the conditions: the shallowest water, the strongest mean wind."""
+    ships = [each for name in case.products if (each := case.ship(name)) is not None]
+    trials = [each.recording.trial for each in case.products.values()]
+    draughts = [
+        each for each in (*(trial.draught_m for trial in trials), *(ship.draught_m for ship in ships)) if each
+    ]
+    depths = [each.water_depth_m for each in trials if each.water_depth_m]
+    tables = [each.one_hz[["wind_speed_mps", "wind_direction_deg"]].dropna() for each in case.products.values()]
+    winds = [mean_wind(table)[0] for table in tables if len(table)]
+    return Conditions(
+        min((each.between_perpendiculars_m for each in ships), default=None),
+        max(draughts, default=None), min(depths, default=None), beaufort(max(winds)) if winds else None,
+    )  # fmt: skip
+
+
+def rows_of_indices(case: Case) -> list[IndexRow]:
+    """The page of indices: means over like runs of all recordings."""
+    return index_rows(manoeuvres_of(case), conditions_of(case))
+
+
+def verdict_of(case: Case) -> str:
+    """The result in one sentence."""
+    return verdict(rows_of_indices(case))
+
+
+def index_line(row: IndexRow) -> dict[str, Any]:
+    """The cells of an index: its name with the unit, by side its mean and interval, and the limit.
+
+    A test without sides has its mean under ``""``.
+    """
+    unit = next(iter(row.sides.values())).index.unit
+    name = plain_name(row.name.removesuffix(REMOVED)) + (f" [{unit}]" if unit else "")
+    limit = index_cells(row.limit)[3].replace(f" {unit}", "") if row.limit is not None else ""
+    return {
+        "name": name + (" \u2020" if row.name.endswith(REMOVED) else ""),
+        "limit": f"\u2264 {limit}" if limit else "",
+        "sides": {side: _mean_cells(each) for side, each in row.sides.items()},
+    }
+
+
+def _mean_cells(each: Mean) -> tuple[str, str]:
+    value, interval, lengths, _ = index_cells(each.index)
+    value = value.removesuffix(f" {each.index.unit}") + (f" ({lengths} L)" if lengths else "")
+    return value + (f", {each.runs} runs" if each.runs > 1 else ""), interval
+
+
+def reasons(rows: Sequence[IndexRow]) -> list[str]:
+    """Why values are not judged, each reason once."""
+    return list(dict.fromkeys(row.why for row in rows if row.why))
+
+
+def pictured(products: Products, rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[Manoeuvre]:
+    """The manoeuvres that have a picture: the first of each name and side, those with limits before others."""
+    limited = {row.test.split(",")[0].lower() for row in rows if row.result}
+    first = {(each.name, each.side): each for each in reversed(products.manoeuvres) if each.kind in PICTURED}
+    found = sorted(first.values(), key=lambda each: (each.name.lower() not in limited, each.start))
+    return sorted(found[:most], key=lambda each: each.start)
+
+
+def picture_caption(each: Manoeuvre) -> str:
+    """The approach of a manoeuvre, the drift that was removed and what is to be known of it."""
+    said = []
+    if "approach_mps" in each.settings:
+        said.append(
+            f"Approach at {each.settings['approach_mps']:.2f} m/s on {each.settings['approach_heading_deg']:.0f}°"
+        )
+    if each.current is not None:
+        drift = each.current.as_json()
+        said.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
+    return "; ".join([*said, *each.notes]) + "."
+
+
+def facts(case: Case, name: str) -> list[tuple[str, str]]:
+    """The ship, her loading, date, place and conditions of a recording; what is the same as in the first one is
+    left out of the others, and what nobody recorded stands in one row."""
+    rows = {each: known_rows(circumstances(made.recording, made.one_hz, made.manoeuvres, case.ship(each)))
+            for each, made in case.products.items()}  # fmt: skip
+    first = next(iter(rows))
+    return rows[name] if name == first else [row for row in rows[name] if row not in rows[first]]
 
 
 def headline(case: Case) -> dict[str, str]:
@@ -58,16 +172,13 @@ def headline(case: Case) -> dict[str, str]:
 
 def model_words(case: Case) -> str:
     """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
-    ships = join_words(
-        list(dict.fromkeys(each.recording.trial.vessel or "no ship" for each in case.products.values()))
-    )
-    words = f"The reference is the model {case.model.name}; the recordings name {ships}."
+    words = f"The reference is the model {case.model.name}; the recordings name {ship_name(case)}."
     if case.trained is None:
         return words
     trained = case.trained
     recordings = join_words([each.path.name for each in trained.sources])
     return (
-        f"{words} The hybrid is the calibrator {trained.calibrator.method}, trained on {recordings} "
+        f"{words} The hybrid is the calibrator {plain(trained.calibrator.method)}, trained on {recordings} "
         f"({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, {trained.trained_at:%Y-%m-%d})."
     )
 
@@ -80,26 +191,38 @@ def doubts_of(products: Products) -> str | None:
         return None
     codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
     return (
-        f"{len(doubtful)} of {len(channels)} channels are not good ({join_words(list(codes))}): part of every "
-        "error below may be the data's. The section on data quality says more."
+        f"{len(doubtful)} of {len(channels)} channels are not good ({join_words(list(codes))}); "
+        "the appendix says what was found and what was put right."
     )
 
 
-def time_rows(products: Products) -> list[list[str]]:
-    """How even the stamps of each channel are, and how long samples took to arrive."""
+def finding_rows(products: Products) -> list[list[str]]:
+    """What was found in the data, a row a kind: what, where, in words, and what was put right of it."""
+    repaired: dict[str, list[str]] = {}
+    for repair in products.repairs:
+        repaired.setdefault(repair.code, []).append(f"{in_words(repair.text)} ({repair.changed:,} values)")
+    found: dict[str, list[Finding]] = {}
+    for each in products.quality.findings:
+        found.setdefault(each.code, []).append(each)
+    return [
+        [plain(code), ", ".join(dict.fromkeys(in_words(each.channel) for each in alike)), in_words(alike[0].text),
+         "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
+        for code, alike in list(found.items())[:MOST_FINDINGS]
+    ]  # fmt: skip
+
+
+CHANNEL_HEADER = ["channel", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",
+                  "between samples, median [s]", "longest [s]", "grade"]  # fmt: skip
+
+
+def channel_rows(products: Products) -> list[list[str]]:
+    """A row a channel: how many samples, how even their times, what was found in them."""
     rows = []
-    for name, series in products.recording.series.items():
-        if name not in products.quality.channels or series.measured_ns.size < 2:
-            continue
-        steps = np.diff(np.sort(series.measured_ns)) / 1e9
-        late = (series.received_ns - series.measured_ns) / 1e9
-        other = abs(float(np.median(late))) > _A_DAY_S
-        rows.append(
-            [name, f"{np.median(steps):.3f}", f"{np.quantile(steps, 0.95):.3f}", f"{steps.max():.2f}",
-             "another clock" if other else f"{np.median(late):.3f}",
-             "" if other else f"{np.quantile(np.abs(late - np.median(late)), 0.95):.3f}",
-             ", ".join(series.sources)]
-        )  # fmt: skip
+    for name, each in products.quality.channels.items():
+        series = products.recording.series.get(name)
+        steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
+        spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
+        rows.append([in_words(name), *counts_of(each)[:6], *spread, each.grade])
     return rows
 
 
@@ -111,6 +234,11 @@ def source_rows(products: Products) -> list[list[str]]:
          f"{each.get('dropped', 0):,}"]
         for name, each in products.recording.health.items()
     ]  # fmt: skip
+
+
+def event_rows(products: Products) -> list[list[str]]:
+    """The events of a recording, in words."""
+    return [[time, in_words(text)] for time, text in events_of(products.recording)]
 
 
 def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
@@ -212,8 +340,7 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
 
 
 def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
-    """A page to zoom into for each recording, in ``folder``; what they are called and where, for links, or why
-    not."""
+    """A page to zoom into for each recording, in ``folder``: what they are called and where, for links."""
     from analysis.report.interactive import interactive_page
 
     pages = {}
@@ -225,9 +352,8 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
             interactive_page(
                 products.one_hz, windows, predicted, products.manoeuvres, trial, products.recording.path.name
             ).write(page)
-        except (ConfigurationError, DataShortageError) as error:
-            pages[f"no page to zoom into: {error}"] = ""
-            continue
+        except (ConfigurationError, DataShortageError):
+            continue  # without plotly, or without a row: the report stands without it
         what = "track and channels to zoom into" + (f", {trial}" if len(case.paths) > 1 else "")
         pages[what] = page.name
     return pages

@@ -21,7 +21,7 @@ from analysis.manoeuvres.report import plain_name
 from analysis.report.figures import write_figure
 from analysis.report.plots import FAINT, INK, PALETTE, outlines
 from analysis.report.rendering import Page, render
-from hybrid.report.notebook import templates
+from hybrid.report.sections import templates
 from hybrid.report.words import join_words
 from hybrid.simulation.vessel_check import StandardTest, VesselCheck
 

@@ -18,14 +18,12 @@ from acquisition.core.files import atomic_file, write_text
 from analysis.report.plots import FAINT
 from analysis.report.rendering import Page, render
 from hybrid.prediction.scores import Interval
-from hybrid.report.notebook import sections, templates
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic
+from hybrid.report.sections import sections, templates
 from hybrid.report.tables import spread, text_table
 from hybrid.report.words import no_wrap, plain
-from hybrid.reproduction.figures import FIGURES, FigureData
+from hybrid.reproduction.figures import FIGURES
 from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
-
-__all__ = ["FIGURES", "counts_of"]  # for the template
 
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
           "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
@@ -87,11 +85,14 @@ def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
     return as_json, as_csv
 
 
-def write_page(table: Table3, folder: Path, shown: FigureData | None = None) -> Path:
-    """Write ``table3.html``, with figures if there is something to be ``shown``. Raises :class:`StorageError`."""
+def write_page(folder: Path) -> Path:
+    """Write ``table3.html`` of what ``seatrial reproduce`` left in a folder: its table, its figures, or both.
+
+    Raises :class:`InputError` as :func:`results_of`, :class:`StorageError`.
+    """
     page = render(
-        "table3.html", templates=templates(), title="The paper's Table III, reproduced", table=table, shown=shown,
-        subtitle="Mean errors of predictions on sequences never seen", table3=sys.modules[__name__],
+        "table3.html", templates=templates(), title="The paper's results, reproduced",
+        subtitle="Wang, Li et al. 2021: mean errors of predictions on sequences never seen", **results_of(folder),
     )  # fmt: skip
     return page.write(folder / "table3.html")
 
@@ -164,15 +165,20 @@ def cell_rows(table: Table3) -> list[list[str]]:
 
 def is_reproduced(folder: Path) -> bool:
     """Whether a folder holds any results of the reproduction."""
-    return (folder / TABLE).is_file() or any((folder / f"{name}.png").is_file() for name in FIGURES)
+    return (folder / TABLE).is_file() or bool(drawn_in(folder))
 
 
-def results_sections(folder: Path | str, figures_folder: Path | str) -> Callable[..., Page]:
-    """The function that shows sections of the report on a folder that ``seatrial reproduce`` wrote.
+def drawn_in(folder: Path) -> dict[Path, str]:
+    """The pictures of the reproduction that a folder holds, and what stands below each."""
+    paths = {folder / f"{name}.png": each.caption for name, each in FIGURES.items()}
+    return {path: caption for path, caption in paths.items() if path.is_file()}
+
+
+def results_of(folder: Path) -> dict[str, Any]:
+    """What the page shows of a folder that ``seatrial reproduce`` wrote.
 
     Raises :class:`InputError` where it holds nothing of the reproduction, or a table that cannot be read.
     """
-    folder = Path(folder)
     if not is_reproduced(folder):
         raise InputError("holds neither Table III nor its figures", where=str(folder),
                          fix="run `seatrial reproduce table3 -o` that folder")  # fmt: skip
@@ -182,4 +188,9 @@ def results_sections(folder: Path | str, figures_folder: Path | str) -> Callable
     except (OSError, InputError, ValueError, KeyError, TypeError) as error:
         raise InputError("is not what this version writes", where=str(path), why=f"{type(error).__name__} {error}",
                          fix="run `seatrial reproduce table3` again") from error  # fmt: skip
-    return sections("table3.html", figures_folder, table3=sys.modules[__name__], table=table, folder=folder)
+    return {"table3": sys.modules[__name__], "table": table, "folder": folder}
+
+
+def results_sections(folder: Path | str) -> Callable[..., Page]:
+    """The function that shows sections of the page of a reproduction; errors as :func:`results_of`."""
+    return sections("table3.html", **results_of(Path(folder)))

@@ -55,7 +55,7 @@ def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
     start = pd.Timestamp("2026-01-01", tz="UTC")
     turns = [Manoeuvre("turning_circle", "circle", start, start, "port", {}, {}, current=each)
              for each in (Current(0.0, 0.3, 0.01, 0.01), Current(0.0, 0.5, 0.01, 0.01))]  # fmt: skip
-    assert sheet_of(tmp_path, Trial(), turns)["current"].startswith("0.40 m/s towards 90\u00b0, from 2 turns")
+    assert sheet_of(tmp_path, Trial(), turns)["current"].startswith("0.40 \u00b1 1.27 m/s towards 90\u00b0")
 
 
 @pytest.mark.parametrize("force", range(1, 13))

@@ -12,18 +12,17 @@ from typer.testing import CliRunner
 import seatrial
 from acquisition.core.errors import InputError, SeatrialError, StorageError
 from hybrid.report.folder import Choices, batch_options, kind_of, recordings_in, report
-from hybrid.report.notebook import SOURCES, body_of, executed_notebook, title_of
 
 
 @pytest.mark.parametrize(
     ("file", "kind"),
     [
-        ("diagnosis.json", "missing_effect"),
-        ("table3.json", "paper_reproduction"),
-        ("figure_04_tracks.png", "paper_reproduction"),
+        ("diagnosis.json", "diagnosis"),
+        ("table3.json", "reproduction"),
+        ("figure_04_tracks.png", "reproduction"),
         ("index.parquet", "batch"),
-        ("trial.mcap", "trial_validation"),
-        ("recordings/trial.mcap", "trial_validation"),
+        ("trial.mcap", "trial"),
+        ("recordings/trial.mcap", "trial"),
     ],
 )
 def test_a_folder_is_known_by_what_lies_in_it(file: str, kind: str, tmp_path: Path) -> None:
@@ -81,77 +80,6 @@ def test_options_of_a_batch_are_those_of_its_results(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "summary.json").write_text(json.dumps({"provenance": {"options": {"horizon_s": 30}}}))
     assert batch_options(tmp_path).horizon_s == 30
-
-
-@pytest.mark.parametrize("name", ["trial_validation", "paper_reproduction", "missing_effect"])
-def test_every_notebook_has_one_cell_of_parameters_and_little_code(name: str) -> None:
-    import jupytext
-
-    notebook = jupytext.read(SOURCES / f"{name}.py")
-    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
-    assert [cell.metadata.get("tags") for cell in code].count(["parameters"]) == 1
-    assert code[0].metadata["tags"] == ["parameters"]
-    assert max(len(cell.source.splitlines()) for cell in code) <= 12
-    assert title_of(notebook) != "Report"
-
-
-SMALL = """# ---
-# jupyter:
-#   kernelspec:
-#     display_name: Python 3
-#     language: python
-#     name: python3
-# ---
-
-# %% [markdown]
-# # A title
-#
-# Text with *stress*.
-
-# %% tags=["parameters"]
-x = 1
-
-# %%
-print(x, "<b>")
-
-# %%
-{last}
-"""
-
-
-@pytest.mark.pages
-def test_what_a_notebook_prints_is_text_and_what_it_shows_is_markup(tmp_path: Path) -> None:
-    source = tmp_path / "small.py"
-    source.write_text(SMALL.format(last="from hybrid.report.notebook import Page\nPage('<i>kept</i>')"))
-    notebook = executed_notebook(source, {"x": 7}, tmp_path / "small.ipynb")
-    body = body_of(notebook)
-    assert "7 &lt;b&gt;" in body
-    assert "<i>kept</i>" in body
-    assert "<em>stress</em>" in body
-    assert "A title" not in body  # it is the page's
-    assert json.loads((tmp_path / "small.ipynb").read_text())["cells"]
-
-
-@pytest.mark.pages
-def test_python_files_beside_a_recording_are_not_imported(tmp_path: Path) -> None:
-    """A folder that somebody sent may hold a pandas.py of its own."""
-    (tmp_path / "pandas.py").write_text("raise SystemExit('imported')")
-    source = tmp_path / "small.py"
-    source.write_text(SMALL.format(last="import pandas\nprint(pandas.__name__, hasattr(pandas, 'DataFrame'))"))
-    notebook = executed_notebook(source, {}, tmp_path / "small.ipynb")
-    assert "pandas True" in body_of(notebook)
-
-
-@pytest.mark.pages
-def test_a_cell_that_fails_is_one_clear_error_and_the_notebook_stays(tmp_path: Path) -> None:
-    source = tmp_path / "small.py"
-    source.write_text(SMALL.format(last="raise ValueError('no such thing')"))
-    with pytest.raises(
-        SeatrialError, match=r"cell \d+ of the notebook failed.*ValueError: no such thing"
-    ) as caught:
-        executed_notebook(source, {}, tmp_path / "small.ipynb")
-    assert "\n" not in str(caught.value)
-    assert "ValueError" in (tmp_path / "small.ipynb").read_text()
 
 
 @pytest.mark.pages

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-import jupytext
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,23 +19,12 @@ from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances
-from hybrid.report.notebook import SOURCES
+from hybrid.reproduction.fidelity import notebook
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import windows_at
 
-
-def definitions_of(name: str) -> Any:
-    """The functions and classes of a notebook, whose computations are not run."""
-    notebook = ModuleType(name)
-    sys.modules[name] = notebook  # where dataclasses look for the types of their fields
-    cells = [each for each in jupytext.read(SOURCES / f"{name}.py").cells if each.cell_type == "code"]
-    run = (each for each in cells if "run" not in each.metadata.get("tags", []))
-    exec(compile("\n".join(each.source for each in run), name, "exec"), vars(notebook))
-    return notebook
-
-
-NOTEBOOK = definitions_of("fidelity_map")
+NOTEBOOK = notebook("fidelity_map")
 SHORT, LONG = (vessel_plant(load_vessel(name)) for name in ("gunnerus_short", "gunnerus_long"))
 AMOUNTS = (10, 80)
 

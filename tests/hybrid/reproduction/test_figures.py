@@ -20,7 +20,7 @@ from hybrid.report.plots import start_frame
 from hybrid.reproduction import campaign, figures, page
 from hybrid.reproduction.campaign import Job, seas_of
 from hybrid.reproduction.figures import FIGURES, FigureData, figure_data_of, write_figure_data
-from hybrid.reproduction.page import shortfalls, write_page
+from hybrid.reproduction.page import shortfalls, write_page, write_table3
 from hybrid.reproduction.table3 import Table3, table3
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
@@ -111,7 +111,9 @@ def test_boxes_lie_where_the_errors_are() -> None:
 def test_the_page_says_what_falls_short_and_needs_no_network(
     shown: FigureData, table: Table3, few: list[str], tmp_path: Path
 ) -> None:
-    text = write_page(table, tmp_path, shown).read_text()
+    write_figure_data(shown, tmp_path)
+    write_table3(table, tmp_path)
+    text = write_page(tmp_path).read_text()
     assert text.count("data:image/png;base64") == len(few)
     assert "http" not in text.replace("http://www.w3.org", "")
     for sentence in shortfalls(table):

@@ -1,0 +1,248 @@
+"""Indices of like runs, port beside starboard, and whether they meet the criteria of IMO MSC.137(76).
+
+Runs are alike that have one name (test and helm) and one approach speed within a fifth; their mean has the 95 %
+interval of their own intervals or of the scatter between them (Student's t), whichever is wider.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from analysis.manoeuvres.indices import Index, Manoeuvre
+from analysis.manoeuvres.turning_circle import REMOVED
+
+LEAST_LENGTH_M = 100.0
+"""The standards are for ships of this length and more, and for tankers of chemicals and gas of any."""
+DEEP_DRAUGHTS = 4.0
+"""Deep water begins at so many mean draughts (explanatory notes, MSC/Circ.1053)."""
+CALM_BEAUFORT = 5
+"""The strongest wind of a test (MSC/Circ.1053)."""
+
+CRITERIA = {
+    "advance_m": "advance", "tactical_diameter_m": "tactical diameter",
+    "initial_turning_m": "initial turning (10° helm)", "overshoot_1_deg": "first overshoot",
+    "overshoot_2_deg": "second overshoot", "track_reach_m": "track reach of a full-astern stop",
+}  # fmt: skip
+"""What the standards limit (MSC.137(76), 5.3), by the name of the index."""
+
+_MAIN = {
+    "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
+    "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
+    "zigzag": ("overshoot_1_deg", "overshoot_2_deg", "initial_turning_m"),
+    "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
+    "pull_out": ("residual_yaw_rate_dps",),
+    "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
+    "crabbing": ("sway_mps",),
+    "thruster_test": ("last_yaw_rate_dps",),
+}
+"""The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
+_SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
+"""Kinds whose runs differ in their settings: no means over them."""
+_IN_LENGTHS = ("advance_m", "tactical_diameter_m", "track_reach_m")
+_NO_LENGTH = "the ship's length is not known"
+_SPEED_SHARE = 0.2
+_UNSTEADY = re.compile(r"not steady|gathering way")
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """The mean of an index over ``runs`` runs and its 95 % interval; NaN where the interval is not known."""
+
+    index: Index
+    runs: int
+
+    @property
+    def half(self) -> float:
+        """Half of the interval."""
+        return 0.5 * (self.index.high - self.index.low)
+
+
+@dataclass(frozen=True, slots=True)
+class IndexRow:
+    """One index of like runs: its mean by side ("port", "starboard", "" for tests that have none) and its limit.
+
+    ``result`` is "pass", "fail" or "not judged" where there is a limit, else empty; ``why`` says why not judged;
+    ``place`` is that of the test among all.
+    """
+
+    test: str
+    name: str
+    sides: Mapping[str, Mean]
+    result: str = ""
+    why: str = ""
+    place: int = 0
+
+    @property
+    def limit(self) -> Index | None:
+        """The index whose limit is the strictest; None where there is none."""
+        limited = [each.index for each in self.sides.values() if each.index.limit is not None]
+        return min(limited, key=lambda each: each.limit or 0.0) if limited else None
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What the standards ask of a ship and of the conditions of her trial; None where it is not known."""
+
+    length_m: float | None = None
+    draught_m: float | None = None
+    water_depth_m: float | None = None
+    beaufort: int | None = None
+
+    @property
+    def against(self) -> str:
+        """Why these conditions do not allow a judgement; empty where they do."""
+        if self.length_m is None:
+            return _NO_LENGTH
+        if self.length_m < LEAST_LENGTH_M:
+            return (
+                f"the standards are for ships of {LEAST_LENGTH_M:.0f} m and more and for tankers of chemicals and "
+                f"gas; this one has {self.length_m:g} m between perpendiculars"
+            )
+        if self.beaufort is not None and self.beaufort > CALM_BEAUFORT:
+            return f"the wind was of force {self.beaufort}, above {CALM_BEAUFORT}"
+        if self.water_depth_m and self.draught_m and self.water_depth_m < DEEP_DRAUGHTS * self.draught_m:
+            draughts = self.water_depth_m / self.draught_m
+            return f"the water was {draughts:.1f} draughts deep, less than {DEEP_DRAUGHTS:.0f}"
+        return ""
+
+
+def mean_of(runs: Sequence[Index]) -> Mean:
+    """The mean of an index over runs; its interval is the wider of that of their errors and that of the scatter."""
+    from scipy.stats import t
+
+    count = len(runs)
+    values = np.array([each.value for each in runs])
+    within = np.array([0.5 * (each.high - each.low) for each in runs])
+    half = float(np.sqrt(np.sum(within**2))) / count
+    if count > 1:
+        scatter = float(t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
+        half = scatter if np.isnan(half) else max(half, scatter)
+    value = float(values.mean())
+    lengths = [each.lengths for each in runs if each.lengths is not None]
+    limits = [each.limit for each in runs if each.limit is not None]
+    mean_lengths = float(np.mean(lengths)) if len(lengths) == count else None
+    limit = min(limits) if limits else None
+    return Mean(Index(value, value - half, value + half, runs[0].unit, mean_lengths, limit), count)
+
+
+def index_rows(manoeuvres: Iterable[Manoeuvre], conditions: Conditions) -> list[IndexRow]:
+    """The main indices of all manoeuvres: means over like runs, tests that have limits first."""
+    tests = [_rows_of_test(test, conditions) for test in like_runs(manoeuvres)]
+    ordered = sorted(tests, key=lambda rows: not any(row.result for row in rows))
+    return [replace(row, place=place) for place, rows in enumerate(ordered) for row in rows]
+
+
+def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
+    """The manoeuvres in groups of like runs, in the order of each group's first."""
+    groups: list[list[Manoeuvre]] = []
+    for each in manoeuvres:
+        like = next((group for group in groups if _alike(group[0], each)), None)
+        if like is None:
+            groups.append([each])
+        else:
+            like.append(each)
+    return groups
+
+
+def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
+    if (one.kind, one.name) != (other.kind, other.name) or one.kind in _SINGLE:
+        return False
+    speeds = [each.settings.get("approach_mps", 0.0) for each in (one, other)]
+    return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
+
+
+def test_name(test: Sequence[Manoeuvre]) -> str:
+    """What like runs are: the name of the test and the mean speed of the approach."""
+    speeds = [each.settings["approach_mps"] for each in test if "approach_mps" in each.settings]
+    at = f", from {np.mean(speeds):.2f} m/s" if speeds and test[0].kind not in _SINGLE else ""
+    return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
+
+
+def _rows_of_test(test: Sequence[Manoeuvre], conditions: Conditions) -> list[IndexRow]:
+    names = dict.fromkeys(name for each in test for name in _main_indices(each))
+    against = conditions.against or _unsteady(test)
+    rows = []
+    for name in names:
+        sides = {
+            side: mean_of([each.indices[name] for each in runs])
+            for side in ("port", "starboard", "")
+            if (runs := [each for each in test if each.side == side and name in each.indices])
+        }
+        rows.append(_judged(IndexRow(test_name(test), name, sides), against))
+    return rows
+
+
+def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
+    """The names of the main indices, with the current removed where that is known."""
+    found = manoeuvre.indices
+    main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(found)[:3])
+    if manoeuvre.kind == "speed_run":
+        main = ["speed_through_water_mps" if "speed_through_water_mps" in found else "speed_over_ground_mps"]
+    best = [name + REMOVED if name + REMOVED in found else name for name in main]
+    return [name for name in best if name in found]
+
+
+def _unsteady(test: Sequence[Manoeuvre]) -> str:
+    notes = [note for each in test for note in each.notes if _UNSTEADY.search(note)]
+    return notes[0] if notes else ""
+
+
+def _judged(row: IndexRow, against: str) -> IndexRow:
+    """The row with its result: each side's whole interval has to lie below the limit, or above it."""
+    by_length = row.name.removesuffix(REMOVED) in _IN_LENGTHS and against == _NO_LENGTH
+    if row.limit is None and not by_length:
+        return row
+    if against:
+        return replace(row, result="not judged", why=against)
+    sides = [each.index for each in row.sides.values() if each.index.limit is not None]
+    if any(_above(each, each.low) for each in sides):
+        return replace(row, result="fail")
+    if any(_above(each, each.high) for each in sides):
+        return replace(row, result="not judged", why="the 95 % interval holds the limit")
+    return replace(row, result="pass")
+
+
+def _above(index: Index, bound: float) -> bool:
+    """Whether a bound of an index, or its value where that is not known, lies above the limit."""
+    return bool((index.value if np.isnan(bound) else bound) > (index.limit or np.inf))
+
+
+def criterion_of(name: str) -> str:
+    """The criterion that an index is for; empty for none."""
+    return CRITERIA.get(name.removesuffix(REMOVED), "")
+
+
+def untested(rows: Iterable[IndexRow]) -> list[str]:
+    """The criteria of the standards that no run of these is for."""
+    shown = {criterion_of(row.name) for row in rows if row.result}
+    return [each for each in CRITERIA.values() if each not in shown]
+
+
+def verdict(rows: Sequence[IndexRow]) -> str:
+    """The result of a trial in one sentence."""
+    limited = [row for row in rows if row.result]
+    count = {result: [row for row in limited if row.result == result] for result in ("pass", "fail", "not judged")}
+    judged = len(count["pass"]) + len(count["fail"])
+    if not rows:
+        return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
+    if not limited:
+        tests = len({row.test for row in rows})
+        return (
+            f"{tests} kind{'s' * (tests != 1)} of test {'were' if tests != 1 else 'was'} measured; "
+            "none is one that IMO MSC.137(76) sets a limit for."
+        )
+    if not judged:
+        return (
+            f"{len(limited)} value{'s' * (len(limited) != 1)} with a limit in IMO MSC.137(76) "
+            f"{'were' if len(limited) != 1 else 'was'} measured; none is judged: {limited[0].why}."
+        )
+    failed = [f"{criterion_of(row.name)} ({row.test})" for row in count["fail"]]
+    left = f"; {len(count['not judged'])} not judged" if count["not judged"] else ""
+    if failed:
+        return f"The trial does not meet IMO MSC.137(76) in {', '.join(failed)}{left}."
+    every = "the one value" if judged == 1 else f"all {judged} values"
+    return f"The trial meets IMO MSC.137(76) in {every} judged{left}."

@@ -1,0 +1,71 @@
+"""Sections of reports: the blocks of a template, each of a result, shown on a page or in a notebook."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment
+
+from acquisition.core.errors import SeatrialError
+from analysis.report.figures import write_figure
+from analysis.report.rendering import Page, environment, render
+from analysis.report.words import reason_of
+
+FAILED = "This section failed, which is a fault of Seatrial"
+_LEVEL = 3  # of headings inside a section: that of the section is above
+
+
+def sections(template: str, folder: Path | str | None = None, /, **context: Any) -> Callable[..., Page]:
+    """A function that shows a template's blocks: ``show("gap", "map")``, with more ``context`` if need be.
+
+    Their figures go into ``folder`` as SVG, the numbers behind them as JSON. A section that these data do
+    not allow says why in its place; the others stand.
+    """
+
+    def show(*blocks: str, **more: Any) -> Page:
+        values = {"level": _LEVEL, **context, **more}
+        try:
+            shown = [render(template, block, templates(), **values) for block in blocks]
+        except SeatrialError as error:
+            return _note(f"This could not be made: {reason_of(str(error.at('')))}.")
+        except Exception as error:  # one section that fails must not take the others with it
+            traceback.print_exc()
+            return _note(f"{FAILED}: {type(error).__name__} {error}.")
+        figures = {name: figure for section in shown for name, figure in section.figures.items()}
+        for name, figure in figures.items() if folder is not None else ():
+            write_figure(figure, Path(folder or ""), name, ("svg", "json"))
+        return Page("".join(section.html for section in shown), figures)
+
+    return show
+
+
+def _note(text: str) -> Page:
+    return render("failure.html", templates=templates(), text=text)
+
+
+@cache
+def templates() -> Environment:
+    """The templates of this package, with what they call."""
+    from hybrid.diagnosis.serialisation import read_diagnosis
+    from hybrid.report import (
+        diagnosis_map_plots,
+        diagnosis_plots,
+        diagnosis_words,
+        evaluation_page,
+        trial_plots,
+        trial_sections,
+    )
+    from hybrid.report.diagnosis_words import chance, percent
+
+    made = environment(Path(__file__).parent / "templates")
+    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row}
+    made.globals |= {
+        "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
+        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
+        "read_diagnosis": read_diagnosis,
+    }  # fmt: skip
+    return made
