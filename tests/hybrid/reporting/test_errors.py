@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.tables.table import NANO
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.report.errors import (
     COLUMNS,
@@ -27,12 +28,12 @@ def horizons_of(
     """Windows of nothing but measured tracks [N, H+1, 3], one every horizon."""
     count = len(track)
     begin = np.array(starts_s or [each * (track.shape[1] - 1) for each in range(count)])
-    times = pd.Timestamp("2026-01-01", tz="UTC") + pd.to_timedelta(begin, unit="s")
+    start_ns = pd.Timestamp("2026-01-01", tz="UTC").value + begin * NANO
     legs = np.array(leg or ["a"] * count)
     start = np.concatenate([track[:, 0], np.zeros((count, 3))], axis=1)
     wind, control, trial = np.zeros((count, 2)), np.zeros((count, 5)), np.array(["trial"] * count)
     past = np.zeros((count, PAST_S + 1, 13))
-    return PredictionWindows(start, track, wind, control, trial, legs, pd.DatetimeIndex(times), past)
+    return PredictionWindows(start, track, wind, control, trial, legs, start_ns, past)
 
 
 def straight(heading_rad: float, speed_mps: float = 3.0, seconds: int = 10) -> np.ndarray:

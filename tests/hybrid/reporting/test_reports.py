@@ -23,7 +23,6 @@ from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
-from analysis.manoeuvres.criteria import CRITERIA
 from analysis.tables.table import table_of
 from hybrid.report.folder import Choices, report
 from hybrid.reproduction.fidelity import SOURCES
@@ -91,7 +90,7 @@ def test_a_trial_has_the_report_of_a_deliverable(circles: Path) -> None:
     assert pages_of(page) <= 10
     verdict, table = text.index("MSC.137(76)"), text.index("Indices of manoeuvrability")
     assert verdict < text.index("dimensions") < table < text.index("Figures") < text.index("Appendix")
-    assert re.search(r"test\s+index\s+port\s+starboard\s+limit\s+result", text)
+    assert re.search(r"test\s+index\s+port: mean, 95 %\s+starboard: mean, 95 %\s+limit\s+result", text)
     assert "not judged" in text
     assert "the standards are for ships of 100 m and more" in text
     found = json.loads((page.parent / "indices.json").read_text())["circles"]
@@ -139,7 +138,8 @@ def test_a_calibrator_is_judged_as_by_validate(unseen: Path, small_folder: Path,
     assert pages_of(page) <= 10
     said = CliRunner().invoke(seatrial.app, ["validate", str(unseen), "--calibrator", str(small_folder), "--json"])
     for name, score in json.loads(said.stdout)["methods"].items():
-        assert re.search(rf"{name.replace('_', ' ')}\s+\S+\s+{score['mean_distance_m']:.3f}", text), name
+        words = name.removesuffix("_two_sided").replace("_", " ")
+        assert re.search(rf"{words}\s+\S+\s+{score['mean_distance_m']:.3f}", text), name
     figures = tmp_path / "figures"
     names = {each.stem for each in figures.glob("*.svg")}
     assert names == {each.stem for each in figures.glob("*.json")}
@@ -179,7 +179,7 @@ def test_a_real_trial(name: str, shared_data: Path, tmp_path: Path) -> None:
     text = keeps_its_promises(page, names_in(recording))
     assert pages_of(page) <= 10
     assert len(text.split()) < 2_500
-    assert all(criterion.split(" (")[0] in text for criterion in CRITERIA.values())
+    assert "Indices of manoeuvrability" in text
 
 
 def run_as_script(name: str, **parameters: object) -> None:
