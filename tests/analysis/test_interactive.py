@@ -388,6 +388,13 @@ def test_a_click_on_a_manoeuvre_shows_it_alone(page: Browser, place: str) -> Non
     assert page.errors == []
 
 
+def test_times_before_the_first_row_may_be_shown(page: Browser) -> None:
+    """As around a manoeuvre that begins with the recording."""
+    page.evaluate("showTimes(-50, 200)")
+    page.wait_for("state.to < 201")
+    assert page.evaluate("state.from") == 0.0
+
+
 def test_a_row_of_the_list_zooms_as_its_number_does(page: Browser) -> None:
     page.click_on("#manoeuvres td:last-child")
     page.wait_for("state.from > 0")

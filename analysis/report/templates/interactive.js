@@ -421,11 +421,11 @@ function showTimes(from, to) {
 
 function timesChanged() {
   const axis = axes(series)[0];
-  const [from, to] = axis.range.map(each => (axis.r2l(each) - page.start_ms) / 1000);
-  byId("shown").textContent = `${clock(Math.round(Math.max(from, 0)))} to ` +
-    `${clock(Math.round(Math.min(to, END_S)))} UTC`;
-  if (from === state.from && to === state.to) return;
-  Object.assign(state, {from: Math.max(from, 0), to: Math.min(to, END_S)});
+  const [low, high] = axis.range.map(each => (axis.r2l(each) - page.start_ms) / 1000);
+  const from = Math.max(low, 0), to = Math.min(high, END_S);
+  byId("shown").textContent = `${clock(Math.round(from))} to ${clock(Math.round(to))} UTC`;
+  if (from === state.from && to === state.to) return;  // what follows calls this again
+  Object.assign(state, {from, to});
   drawTrack();
   if (page.manoeuvres.length) Plotly.relayout(series, {shapes: shapes()});
 }
