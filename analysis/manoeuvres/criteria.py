@@ -224,25 +224,30 @@ def untested(rows: Iterable[IndexRow]) -> list[str]:
 
 def verdict(rows: Sequence[IndexRow]) -> str:
     """The result of a trial in one sentence."""
-    limited = [row for row in rows if row.result]
-    count = {result: [row for row in limited if row.result == result] for result in ("pass", "fail", "not judged")}
-    judged = len(count["pass"]) + len(count["fail"])
     if not rows:
         return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
-    if not limited:
-        tests = len({row.test for row in rows})
-        return (
-            f"{tests} kind{'s' * (tests != 1)} of test {'were' if tests != 1 else 'was'} measured; "
-            "none is one that IMO MSC.137(76) sets a limit for."
-        )
+    results = {name: [row for row in rows if row.result == name] for name in ("pass", "fail", "not judged")}
+    judged, left = len(results["pass"]) + len(results["fail"]), results["not judged"]
+    if not judged and not left:
+        tests = len({row.place for row in rows})
+        return f"None of the tests of IMO MSC.137(76) was made; {_counted(tests, 'other test')} measured."
     if not judged:
+        below = all(row.limit is not None and not _exceeds(row) for row in left)
+        said = f", {'all ' * (len(left) > 1)}below the limit" if below else ""
         return (
-            f"{len(limited)} value{'s' * (len(limited) != 1)} with a limit in IMO MSC.137(76) "
-            f"{'were' if len(limited) != 1 else 'was'} measured; none is judged: {limited[0].why}."
+            f"Not judged: {left[0].why}. {_counted(len(left), 'value')} measured that IMO MSC.137(76) limits{said}."
         )
-    failed = [f"{criterion_of(row.name)} ({row.test})" for row in count["fail"]]
-    left = f"; {len(count['not judged'])} not judged" if count["not judged"] else ""
-    if failed:
-        return f"The trial does not meet IMO MSC.137(76) in {', '.join(failed)}{left}."
+    others = f"; {len(left)} not judged" if left else ""
+    if results["fail"]:
+        failed = [f"{criterion_of(row.name)} ({row.test})" for row in results["fail"]]
+        return f"The trial does not meet IMO MSC.137(76) in {', '.join(failed)}{others}."
     every = "the one value" if judged == 1 else f"all {judged} values"
-    return f"The trial meets IMO MSC.137(76) in {every} judged{left}."
+    return f"The trial meets IMO MSC.137(76) in {every} judged{others}."
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what} was" if number == 1 else f"{number} {what}s were"
+
+
+def _exceeds(row: IndexRow) -> bool:
+    return any(_above(each.index, each.index.value) for each in row.sides.values())

@@ -167,6 +167,13 @@ class Case:
             refuse_training_data(self.dataset.sources, self.trained)
         return validate(self.dataset, self.plant, self.trained)
 
+    @property
+    def _names_a_model(self) -> bool:
+        try:
+            return not self.model.doubt
+        except InputError:
+            return False
+
     @cached_property
     def why_not(self) -> str:
         """Why nothing is predicted on these recordings; empty where it is.
@@ -174,7 +181,7 @@ class Case:
         Of a ship without a model of her own none is judged unless one was asked for.
         """
         try:
-            if self.trained is None and self.vessel is None and self.model.doubt:
+            if self.trained is None and self.vessel is None and not self._names_a_model:
                 return "the recordings name no ship that there is a model of"
             _ = self.validation
         except (ConfigurationError, DataShortageError, InputError) as error:

@@ -56,8 +56,9 @@ def window_rows(products: Products) -> pd.DataFrame | None:
 
 
 def ship_name(case: Case) -> str:
-    """The ships that the recordings name."""
-    named = [each.recording.trial.vessel for each in case.products.values() if each.recording.trial.vessel]
+    """The ships that the recordings name; without one what their trials are called."""
+    trials = [each.recording.trial for each in case.products.values()]
+    named = [each.vessel for each in trials if each.vessel] or [each.name for each in trials if each.name]
     return join_words(list(dict.fromkeys(named))) if named else "a ship that is not named"
 
 
@@ -212,7 +213,7 @@ def finding_rows(products: Products) -> list[list[str]]:
 
 
 CHANNEL_HEADER = ["channel", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",
-                  "between samples, median [s]", "longest [s]", "grade"]  # fmt: skip
+                  "interval [s]", "longest [s]", "grade"]  # fmt: skip
 
 
 def channel_rows(products: Products) -> list[list[str]]:

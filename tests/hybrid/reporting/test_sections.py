@@ -126,7 +126,7 @@ def test_a_trial_without_a_held_window_has_a_report_that_says_why(
     short = simulated("calm", 3, 12.0)
     case = load_case([short])
     said = said_of(case, tmp_path / "figures")
-    assert "nothing was predicted" in said
+    assert "Nothing was predicted" in said
     assert "could not be made" not in said
     assert "SHA-256" in said
     assert (tmp_path / "figures" / "track.svg").is_file()
@@ -167,7 +167,7 @@ def test_a_recording_that_lacks_channels_has_a_report_that_says_so(
     case = load_case([path])
     said = said_of(case, tmp_path / "figures")
     assert FAILED not in said, re.findall(f"{FAILED}[^<]*", said)
-    assert "nothing was predicted" in said
+    assert "Nothing was predicted" in said
     assert "the recording names none of the vessel files" in said
 
 
