@@ -47,7 +47,7 @@ def record(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The folder that the recording goes into.")
     ] = None,
-    duration: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="Stop after this many seconds.")] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Record nothing: listen, and say which channels would be missing.")
     ] = False,
@@ -135,9 +135,9 @@ def discover(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="The configuration that records what was found.")
     ] = None,
-    duration: Annotated[float, typer.Option(min=0.1, help="Listen for so many seconds.")] = 20.0,
+    duration: Annotated[float, typer.Option(min=0.1, help="Listen for this many seconds.")] = 20.0,
     vessel: Annotated[
-        str, typer.Option(help="Whose actuators the channels are: a vessel's name, or its file.")
+        str, typer.Option(help="The vessel whose actuators are recorded: a name, or a vessel file.")
     ] = "",
     dbc: Annotated[Path | None, typer.Option(help="The DBC file of the vessel's own CAN frames.")] = None,
     as_json: AsJson = False,
@@ -217,7 +217,7 @@ def redecode(
 def emulate(
     recording: Annotated[Path, typer.Argument(help="The recording to play.")],
     config: Annotated[Path, typer.Argument(help="The configuration whose buses and lines it is played onto.")],
-    speed: Annotated[float, typer.Option(min=0.01, help="So many times as fast as it was.")] = 1.0,
+    speed: Annotated[float, typer.Option(min=0.01, help="Playback speed; 1 is real time.")] = 1.0,
 ) -> None:
     """Play a recording onto the buses of a configuration."""
     from acquisition.config.configuration import load_config
@@ -241,7 +241,7 @@ def import_(
     table: Annotated[Path, typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")],
     output: Output,
     columns: Annotated[Path | None, typer.Option(help="A column map: names and units of a foreign table.")] = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take what is proposed; ask nothing.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Accept the proposal without asking.")] = False,
     answer: Annotated[
         list[str] | None, typer.Option(help="Answer a question of the proposal: KEY=VALUE, as often as needed.")
     ] = None,
@@ -253,12 +253,12 @@ def import_(
     allow_missing: Annotated[
         bool, typer.Option(help="Accept a table without some of the ship's channels.")
     ] = False,
-    ignore_unknown: Annotated[bool, typer.Option(help="Pass over columns that are no channels.")] = False,
+    ignore_unknown: Annotated[bool, typer.Option(help="Ignore columns that are not channels.")] = False,
     vessel: Annotated[
-        str | None, typer.Option(help="Which ship the table tells of: a vessel's name, or its file.")
+        str | None, typer.Option(help="The vessel that the table is of: a name, or a vessel file.")
     ] = None,
 ) -> None:
-    """Turn a table into a recording: in standard names, through a column map, or as it is understood."""
+    """Turn a table into a recording: by standard names, a column map, or what its columns tell."""
     from acquisition.tables.import_table import import_proposed, import_table, is_standard
     from acquisition.tables.table_files import read_raw
 

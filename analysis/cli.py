@@ -15,13 +15,13 @@ RebuildPositions = Annotated[
     bool,
     typer.Option(
         "--rebuild-positions",
-        help="With the repairs: take the path that speeds and heading give for positions whose stamps jitter, and"
-        " the turns that the yaw rate gives for a heading whose stamps do.",
+        help="With the repairs: replace positions whose stamps jitter by dead reckoning from speeds and heading,"
+        " and such headings by the integrated yaw rate.",
     ),
 ]
 
-Horizon = Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")]
-Stride = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]
+Horizon = Annotated[int, typer.Option(min=2, help="The length of a window (the horizon) in seconds.")]
+Stride = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 
 
 def mount(app: typer.Typer) -> None:
@@ -36,15 +36,17 @@ def check(
         Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
     ] = None,
     repair: Annotated[
-        Path | None, typer.Option("--repair", help="Write a recording with what is certain put right.")
+        Path | None,
+        typer.Option("--repair", help="Also write a recording with the certain repairs done."),
     ] = None,
     rebuild_positions: RebuildPositions = False,
     own: Annotated[
-        list[str] | None, typer.Option("--check", help="FILE.py:FUNCTION: a check of your own; may be given often.")
+        list[str] | None,
+        typer.Option("--check", help="FILE.py:FUNCTION: a check of your own; may be repeated."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say what is wrong with a recording, channel by channel."""
+    """Check the data quality of a recording, channel by channel."""
     from acquisition.recording.reader import read_recording
     from analysis.quality.check import check_recording
     from analysis.tables.table import table_of
@@ -85,20 +87,20 @@ def check(
 def export(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Output,
-    rate: Annotated[float | None, typer.Option(help="Resample to so many rows a second; raw without it.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Resample to so many Hz; raw without it.")] = None,
     smooth: Annotated[
         bool, typer.Option("--smooth", help="Motion from the smoother, with uncertainties; at 1 Hz without --rate.")
     ] = False,
-    repair: Annotated[bool, typer.Option("--repair", help="Do the repairs that are certain first.")] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Repair what is certainly wrong first.")] = False,
     remove_delays: Annotated[
-        bool, typer.Option("--remove-delays", help="Estimate how late channels are stamped, and take that off.")
+        bool, typer.Option("--remove-delays", help="Estimate the channels' delays and remove them.")
     ] = False,
     flags: Annotated[
         bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel; NetCDF has them always.")
     ] = False,
     attribute: Annotated[
         list[str] | None,
-        typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0. Give it often."),
+        typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0. May be repeated."),
     ] = None,
 ) -> None:
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
@@ -149,20 +151,20 @@ def windows(
         typer.Option(
             "--any",
             "--keep-moving",
-            help="Every window that has data, whatever the controls do; `held` marks those in which they are held.",
+            help="All windows with data, not held windows only; the column `held` marks those.",
         ),
     ] = False,
-    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Repair what is certainly wrong first.")] = False,
     remove_delays: Annotated[
-        bool, typer.Option("--remove-delays", help="Take estimated delays of channels off their times before.")
+        bool, typer.Option("--remove-delays", help="Estimate the channels' delays and remove them first.")
     ] = False,
     rebuild_positions: RebuildPositions = False,
     starts: Annotated[
-        bool, typer.Option("--starts/--no-starts", help="Smoothed start states beside, in NAME.starts.parquet.")
+        bool, typer.Option("--starts/--no-starts", help="Also write smoothed start states, to NAME.starts.parquet.")
     ] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Cut the windows in which the thrusters were held."""
+    """Cut the held windows: stretches with constant controls."""
     from acquisition.core.progress import bar
     from analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
 
@@ -204,7 +206,7 @@ def manoeuvres(
     every: Annotated[bool, typer.Option("--all", help="Show every index, each overshoot among them.")] = False,
     own: Annotated[
         list[str] | None,
-        typer.Option("--manoeuvre", help="FILE.py:FUNCTION: finds a manoeuvre of your own; may be given often."),
+        typer.Option("--manoeuvre", help="FILE.py:FUNCTION: finds a manoeuvre of your own; may be repeated."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -232,7 +234,7 @@ def manoeuvres(
 def smooth(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Output,
-    rate: Annotated[float, typer.Option(help="So many rows a second.")] = 1.0,
+    rate: Annotated[float, typer.Option(help="Rows per second (Hz).")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
     """Smooth the motion by a Kalman smoother, with covariance."""
@@ -262,19 +264,23 @@ def smooth(
 def batch(
     folder: Annotated[Path, typer.Argument(help="A folder with recordings, in folders below it too.")],
     output: Output,
-    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
-    scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Number of worker processes; one per core without it.")
+    ] = None,
+    scheduler: Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")] = None,
     horizon: Horizon = 15,
     stride: Stride = 5,
     length: Annotated[
         float | None, typer.Option(min=0.1, help="The ship's length in metres, for distances in lengths.")
     ] = None,
-    no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair what is certainly wrong.")] = False,
     rebuild_positions: RebuildPositions = False,
     no_smooth: Annotated[bool, typer.Option("--no-smooth", help="No smoother: no uncertainties.")] = False,
-    no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, sooner.")] = False,
-    again: Annotated[bool, typer.Option("--again", help="Compute what is there anew.")] = False,
-    timeout: Annotated[float | None, typer.Option(min=0.1, help="Give a recording up after so many s.")] = None,
+    no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, faster.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Compute existing results anew.")] = False,
+    timeout: Annotated[
+        float | None, typer.Option(min=0.1, help="Give up on a recording after so many seconds.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Analyse every recording below a folder; resumes."""

@@ -26,25 +26,25 @@ SeaStateOption = Annotated[
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
 CodeOption = Annotated[
     str | None,
-    typer.Option(
-        "--method", help="FILE.py:CLASS: where the code of a calibrator of one's own is now, if it has moved."
-    ),
+    typer.Option("--method", help="FILE.py:CLASS: where the code of your own calibrator is now, if it has moved."),
 ]
 HorizonOption = Annotated[
-    int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
+    int | None, typer.Option(min=2, help="The horizon of the predictions in seconds; 15, or the calibrator's.")
 ]
-AllowSeenOption = Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")]
+AllowSeenOption = Annotated[bool, typer.Option(help="Also judge recordings that the calibrator was trained on.")]
 PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
-StrideOption = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]
+StrideOption = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 AnyOption = Annotated[
     bool,
-    typer.Option("--any", help="All windows that have data, under their recorded commands; not held ones only."),
+    typer.Option("--any", help="All windows with data, with the controls as recorded; not held windows only."),
 ]
-RepairOption = Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")]
+RepairOption = Annotated[bool, typer.Option("--repair", help="Repair what is certainly wrong first.")]
 EffectsOption = Annotated[
     list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
 ]
-WorkersOption = Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")]
+WorkersOption = Annotated[
+    int | None, typer.Option(min=1, help="Number of worker processes; one per core without it.")
+]
 
 
 def chosen_calibrator(folder: Path | None, method: str | None) -> TrainedCalibrator | Path | None:
@@ -92,23 +92,23 @@ def mount(app: typer.Typer) -> None:
         TRIALS: {
             trials.demo: "Run the whole chain: from simulated buses to a report.",
             trials.simulate: "Simulate a trial as its sensors would have recorded it.",
-            trials.plan: "Say what a trial would show, and propose a better one.",
+            trials.plan: "Say which effects a planned trial could find, and propose a better one.",
             trials.campaign: "Simulate many trials: vessels, seas, manoeuvres, seeds.",
         },
         PREDICTIONS: {
             model.train: "Train a calibrator on a reference model.",
-            model.validate: "Score every method on recordings that none has seen.",
+            model.validate: "Score every method on recordings that were not used for training.",
             model.predict: "Predict one track from one instant of a recording.",
-            model.evaluate: "Judge each method on recordings like these, with intervals.",
+            model.evaluate: "Compare the methods by cross-validation, with 95 % intervals.",
         },
         DIAGNOSIS: {
             trials.effects: "List the effects that a model may lack.",
-            results.diagnose: "Name what the model lacks, add it, and show the gap shrink.",
+            results.diagnose: "Name the effects that the model lacks, add them, and show the error shrink.",
             results.identify: "Coefficients of a model from recordings, with intervals.",
         },
-        ABOARD: {model.watch: "Predict beside the running recorder, and judge what it said."},
+        ABOARD: {model.watch: "Predict live beside the running recorder, and score earlier predictions."},
         RECORDINGS: {
-            results.speed_power: "Speed at power from runs to and fro, current and wind removed.",
+            results.speed_power: "Speed at power from reciprocal runs, current and wind removed.",
             results.report: "Write one HTML page of a trial, a diagnosis or a batch.",
         },
     }
@@ -117,12 +117,12 @@ def mount(app: typer.Typer) -> None:
             app.command(help=about, rich_help_panel=panel)(command)
     ships = typer.Typer(no_args_is_help=True)
     ships.command(help="Write a vessel file from main dimensions, by published regressions.")(vessel.new)
-    ships.command(help="How a ship behaves by her file: standard manoeuvres beside IMO's limits.")(vessel.check)
+    ships.command(help="Simulate the standard manoeuvres of a vessel file, beside IMO's limits.")(vessel.check)
     app.add_typer(ships, name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
     reproduce = typer.Typer(no_args_is_help=True)
-    reproduce.command(help="Table III on sequences never seen, beside the random split.")(results.table3)
+    reproduce.command(help="The paper's table III on held-out sequences, beside the random split.")(results.table3)
     reproduce.command(help="The figures of the paper, in our own style.")(results.figures)
-    reproduce.command(help="How bad may the reference be before it stops helping?")(results.fidelity)
+    reproduce.command(help="How the hybrid's gain depends on the error of the reference model.")(results.fidelity)
     app.add_typer(
         reproduce, name="reproduce", help="The paper's results, from scratch.", rich_help_panel=PREDICTIONS
     )

@@ -37,7 +37,7 @@ def train(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the calibrator goes into.")],
     vessel: VesselOption = None,
-    horizon: Annotated[int, typer.Option(min=2, help="How far it predicts, in seconds.")] = 15,
+    horizon: Annotated[int, typer.Option(min=2, help="The horizon of its predictions, in seconds.")] = 15,
     stride: StrideOption = 5,
     method: Annotated[
         str, typer.Option(help="adaptive, paper, paper_adam, additive, data_driven, or FILE.py:CLASS of your own.")
@@ -102,7 +102,7 @@ def validate(
 
 def evaluate(
     files: Recordings,
-    horizon: Annotated[int, typer.Option(min=2, help="How far is predicted, in seconds.")] = 15,
+    horizon: Annotated[int, typer.Option(min=2, help="The horizon of the predictions, in seconds.")] = 15,
     vessel: VesselOption = None,
     split: Annotated[
         list[str] | None,
@@ -118,7 +118,7 @@ def evaluate(
             "paper_adam."
         ),
     ] = None,
-    draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
+    draws: Annotated[int, typer.Option(min=1, help="Number of random splits of legs, or of windows.")] = 5,
     stride: StrideOption = 5,
     any_commands: AnyOption = False,
     repair: RepairOption = False,
@@ -167,7 +167,7 @@ def predict(
     method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: Annotated[
-        int | None, typer.Option(min=1, help="How far is predicted in seconds; 15, or what the calibrator does.")
+        int | None, typer.Option(min=1, help="The horizon of the predictions in seconds; 15, or the calibrator's.")
     ] = None,
     commands: Annotated[
         Path | None,
@@ -191,7 +191,7 @@ def watch(
     vessel: VesselOption = None,
     horizon: Annotated[
         int | None,
-        typer.Option(min=2, max=300, help="How far is predicted in seconds; 30, or what the calibrator does."),
+        typer.Option(min=2, max=300, help="The horizon of the predictions in seconds; 30, or the calibrator's."),
     ] = None,
     commands: Annotated[
         Path | None,
@@ -200,7 +200,7 @@ def watch(
             "changes. Without it what is ordered now goes on."
         ),
     ] = None,
-    duration: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="Stop after this many seconds.")] = None,
     log: Annotated[str, typer.Option(help="What is written without a terminal: text, or json lines.")] = "text",
     as_json: AsJson = False,
 ) -> None:

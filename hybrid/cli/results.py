@@ -62,7 +62,7 @@ def diagnose(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
     vessel: VesselOption = None,
     tolerance: Annotated[
-        float, typer.Option(help="How far off the model may be anyway, in percent of the force range.")
+        float, typer.Option(help="The model error that is tolerated, in % of the force range.")
     ] = 1.0,
     effects: EffectsOption = None,
     without: Annotated[
@@ -74,7 +74,7 @@ def diagnose(
     identify_first: Annotated[
         bool,
         typer.Option(
-            "--identify", help="Identify the model's coefficients before: for one that is off in many things."
+            "--identify", help="First identify the model's coefficients: for a model that is off in many of them."
         ),
     ] = False,
     calibrate: Annotated[
@@ -137,14 +137,17 @@ def identify(
     vessel: Annotated[
         str | None, typer.Option(help="The start: a vessel of trials/vessels, or a vessel file.")
     ] = None,
-    horizon: Annotated[int, typer.Option(min=2, help="How far predictions are judged, in seconds.")] = 30,
+    horizon: Annotated[int, typer.Option(min=2, help="The horizon of the judged predictions, in seconds.")] = 30,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     part: PartOption = "0..100",
-    validation: Annotated[bool, typer.Option(help="Judge on what is left out: takes as long again.")] = True,
+    validation: Annotated[bool, typer.Option(help="Validate on a held-out part; takes twice the time.")] = True,
     segment: Annotated[
         float | None,
-        typer.Option(min=1.0, help="How long each stretch is that starts anew, in seconds; a ship length or so."),
+        typer.Option(
+            min=1.0,
+            help="Length of a segment in seconds; by default about the time for a ship length.",
+        ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="A picture of the fit: .png, .svg or .pdf.")] = None,
     as_json: AsJson = False,
@@ -167,7 +170,7 @@ def identify(
 def table3(
     output: Folder = None,
     seed: Seed = 0,
-    seeds: Annotated[int, typer.Option(min=1, help="So many campaigns in each sea state.")] = 5,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of campaigns in each sea state.")] = 5,
     workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
@@ -219,7 +222,7 @@ def figures(
 def fidelity(
     output: Folder = None,
     seed: Seed = 0,
-    seeds: Annotated[int, typer.Option(min=1, help="Means over so many draws of the windows learned from.")] = 2,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of random training sets that are averaged over.")] = 2,
     sea_state: SeaStateOption = "gentle",
     method: Annotated[str, typer.Option(help="The calibrator that is put on every reference.")] = "paper",
     workers: WorkersOption = None,
@@ -263,7 +266,7 @@ def report(
     vessel: VesselOption = None,
     horizon: HorizonOption = None,
     part: PartOption = "0..100",
-    no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair what is certainly wrong.")] = False,
     allow_seen: AllowSeenOption = False,
     recordings: Annotated[
         Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")

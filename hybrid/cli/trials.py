@@ -60,7 +60,7 @@ def simulate(
         str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
     ] = "voyage",
     duration: Annotated[float, typer.Option(min=1.0, help="Length of the trial in seconds.")] = 1200.0,
-    rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Samples a second.")] = 10.0,
+    rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Sampling rate in Hz.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same trial.")] = 0,
     hide: Annotated[
         list[str] | None,
@@ -85,7 +85,7 @@ def campaign(
     file: Annotated[Path, typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
     workers: WorkersOption = None,
-    scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
+    scheduler: Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Simulate the trials of a campaign that are not there yet."""
@@ -137,7 +137,8 @@ def plan(
     ] = None,
     duration: Annotated[float, typer.Option(min=5.0, max=600.0, help="Length of the trial in minutes.")] = 60.0,
     tolerance: Annotated[
-        float, typer.Option(min=0.0, max=20.0, help="What the model may be off by, in percent of the force range.")
+        float,
+        typer.Option(min=0.0, max=20.0, help="The model error that is tolerated, in % of the force range."),
     ] = 1.0,
     effects_file: EffectsOption = None,
     without: Annotated[list[str] | None, typer.Option(help="An effect that is ruled out.")] = None,

@@ -31,7 +31,7 @@ _DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be given several times."
 
 def new(
     output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
-    name: Annotated[str | None, typer.Option(help="What she is called; the file's name without it.")] = None,
+    name: Annotated[str | None, typer.Option(help="The ship's name; by default that of the file.")] = None,
     length: Annotated[float | None, typer.Option(help="Length between perpendiculars in m.")] = None,
     beam: Annotated[float | None, typer.Option(help="Beam in m.")] = None,
     draught: Annotated[float | None, typer.Option(help="Mean draught in m.")] = None,
