@@ -12,7 +12,7 @@ import pandas as pd
 from acquisition.core.errors import SeatrialError
 from acquisition.recording.reader import Recording, read_parts
 from analysis.estimation.smoother import SmoothedMotion, smooth
-from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, RepairResult, repair
 from analysis.tables.export import SIGMA_SUFFIX
@@ -46,8 +46,9 @@ class Products:
     """All that came of one recording.
 
     ``table`` has the raw samples, after repairs if there were any; ``one_hz`` is it once a second, motion from
-    the smoother with a column ``<name>_sigma`` beside each where that was made. ``shortfalls`` says in one line
-    each what could not be made, and why; ``remarks`` which of the smoother's bands are in doubt.
+    the smoother with a column ``<name>_sigma`` beside each where that was made. ``left_out`` only began like
+    manoeuvres. ``shortfalls`` says in one line each what could not be made, and why; ``remarks`` which of the
+    smoother's bands are in doubt.
     """
 
     recording: Recording
@@ -57,6 +58,7 @@ class Products:
     repairs: tuple[Repair, ...] = ()
     windows: HeldWindows | None = None
     manoeuvres: tuple[Manoeuvre, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
     shortfalls: list[str] = field(default_factory=list)
     remarks: tuple[str, ...] = ()
 
@@ -87,7 +89,9 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
         require(one_hz)
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
     with products.step():
-        products.manoeuvres = find_manoeuvres(repaired.table, options.length_m, recording.events)
+        products.manoeuvres, products.left_out = manoeuvres_and_left_out(
+            repaired.table, options.length_m, recording.events
+        )
     if options.smooth:
         with products.step():
             motion = smooth(repaired.table, 1.0)

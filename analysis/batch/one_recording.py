@@ -144,7 +144,9 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
     repairs = [asdict(each) for each in products.repairs]
     write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
-    write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
+    left_out = [each.as_json() for each in products.left_out]
+    found = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out}
+    write_json(folder / "manoeuvres.json", {**found, **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
         named = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}

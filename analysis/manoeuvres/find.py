@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from datetime import datetime
 
 import numpy as np
 import pandas as pd
@@ -32,7 +33,14 @@ from analysis.manoeuvres.measures import (
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
-from analysis.manoeuvres.turning_tests import find_pull_outs, find_williamson_turns, spiral, spiral_steps
+from analysis.manoeuvres.turning_tests import (
+    find_pull_outs,
+    find_williamson_turns,
+    reverse_spiral,
+    reverse_spiral_steps,
+    spiral,
+    spiral_steps,
+)
 from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
@@ -105,21 +113,30 @@ def manoeuvres_and_left_out(
         return (), ()
     marks = marks_of(events)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
-    steered, taken = _zigzags_and_turns(motion, smooth.fastest_mps, marks)
+    steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for each in tests:
-        taken |= _rows_of(motion, each)
+        taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
     finders = (find_stops, find_accelerations, find_speed_runs) if motion.drives else ()
     straight = [each for find in finders for each in find(motion, smooth, ~taken)]
-    left_out = sorted((each for each in straight if isinstance(each, LeftOut)), key=lambda each: each.start)
-    runs = (each for each in straight if isinstance(each, Manoeuvre))
-    every = sorted([*steered, *tests, *runs], key=lambda each: each.start)
-    named = (
-        _apply_mark(each, marks) for each in every if motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE
-    )
+    judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=_start_of)]
+    named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
     added = [each for name in own for each in _found_by(name, motion)]
-    every = sorted([*add_limits(named, length_m), *added], key=lambda each: each.start)
-    return tuple(every), tuple(left_out)
+    every = sorted([*add_limits(named, length_m), *added], key=_start_of)
+    return tuple(every), tuple(each for each in judged if isinstance(each, LeftOut))
+
+
+def _start_of(each: Manoeuvre | LeftOut) -> datetime:
+    return each.start
+
+
+def _unless_unknown(motion: Motion, each: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
+    """A manoeuvre, unless position, heading or speeds are missing in too much of it."""
+    known = float(motion.known[_rows_of(motion, each)].mean())
+    if isinstance(each, LeftOut) or known >= _KNOWN_SHARE:
+        return each
+    why = f"position, heading or speeds are missing in {1.0 - known:.0%} of it"
+    return LeftOut(each.kind, each.start, each.end, why)
 
 
 def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
@@ -135,11 +152,13 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
 
 
 def _zigzags_and_turns(
-    motion: Motion, fastest_mps: float, marks: Sequence[Mark]
+    motion: Motion, smooth: Motion, marks: Sequence[Mark]
 ) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
     """Zigzags and turns, and the rows that they take."""
-    helm = helm_of(motion)
-    motion = replace(motion, helm_rate_dps=helm_rate_dps(helm, motion.step_s))
+    helm, fastest_mps = helm_of(motion), smooth.fastest_mps
+    # Thrust that is reversed turns the helm of one that steers by it to 180 deg at once: that is no rate of a helm.
+    usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
+    motion = replace(motion, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
     every = held_helms(motion, helm)
     held = off_the_middle(helm, every)
     extremes = helm_extremes(motion, helm)
@@ -147,19 +166,29 @@ def _zigzags_and_turns(
     swings = {each.first for chain in chains for each in chain}
     spirals = spiral_steps(motion, [each for each in every if each.first not in swings])
     swings |= {each.first for steps in spirals for each in steps}
-    free = [each for each in held if each.first not in swings]
     found = [zigzag(motion, helm, chain) for chain in chains]
     found += [spiral(motion, helm, steps) for steps in spirals]
+    taken = _taken_by(motion, found)
+    found += [reverse_spiral(motion, helm, rates) for rates in
+              (reverse_spiral_steps(motion, helm, smooth.yaw_rate_dps, ~taken) if helm.any() else ())]  # fmt: skip
+    taken = _taken_by(motion, found[len(chains) + len(spirals) :])
+    swings |= {each.first for each in every if taken[each.first : each.end].any()}
+    free = [each for each in held if each.first not in swings]
     found += [
         turning_circle(motion, helm, each) for each in free
         if is_turn(motion, helm, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)
     ]  # fmt: skip
-    found += find_pull_outs(motion, helm, [each for each in every if each.first not in swings], fastest_mps)
+    still = [each for each in every if each.first not in swings]
+    found += find_pull_outs(motion, helm, still, smooth.yaw_rate_dps, fastest_mps)
     found += find_williamson_turns(motion, helm, free)
+    return found, _taken_by(motion, found)
+
+
+def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> NDArray[np.bool_]:
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
-        taken |= _rows_of(motion, each, each.settings["half_command_s"])
-    return found, taken
+        taken |= _rows_of(motion, each, each.settings.get("half_command_s", 0.0))
+    return taken
 
 
 def helm_of(motion: Motion) -> Floats:
@@ -206,8 +235,8 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
     return marked or len(chain) >= FEWEST_SWINGS
 
 
-def _rows_of(motion: Motion, each: Manoeuvre, before_s: float = 0.0) -> NDArray[np.bool_]:
-    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
+def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -> NDArray[np.bool_]:
+    start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
     return np.asarray((motion.time_s >= start - before_s) & (motion.time_s <= end))
 
 
@@ -231,6 +260,7 @@ def _fits_kind(kind: str, text: str) -> bool:
         "crabbing": "crab side",
         "pull_out": "pull",
         "spiral": "spiral dieudonne",
+        "reverse_spiral": "spiral bech",
         "williamson_turn": "williamson man overboard",
         "thruster_test": "thrust",
     }

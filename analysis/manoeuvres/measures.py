@@ -89,7 +89,20 @@ def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[floa
     return execute_s(motion.time_s, helm, plateau, before, earliest)
 
 
-def execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
+def executes_unsure_s(motion: Motion, helm: Floats, change_deg: float, times: Floats) -> Floats:
+    """How far off the ``times`` of a manoeuvre may be [s]: first change of the command, first execute, and others.
+
+    A hand or a pilot keeps the course before: of what the helm wanders then, half goes into the first half-way.
+    """
+    begun = motion.row_before(int(np.searchsorted(motion.time_s, times[0])), APPROACH_S)
+    before = helm[begun : int(np.searchsorted(motion.time_s, times[0]))]
+    wander_s = 0.5 * float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
+    unsure = np.full(times.size, _execute_unsure_s(motion, helm, change_deg))
+    unsure[:2] = np.hypot(unsure[:2], np.sqrt(3.0) * wander_s)
+    return unsure
+
+
+def _execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
     """How far off an execute may be [s]: half of a row where the change takes less than one, less where it goes
     through more; and what the noise of the helm makes of a fit through half of the change and of the levels before
     and after, medians of some seconds, whose middle it looks for."""
@@ -145,6 +158,15 @@ def means_of(columns: Mapping[str, Floats]) -> dict[str, float]:
     return {name: float(column.mean()) for name, column in columns.items()}
 
 
+_BLOCKS, _TWO_SIDED_95_OF_BLOCKS = 6, 2.57  # Student's t of five degrees of freedom
+
+
+def mean_of_blocks(values: Floats) -> tuple[float, float]:
+    """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
+    means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
+    return float(values.mean()), _TWO_SIDED_95_OF_BLOCKS * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
+
+
 def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
     """The state before an execute as settings of a manoeuvre."""
     state = approach_of(motion, execute)
@@ -187,6 +209,14 @@ def distance_m(motion: Motion, start: float, end: float) -> float:
     steps = np.hypot(np.diff(motion.north_m), np.diff(motion.east_m))
     way = np.append(0.0, np.cumsum(steps))
     return float(np.interp(end, motion.time_s, way) - np.interp(start, motion.time_s, way))
+
+
+def mean_between(motion: Motion, name: str, start: float, end: float) -> float:
+    """The mean of a column between two times, with the parts of a row at both ends."""
+    inside = motion.time_s[(motion.time_s > start) & (motion.time_s < end)]
+    times = np.concatenate([[start], inside, [end]])
+    values = np.interp(times, motion.time_s, getattr(motion, name))
+    return float(np.trapezoid(values, times) / (end - start))
 
 
 def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: float) -> tuple[float, float]:
@@ -250,7 +280,7 @@ def bootstrap_indices(
     executes_s: Floats,
     half_width: float,
     measure: Measure,
-    unsure_s: float,
+    unsure_s: Floats | float,
 ) -> dict[str, tuple[float, float]]:
     """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
 
@@ -279,13 +309,14 @@ def bootstrap_indices(
 def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
     """The value without the error of smoothing, and half of its interval.
 
-    The error is itself only an estimate: a half of it counts as one standard deviation.
+    The error is itself an estimate from one noisy motion, and often no more than noise: all of it counts as one
+    standard deviation.
     """
     repeats = repeats[np.isfinite(repeats)]
     if not np.isfinite(value) or repeats.size < REPLICATES // 2:
         return value, float("nan")
     bias = float(np.median(repeats)) - value
-    return value - bias, _TWO_SIDED_95 * float(np.hypot(repeats.std(ddof=1), 0.5 * bias))
+    return value - bias, _TWO_SIDED_95 * float(np.hypot(repeats.std(ddof=1), bias))
 
 
 def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:
@@ -358,7 +389,7 @@ def plateaus(
         near = each.first - last.end <= round(_BRIDGE_S / step_s) and abs(each.level - last.level) <= tolerance
         return _plateau(calm, last.first, each.end, 0, tolerance) if near else None
 
-    return _merge_neighbours(found, joined)
+    return merge_neighbours(found, joined)
 
 
 def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
@@ -383,10 +414,10 @@ def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
         longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
         return replace(longer, first=last.first, end=each.end) if _is_correction(last, each, bridge) else None
 
-    return _merge_neighbours(found, joined)
+    return merge_neighbours(found, joined)
 
 
-def _merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
+def merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
     """Plateaus with each joined to the one before where ``joined`` makes one of the two."""
     result: list[Plateau] = []
     for each in found:

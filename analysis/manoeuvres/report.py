@@ -195,6 +195,7 @@ def number_text(number: int, kind: str) -> str:
     """
     nouns = {
         "crabbing": "crabbing run", "stopping": "stopping test", "pull_out": "pull-out", "spiral": "direct spiral",
+        "reverse_spiral": "reverse spiral",
         "williamson_turn": "Williamson turn",
     }  # fmt: skip
     noun = nouns.get(kind, kind.replace("_", " "))

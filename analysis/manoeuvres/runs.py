@@ -31,6 +31,8 @@ from analysis.manoeuvres.measures import (
     execute_s,
     half_width_s,
     level_before,
+    mean_between,
+    mean_of_blocks,
     means_of,
     plateaus,
     tolerance_of,
@@ -47,8 +49,8 @@ _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
 RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
 LONGEST_BETWEEN_S = 2 * 3600.0
-_BLOCKS = 6
 REACHED_SHARE = 0.9
+_TRIED_STARTS = 9
 
 
 def shaft_along(motion: Motion) -> Floats:
@@ -109,13 +111,22 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> 
 
     Left out are those in which the ship turns slowly all the time, or gains or loses speed.
     """
-    reasons = {rows: no_speed_run(smooth, *rows) for rows in straight_stretches(motion, smooth, free)}
+    found = [_level_part(smooth, *rows) for rows in straight_stretches(motion, smooth, free)]
+    reasons = {rows: no_speed_run(smooth, *rows) for rows in found}
     runs = [_speed_run(motion, *rows) for rows, why in reasons.items() if not why]
     left_out = [
         LeftOut("speed_run", motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]), why)
         for (first, end), why in reasons.items() if why
     ]  # fmt: skip
     return [*_pair_reciprocal(runs), *left_out]
+
+
+def _level_part(smooth: Motion, first: int, end: int) -> tuple[int, int]:
+    """A stretch without its beginning, where a ship gathers the way that a turn has cost; all of it if no half and
+    more of it is level."""
+    starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
+    long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
+    return next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end))
 
 
 def no_speed_run(smooth: Motion, first: int, end: int) -> str:
@@ -134,7 +145,7 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     part = motion.rows(first, end)
     span = np.array([part.time_s[0], part.time_s[-1]])
     heading = float(wrap_360(circular_mean(part.heading_deg)))
-    found = {name: _mean_of_blocks(getattr(part, column)) for name, column in (
+    found = {name: mean_of_blocks(getattr(part, column)) for name, column in (
         ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
     found["distance_m"] = (distance_m(part, *span), float("nan"))
     return Manoeuvre(
@@ -146,12 +157,6 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
         settings={**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])},
         indices=indices_of(found, motion.length_m),
     )  # fmt: skip
-
-
-def _mean_of_blocks(values: Floats) -> tuple[float, float]:
-    """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
-    means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
-    return float(values.mean()), 2.57 * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
 
 
 def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:
@@ -202,23 +207,29 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
     return steps
 
 
-def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
-    """More thrust on a straight course, until the speed is steady."""
+def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+    """More thrust on a straight course, until the speed is steady; left out are those on which she turns."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     straight, steady = straight_rows(smooth), steady_rows(smooth)
-    found = []
+    found = list[Manoeuvre | LeftOut]()
     for last, each, start in shaft_steps(motion, free):
         rows = slice(each.first, each.end)
         long = (each.end - each.first) * motion.step_s >= LEAST_RUN_S
-        if not long or each.level - last.level < _STEP_SHARE * largest or straight[rows].mean() < 0.9:
+        if not long or each.level - last.level < _STEP_SHARE * largest:
             continue
         settled = np.flatnonzero(steady[rows])
         if not settled.size:
             continue
         end = float(motion.time_s[each.end - 1])
         gain = smooth.surge_mps[each.end - 1] - smooth.at("surge_mps", start)
-        if gain > _GAIN_SHARE * smooth.surge_mps[each.end - 1] and bool(free[rows].mean() > 0.9):
+        if gain <= _GAIN_SHARE * smooth.surge_mps[each.end - 1] or free[rows].mean() <= 0.9:
+            continue
+        if straight[rows].mean() >= 0.9:
             found.append(_change_of_speed(motion, "acceleration", last, each, start, end))
+        else:
+            turned = float(np.ptp(smooth.heading_deg[rows]))
+            why = f"the ship turned by {turned:.0f} deg"
+            found.append(LeftOut("acceleration", motion.utc(start), motion.utc(end), why))
     return found
 
 
@@ -302,7 +313,7 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
         "track_reach_m": distance_m(motion, start, end),
         "lateral_deviation_m": aside,
         "stopping_time_s": end - start,
-        "initial_speed_mps": motion.at("surge_mps", start),
+        "initial_speed_mps": mean_between(motion, "surge_mps", start - _LOOK_S, start),
         "final_speed_mps": motion.at("surge_mps", end),
         "heading_change_deg": motion.at("heading_deg", end) - heading,
     }
@@ -332,7 +343,7 @@ def bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     return result
 
 
-def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
+def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
     """One of several main shafts alone for a quarter of a minute and more, and every run of a tunnel thruster."""
     largest = max(float(np.percentile(np.abs(each), 99)) for each in motion.drives.values())
     state = {name: _running(rpm, largest) for name, rpm in motion.drives.items()}
@@ -346,15 +357,21 @@ def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_])
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
             cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
-    driven, sideways = ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
+    pushed = bool(motion.tunnels) or motion.steers_by_thrust  # others are set aside by wind and momentum only
+    driven, sideways = pushed & ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
-    found = _tests_of(motion, "crabbing", "crabbing", bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
-                      _CRAB_LEAST_S)  # fmt: skip
-    found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
+    aside = bridge(crab & free, round(_BRIDGE_S / motion.step_s))
+    found = [_unless_turning(each) for each in _tests_of(motion, "crabbing", "crabbing", aside, _CRAB_LEAST_S)]
     for name, true in cases.items():
         rows = bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
         found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S)
     return found
+
+
+def _unless_turning(each: Manoeuvre) -> Manoeuvre | LeftOut:
+    turned = abs(each.indices["heading_change_deg"].value)
+    why = f"the ship turned by {turned:.0f} deg"
+    return each if turned < _CRAB_TURN_DEG else LeftOut(each.kind, each.start, each.end, why)
 
 
 def _all(masks: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:

@@ -26,9 +26,10 @@ from analysis.manoeuvres.measures import (
     crossing_s,
     distance_m,
     event_notes,
-    execute_unsure_s,
+    executes_unsure_s,
     half_width_s,
     helm_execute_s,
+    mean_between,
     smooth_motion,
 )
 from analysis.manoeuvres.motion import Motion
@@ -61,8 +62,9 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = half_width_s(part, quarter_s)
-    found = bootstrap_indices(part, np.array([start, half, end]), width, circle_indices,
-                              execute_unsure_s(motion, helm, each.level))  # fmt: skip
+    times = np.array([start, half, end])
+    unsure_s = executes_unsure_s(motion, helm, each.level, times)
+    found = bootstrap_indices(part, times, width, circle_indices, unsure_s)
     settings = {
         f"{motion.steering}_deg": each.level,
         "turned_deg": abs(turned),
@@ -125,18 +127,24 @@ def _indices_over_ground(motion: Motion, first: float, start: float, end: float)
 def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float) -> dict[str, float]:
     """Rate, diameter, drift angle and speed of the settled turn, over whole turns where there are any.
 
-    Wind and current come from all sides in a whole turn and leave the means alone.
+    Wind and current come from all sides in a whole turn and leave the means alone. It ends with the last quarter
+    of a turn that was done, as nobody knows to the second when a helm was taken off.
     """
-    total = float(np.interp(end, motion.time_s, turned))
+    total = 90.0 * np.floor(float(np.interp(end, motion.time_s, turned)) / 90.0)
     whole = 360.0 * np.floor((total - 180.0) / 360.0)
-    first_s = crossing_s(motion.time_s, turned, total - whole, half_s, end) if whole > 0 else half_s
-    steady = motion.between(first_s, end)
-    if steady.time_s.size < 5 or total - 180.0 < 60.0:
+    first_s, last_s = (
+        crossing_s(motion.time_s, turned, angle, half_s, end + motion.step_s)
+        for angle in (total - whole if whole > 0 else 180.0, total)
+    )
+    steady = motion.between(first_s, last_s)
+    if steady.time_s.size < 5 or total <= 180.0:
         return {}
     span = steady.time_s - steady.time_s.mean()
     rate_dps = float(abs(span @ steady.heading_deg) / (span @ span))
-    speed = float(steady.speed_mps.mean())
-    drift = np.rad2deg(np.arctan2(-steady.sway_mps.mean(), steady.surge_mps.mean()))
+    speed, surge, sway = (
+        mean_between(motion, name, first_s, last_s) for name in ("speed_mps", "surge_mps", "sway_mps")
+    )
+    drift = np.rad2deg(np.arctan2(-sway, surge))
     side = np.sign(steady.heading_deg[-1] - steady.heading_deg[0])
     return {
         "steady_yaw_rate_dps": rate_dps,

@@ -1,4 +1,4 @@
-"""Tests by the helm beside zigzags and circles: pull-out, direct spiral (Dieudonne) and Williamson turn.
+"""Tests by the helm beside zigzags and circles: pull-out, both spirals (Dieudonne, Bech) and Williamson turn.
 
 Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are told by what was ordered and by what the ship
 did after it: rates of turn count where they have settled, and a Williamson turn ends on the reciprocal course.
@@ -6,14 +6,17 @@ did after it: rates of turn count where they have settled, and a Williamson turn
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
+    APPROACH_S,
     Measure,
     Plateau,
     along_and_across,
@@ -22,13 +25,16 @@ from analysis.manoeuvres.measures import (
     bootstrap_indices,
     crossing_s,
     execute_s,
-    execute_unsure_s,
+    executes_unsure_s,
     half_width_s,
     helm_change_s,
     helm_execute_s,
     is_same_order,
+    mean_between,
+    mean_of_blocks,
+    merge_neighbours,
 )
-from analysis.manoeuvres.motion import Motion, noise_of
+from analysis.manoeuvres.motion import Motion, noise_of, stretches
 
 _MARGIN_S = 20.0
 _AMIDSHIPS_DEG, _AMIDSHIPS_SHARE = 1.0, 0.1
@@ -39,11 +45,16 @@ _SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the 
 _LEAST_HELD_S = 10.0
 _FEWEST_STEPS = 5
 _LEAST_HELM_STEP_DEG = 1.0
+_BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
+_SEED, _DRAWS = 137, 200
+_WIDER_S = (20.0, 40.0)  # a step of a full-size ship takes minutes
 _OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg out and the reciprocal course, as hands steer them
 
 
-def find_pull_outs(motion: Motion, helm: Floats, held: Sequence[Plateau], fastest_mps: float) -> list[Manoeuvre]:
-    """Helms put amidships out of a turn and held there until the rate of turn has settled."""
+def find_pull_outs(
+    motion: Motion, helm: Floats, held: Sequence[Plateau], rate: Floats, fastest_mps: float
+) -> list[Manoeuvre]:
+    """Helms put amidships out of a turn and held there until the rate of turn has settled; ``rate`` is smoothed."""
     found = []
     for last, each in pairwise(held):
         turned = motion.heading_deg[last.first : last.end]
@@ -51,12 +62,23 @@ def find_pull_outs(motion: Motion, helm: Floats, held: Sequence[Plateau], fastes
         if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, helm, last, each)):
             continue
         begun, half = execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2)
-        times = np.array([begun, half, motion.time_s[each.end - 1]])
+        times = np.array([begun, half, _settled_s(motion, rate, half, float(motion.time_s[each.end - 1]))])
         values = pull_out_indices(motion, times)
         if values and times[2] - half >= _LEAST_HELD_S:
             name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
             found.append(_test(motion, helm, "pull_out", name, side, last.level, times, pull_out_indices))
     return found
+
+
+def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
+    """Twice as long after ``half`` as a smoothed rate takes to what it is in the end [s], up to ``end``."""
+    first, last = np.searchsorted(motion.time_s, [half, end])
+    after = rate[first : last + 1]
+    if after.size < 2:
+        return end
+    off = np.abs(after - np.median(after[-max(after.size // 4, 1) :]))
+    unsettled = np.flatnonzero(off > _SETTLED_SHARE * off[0])
+    return min(end, half + max(2.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
 
 
 def _put_amidships(motion: Motion, helm: Floats, last: Plateau, each: Plateau) -> bool:
@@ -77,8 +99,8 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """
     begun, half, end = map(float, times)
     quarter_s = 0.25 * (end - half)
-    before, third, last = (float(motion.between(*span).yaw_rate_dps.mean()) for span in (
-        (begun - quarter_s, begun), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end)))  # fmt: skip
+    before, third, last = (mean_between(motion, "yaw_rate_dps", *span) for span in (
+        (begun - APPROACH_S, begun), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end)))  # fmt: skip
     if not abs(last - third) < _SETTLED_SHARE * abs(before):
         return {}
     side, off = np.sign(before), abs(before - last)
@@ -92,18 +114,29 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
 def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]:
     """Five and more helms held one after the other from one side to the other, or there and back, each until the
     rate of turn has settled."""
+
+    def next_helm(last: Plateau, each: Plateau) -> bool:
+        return _at_once(motion, last, each) and abs(each.level - last.level) > _LEAST_HELM_STEP_DEG
+
+    return _stairs(held, next_helm, lambda run: all(_has_settled(motion, run, each) for each in run))
+
+
+def _stairs(
+    held: Sequence[Plateau],
+    goes_on: Callable[[Plateau, Plateau], bool],
+    is_good: Callable[[list[Plateau]], bool],
+) -> list[list[Plateau]]:
+    """Five and more good steps held alike from one side to the other, or there and back."""
     runs: list[list[Plateau]] = []
     for each in held:
         last = runs[-1] if runs else []
-        goes_on = (
-            last and _at_once(motion, last[-1], each) and abs(each.level - last[-1].level) > _LEAST_HELM_STEP_DEG
-        )
-        if goes_on and (len(last) < 2 or (each.level - last[-1].level) * (last[-1].level - last[-2].level) > 0):
+        follows = bool(last) and goes_on(last[-1], each)
+        if follows and (len(last) < 2 or (each.level - last[-1].level) * (last[-1].level - last[-2].level) > 0):
             last.append(each)
         else:
-            runs.append([last[-1], each] if goes_on else [each])
+            runs.append([last[-1], each] if follows else [each])
     whole = [run for run in runs if len(run) >= _FEWEST_STEPS and run[0].level * run[-1].level < 0
-             and _held_alike(run) and all(_has_settled(motion, run, each) for each in run)]  # fmt: skip
+             and _held_alike(run) and is_good(run)]  # fmt: skip
     joined: list[list[Plateau]] = []
     for run in whole:
         back = joined and joined[-1][-1] is run[0]
@@ -118,6 +151,8 @@ def _held_alike(run: Sequence[Plateau]) -> bool:
 
 def _has_settled(motion: Motion, run: Sequence[Plateau], each: Plateau) -> bool:
     """Whether the rate of turn changes little in the second half of a step, against all that it does in the run."""
+    if each.end - each.first < 4:
+        return False
     rates = np.array_split(motion.yaw_rate_dps[each.first : each.end], 4)
     largest = float(np.percentile(np.abs(motion.yaw_rate_dps[run[0].first : run[-1].end]), 95))
     return bool(abs(rates[3].mean() - rates[2].mean()) < 2.0 * _SETTLED_SHARE * largest)
@@ -157,6 +192,101 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats) -> dict[str, f
         heights = [_at_zero(levels[leg], rates[leg]) for leg in legs]
         values["loop_height_dps"] = abs(heights[1] - heights[0])
     return values
+
+
+def reverse_spiral_steps(
+    motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_]
+) -> list[list[Plateau]]:
+    """Five and more rates of turn held one after the other from one side to the other, or there and back.
+
+    ``rate`` is the smoothed rate of turn, ``free`` where no other manoeuvre is. Between the steps the ship spends
+    less time than on them, as a rate that only drifts through is not held; and the helm is not held on them. By
+    hand a rate is held unevenly: of the rate as it is and of its means over longer, that with most steps counts.
+    """
+    tried = [rate, *(local_quadratic(rate, width / motion.step_s) for width in _WIDER_S)]
+    return max((_steps_of(motion, helm, each, free) for each in tried), key=lambda runs: sum(map(len, runs)))
+
+
+def _steps_of(motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_]) -> list[list[Plateau]]:
+    usable = free & ~motion.broken
+    largest = float(np.percentile(np.abs(rate[usable]), 99)) if usable.any() else 0.0
+    band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * noise_of(rate))
+    steps = [each for span in stretches(usable, round(_LEAST_HELD_S / motion.step_s))
+             for each in _held_rates(rate, *span, band)]  # fmt: skip
+    held = [each for each in steps if (each.end - each.first) * motion.step_s >= _LEAST_HELD_S]
+
+    def next_rate(last: Plateau, each: Plateau) -> bool:
+        pause, shorter = each.first - last.end, min(each.end - each.first, last.end - last.first)
+        return pause <= shorter and abs(each.level - last.level) > 2.0 * band
+
+    still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(helm)
+
+    def is_steered(run: list[Plateau]) -> bool:
+        """Whether the rates were held most of the time, and by a helm that was not."""
+        spreads = [np.ptp(np.percentile(helm[(each.first + each.end) // 2 : each.end], [10, 90])) for each in run]
+        held_rows = sum(each.end - each.first for each in run)
+        return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
+
+    return _stairs(held, next_rate, is_steered)
+
+
+def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau]:
+    """The stretches of rows in which a rate keeps within ``band``, one after the other."""
+    found, start, low, high = list[Plateau](), first, rate[first], rate[first]
+    for row in range(first, end):
+        low, high = min(low, rate[row]), max(high, rate[row])
+        if high - low > band or row == end - 1:
+            found.append(Plateau(start, row, float(np.median(rate[start : row + 1])), float(high - low)))
+            start, low, high = row, rate[row], rate[row]
+
+    def joined(last: Plateau, each: Plateau) -> Plateau | None:
+        """One rate that a gust has parted: a ramp's pieces lie a whole band apart."""
+        near = abs(each.level - last.level) < 0.5 * band
+        return Plateau(last.first, each.end, 0.5 * (last.level + each.level), band) if near else None
+
+    return merge_neighbours(found, joined)
+
+
+def reverse_spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
+    """The reverse spiral (Bech) of its steps: the mean helm that each rate takes, over its second half."""
+    sign, random = -1.0 if motion.steers_by_thrust else 1.0, np.random.default_rng(_SEED)
+    parts = [slice((each.first + each.end) // 2, each.end) for each in steps]
+    helms, rates = (np.array([mean_of_blocks(values[part]) for part in parts])
+                    for values in (sign * helm, motion.yaw_rate_dps))  # fmt: skip
+    values = reverse_spiral_indices(helms[:, 0], rates[:, 0])
+    drawn = [
+        reverse_spiral_indices(*(each[:, 0] + each[:, 1] / 1.96 * random.standard_normal(len(steps))
+                                 for each in (helms, rates)))
+        for _ in range(_DRAWS)
+    ]  # fmt: skip
+    found = {name: (value, 1.96 * float(np.nanstd([each[name] for each in drawn])))
+             for name, value in values.items() if np.isfinite(value)}  # fmt: skip
+    start, end = float(motion.time_s[steps[0].first]), float(motion.time_s[steps[-1].end - 1])
+    largest = float(np.max(np.abs(rates[:, 0])))
+    return Manoeuvre(
+        kind="reverse_spiral", name=f"reverse spiral {largest:.2g} deg/s", side=side_of(float(rates[0, 0])),
+        start=motion.utc(start), end=motion.utc(end),
+        settings={"steps": float(len(steps)), **approach_settings(motion, start)},
+        indices=indices_of(found, motion.length_m),
+    )  # fmt: skip
+
+
+def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
+    """The mean helm of each rate, the helm at which she goes straight, and how much helm a rate takes there.
+
+    ``helms`` [steps, deg] are positive to starboard. Where the curve goes back in the middle, so that more rate
+    takes less helm, the ship does not keep her course: ``unstable_helm_width_deg`` is how far back it goes.
+    """
+    order = np.argsort(rates)
+    helms, rates = helms[order], rates[order]
+    near = np.argsort(np.abs(rates))[:3]
+    falls = np.maximum.accumulate(helms) - helms
+    values = {f"helm_step_{number}_deg": float(each) for number, each in enumerate(helms, start=1)}
+    return values | {
+        "neutral_helm_deg": float(np.interp(0.0, rates, helms)),
+        "helm_per_yaw_rate_s": float(np.polyfit(rates[near], helms[near], 1)[0]),
+        "unstable_helm_width_deg": float(falls.max() or np.nan),
+    }
 
 
 def _at_zero(values: Floats, others: Floats) -> float:
@@ -224,7 +354,7 @@ def _test(
     """A test with its indices; ``times`` are the first change of the helm, the execute, others and the end [s]."""
     part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
     width = half_width_s(part, float(times[-1] - times[1]) / (times.size - 1))
-    found = bootstrap_indices(part, times, width, measure, execute_unsure_s(motion, helm, helm_deg))
+    found = bootstrap_indices(part, times, width, measure, executes_unsure_s(motion, helm, helm_deg, times))
     return Manoeuvre(
         kind=kind, name=name, side=side_of(side),
         start=motion.utc(float(times[1])), end=motion.utc(float(times[-1])),

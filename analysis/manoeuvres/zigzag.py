@@ -23,11 +23,12 @@ from analysis.manoeuvres.measures import (
     distance_m,
     event_notes,
     execute_s,
-    execute_unsure_s,
+    executes_unsure_s,
     half_width_s,
     helm_change_s,
     helm_execute_s,
     is_same_order,
+    mean_between,
     peak,
 )
 from analysis.manoeuvres.motion import Motion
@@ -152,8 +153,8 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
     executes, times = both[1], np.append(both[0, 0], both[1])
     part = motion.around(times[0], times[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
-    unsure_s = execute_unsure_s(motion, helm, chain[0].level)
-    found = bootstrap_indices(part, times, half_width_s(part, swing_s), zigzag_indices, unsure_s)
+    unsure_s = executes_unsure_s(motion, helm, chain[0].level, times)
+    found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, unsure_s)
     settings = _settings(part, chain, both)
     indices = indices_of(found, motion.length_m)
     indices |= _overshoots_from_order(part, both, indices)
@@ -234,13 +235,16 @@ def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
     if steady:
         tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, executes[0], executes[2])
         back_s = crossing_s(motion.time_s, -heading, 0.0, executes[1], executes[-1])
-        swinging = motion.between(executes[1], executes[-1])
         values |= {
             "initial_turning_time_s": executes[1] - executes[0],
             "initial_turning_m": distance_m(motion, executes[0], tenth_s),
             "reach_s": back_s - executes[0],
         }
-        loss = 1.0 - float(swinging.speed_mps.mean()) / approach["approach_mps"]
+        loss = (
+            1.0
+            - mean_between(motion, "speed_mps", executes[1], executes[-2 if executes.size > 3 else -1])
+            / approach["approach_mps"]
+        )
         if loss > -_GATHERED_WAY:
             values["speed_loss"] = loss
     return values | beside

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
@@ -77,3 +78,55 @@ def test_a_williamson_turn_ends_on_the_reciprocal_course(ship: str, rate_dps: fl
     assert (found.name, found.side) == ("Williamson turn 30 deg", "starboard")
     assert found.indices["heading_at_second_execute_deg"].value == pytest.approx(65.0, abs=6.0)
     assert found.indices["time_to_reciprocal_s"].value > 0.0
+
+
+def steered_at_rates(rates_dps: list[float], straightness: float, hold_s: float, seed: int) -> pd.DataFrame:
+    """A ship of Nomoto's second kind, T r' + straightness r + r^3 = K delta, steered at rates of turn by hand.
+
+    ``straightness`` below zero is a ship that does not keep her course. Angles in degrees, 1 Hz, with noise.
+    """
+    random, step_s, gain = np.random.default_rng(seed), 0.1, 0.1
+    wanted = np.repeat(rates_dps, round(hold_s / step_s))
+    rate, helm_deg, order, rows = 0.0, 0.0, 0.0, []
+    for row, target in enumerate(wanted):
+        if row % 40 == 0:  # a hand at the wheel
+            order = (straightness * target + target**3) / gain + 30.0 * (target - rate) + random.normal(0.0, 0.6)
+        helm_deg += np.clip(order - helm_deg, -5.0 * step_s, 5.0 * step_s)
+        rate += step_s * (gain * helm_deg - straightness * rate - rate**3) / 12.0
+        rows.append((rate, helm_deg))
+    rates, helms = np.array(rows[::10]).T
+    heading = np.cumsum(rates)
+    noise = random.standard_normal((6, rates.size))
+    course = np.deg2rad(heading)
+    return pd.DataFrame(
+        {
+            "north_m": np.cumsum(5.0 * np.cos(course)) + 0.1 * noise[0],
+            "east_m": np.cumsum(5.0 * np.sin(course)) + 0.1 * noise[1],
+            "heading_deg": (heading + 0.1 * noise[2]) % 360.0, "surge_mps": 5.0 + 0.03 * noise[3],
+            "sway_mps": 0.03 * noise[4], "yaw_rate_dps": rates + 0.03 * noise[5], "rudder_angle_deg": helms,
+        },
+        index=pd.date_range("2026-05-01", periods=rates.size, freq="1s", tz="UTC", name="time"),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("straightness", [0.6, -0.5])
+def test_a_reverse_spiral_has_the_helm_of_each_rate(straightness: float) -> None:
+    """Stable and unstable: the curve that the ship is made of is found again, the part that goes back too."""
+    rates = [1.0, 0.75, 0.5, 0.25, 0.0, -0.25, -0.5, -0.75, -1.0]
+    inside = list[bool]()
+    for seed in range(3):
+        found = find_manoeuvres(steered_at_rates([0.0, *rates, 0.0], straightness, 120.0, seed))
+        (spiral,) = (each for each in found if each.kind == "reverse_spiral")
+        assert not [each for each in found if each.kind in ("spiral", "zigzag", "turning_circle")]
+        for step, rate in enumerate(reversed(rates), start=1):
+            index = spiral.indices[f"helm_step_{step}_deg"]
+            inside.append(index.low <= (straightness * rate + rate**3) / 0.1 <= index.high)
+        slope = spiral.indices["helm_per_yaw_rate_s"]
+        assert slope.value == pytest.approx((straightness + 0.25**2) / 0.1, abs=1.0)
+        assert ("unstable_helm_width_deg" in spiral.indices) == (straightness < 0.0)
+    assert np.mean(inside) > 0.85
+
+
+def test_a_turn_that_slowly_changes_sides_is_no_spiral() -> None:
+    drifting = steered_at_rates(list(np.linspace(1.0, -1.0, 400)), 0.6, 2.0, 1)
+    assert not [each for each in find_manoeuvres(drifting) if "spiral" in each.kind]
