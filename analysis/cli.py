@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -26,7 +27,7 @@ Stride = Annotated[int, typer.Option(min=1, help="Seconds between the starts of 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line; their help is what they say of themselves."""
-    for command in (check, export, windows, manoeuvres, smooth, batch):
+    for command in (check, export, windows, manoeuvres, smooth, batch, serve):
         app.command(rich_help_panel=RECORDINGS)(command)
 
 
@@ -317,3 +318,34 @@ def batch(
         typer.echo(summary.index)
     if summary.failed:
         raise typer.Exit(1)
+
+
+def serve(
+    folder: Annotated[Path, typer.Argument(help="A folder with recordings, in folders below it too.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="The folder of the results, as `batch` has it; else one in the cache."),
+    ] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Where on this computer it listens.")] = 8765,
+    on_demand: Annotated[
+        bool, typer.Option("--on-demand", help="Analyse what is opened; without it all, one after the other.")
+    ] = False,
+    upload: Annotated[bool, typer.Option("--upload", help="Take files that are sent, into FOLDER.")] = False,
+    upload_mb: Annotated[float, typer.Option(min=0.1, help="The largest file that is taken, in MB.")] = 500.0,
+) -> None:
+    """Show a season of recordings as pages for a browser on this computer."""
+    from acquisition.core.errors import ConfigurationError
+
+    try:
+        import flask  # noqa: F401 - asked for before anything is begun
+    except ImportError as error:
+        raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
+    from analysis.batch.workers import interrupt_on_terminate
+    from analysis.serve.app import make_app
+    from analysis.serve.app import serve as run
+    from analysis.serve.season import Season, results_folder
+
+    season = Season(folder, output or results_folder(folder), eager=not on_demand)
+    with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
+        typer.echo(f"results: {season.out}", err=True)
+        run(make_app(season, upload_mb if upload else None), port, typer.echo)

@@ -130,10 +130,11 @@ def run_batch(
 
 def process_job(job: Job) -> Row:
     """What a worker does for one recording: a row comes back whatever happens, short of the worker's death."""
-    return attempt(job, _result)
+    return attempt(job, result_of)
 
 
-def _result(job: Job) -> Row:
+def result_of(job: Job) -> Row:
+    """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
     path, later = Path(job.path), tuple(map(Path, job.later))
     row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
     if row is not None:

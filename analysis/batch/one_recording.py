@@ -25,16 +25,19 @@ from acquisition.core.channels import known_channels
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
+from acquisition.recording.reader import Recording, read_parts
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.products import Options, Products, analyse
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
-from analysis.tables.table import history_of, provenance_of, sha256_of, trial_channels
+from analysis.tables.table import history_of, provenance_of, sha256_of, table_of, trial_channels
 from analysis.windows.recordings import write_windows
 
 Row = dict[str, Any]
 """One recording in the index: plain values by name, see :func:`row_of`."""
 SUMMARY = "summary.json"
+WAITING = "waiting"
+"""The status of a recording that is not analysed yet."""
 GRADES = ("good", "suspect", "bad")
 KEY_INDICES = frozenset({
     "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg", "advance_m", "transfer_m",
@@ -163,21 +166,16 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     """The row of a recording: plain values only, NaN as ``None``."""
     recording, one_hz, windows = products.recording, products.one_hz, products.windows
-    trial, missing = recording.trial, missing_channels(products.table)
+    missing = missing_channels(products.table)
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
         "cause": "; ".join(products.shortfalls) or ("" if recording.closed else NOT_CLOSED),
-        "vessel": trial.vessel,
-        "trial": trial.name,
-        "place": trial.place,
+        **_said_of(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
-        "samples": sum(int(series.value.size) for series in recording.series.values()),
         "channels": len(trial_channels(products.table)) - len(missing),
         "missing": missing,
-        "closed": recording.closed,
-        "parts": len(recording.paths),
         "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
         "findings": len(products.quality.findings),
         "findings_by_code": dict(Counter(each.code for each in products.quality.findings)),
@@ -192,6 +190,32 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "provenance": dict(provenance),
     }
     return dict(to_json(row))
+
+
+def first_look(paths: Sequence[Path]) -> Row:
+    """What a recording, a file or its parts, tells before it is analysed: whose it is, when, how much, its track.
+
+    Raises as :func:`process_recording` does, but for writing.
+    """
+    recording = read_parts(paths)
+    table = table_of(recording)
+    row = {
+        "status": WAITING, "cause": "", **_said_of(recording), "start": table.index[0].isoformat(),
+        "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
+    }  # fmt: skip
+    return dict(to_json(row))
+
+
+def _said_of(recording: Recording) -> Row:
+    """What a row says of a recording itself."""
+    return {
+        "vessel": recording.trial.vessel,
+        "trial": recording.trial.name,
+        "place": recording.trial.place,
+        "samples": sum(int(series.value.size) for series in recording.series.values()),
+        "closed": recording.closed,
+        "parts": len(recording.paths),
+    }
 
 
 def missing_channels(table: pd.DataFrame) -> list[str]:

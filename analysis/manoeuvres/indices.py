@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+_BOUNDS = ("value", "low", "high")
+
 
 @dataclass(frozen=True, slots=True)
 class Index:
@@ -39,7 +41,7 @@ class Index:
 
     def as_json(self) -> dict[str, Any]:
         """The index with the keys of the contract; what is not known is null."""
-        bounds = {name: _number(getattr(self, name)) for name in ("value", "low", "high")}
+        bounds = {name: _number(getattr(self, name)) for name in _BOUNDS}
         return {**bounds, "unit": self.unit, "lengths": self.lengths, "limit": self.limit}
 
 
@@ -84,6 +86,18 @@ class Manoeuvre:
     current: Current | None = None
     executes: tuple[pd.Timestamp, ...] = ()
     notes: tuple[str, ...] = field(default=())
+
+    @classmethod
+    def from_json(cls, said: Mapping[str, Any]) -> Manoeuvre:
+        """The inverse of :meth:`as_json`. Raises KeyError, TypeError or ValueError for what is none."""
+        indices = {name: Index(**{**each, **_with_nan(each, *_BOUNDS)}) for name, each in said["indices"].items()}
+        drift = {name: said["current"][name] for name in Current.__slots__} if said["current"] else None
+        return cls(
+            kind=said["kind"], name=said["name"], start=pd.Timestamp(said["start"]), end=pd.Timestamp(said["end"]),
+            side=said["side"], settings=_with_nan(said["settings"], *said["settings"]), indices=indices,
+            current=Current(**drift) if drift else None,
+            executes=tuple(map(pd.Timestamp, said["executes"])), notes=tuple(said["notes"]),
+        )  # fmt: skip
 
     @property
     def sided_name(self) -> str:
@@ -190,6 +204,11 @@ def with_limits(indices: Mapping[str, Index], limits: Mapping[str, float | None]
 
 def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def _with_nan(said: Mapping[str, Any], *names: str) -> dict[str, float]:
+    """Numbers by name, NaN for null: the inverse of :func:`_number`."""
+    return {name: np.nan if said[name] is None else float(said[name]) for name in names}
 
 
 ADVANCE_LENGTHS = 4.5

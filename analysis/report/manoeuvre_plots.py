@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +27,8 @@ from analysis.report.plots import FAINT, PALETTE, outlines
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
+_DASHES = ("-", "--", ":", "-.")
+_MOST_IN_LEGEND = 14
 _MARGINS = {"left": 0.09, "right": 0.98, "bottom": 0.1, "top": 0.88, "hspace": 0.3, "wspace": 0.22}
 
 
@@ -218,6 +221,28 @@ PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "c
 """Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
 SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (10.0, 5.5), "turning_circle": (10.5, 6.0)}
 _OTHER_INCH = (9.0, 5.5)
+
+
+def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:
+    """Runs, each with its name, over each other: tracks in the frame of each approach, heading and speed."""
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1), **_MARGINS)
+    left, above, below = (figure.add_subplot(grid[place]) for place in ((slice(None), 0), (0, 1), (1, 1)))
+    for number, (name, motion, manoeuvre) in enumerate(runs):
+        start, end = seconds_of(motion, manoeuvre)
+        part, course_deg = motion.between(start - _MARGIN_S, end), _course_deg(motion, manoeuvre)
+        dashes = _DASHES[number // len(PALETTE) % len(_DASHES)]
+        style: dict[str, Any] = {"color": PALETTE[number % len(PALETTE)], "linestyle": dashes}
+        left.plot(*_across_ahead(part, start, course_deg), label=name, **style)
+        above.plot(part.time_s - start, part.heading_deg - course_deg, **style)
+        below.plot(part.time_s - start, part.speed_mps, **style)
+    left.set_aspect("equal", adjustable="datalim")
+    left.set_xlabel("to starboard of the approach [m]")
+    left.set_ylabel("ahead of the execute [m]")
+    above.set_ylabel("heading off the approach [deg]")
+    below.set_ylabel("speed over ground [m/s]")
+    below.set_xlabel("time since the execute [s]")
+    if len(runs) <= _MOST_IN_LEGEND:
+        left.legend(loc="best", fontsize=8)
 
 
 def size_inch_of(manoeuvre: Manoeuvre) -> tuple[float, float]:

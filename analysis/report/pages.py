@@ -315,6 +315,7 @@ _COLUMNS = {
     "name": "recording", "status": "status", "start": "start, UTC", "duration_s": "duration",
     "distance_m": "sailed [nmi]", "samples": "samples", "grade": "data", "findings": "findings",
     "repairs": "repairs", "windows_kept": "held windows", "manoeuvres": "manoeuvres",
+    "verdict": "diagnosis",
 }  # fmt: skip
 _OTHERS = ("track", "trial", "vessel", "place", "cause", "report", "missing")
 _COUNTS = ("findings_by_code", "manoeuvres")
@@ -324,19 +325,31 @@ _STATUSES = {
     "failed": (0, "failed"),
     "cut off": (1, "done, cut off"),
     "gone": (2, "recording gone"),
-    "done": (3, "done"),
+    "waiting": (3, "not analysed yet"),
+    "done": (4, "done"),
 }
 _NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
 
 
-def index_page(rows: Sequence[Row], failures: Sequence[tuple[str, list[str]]], title: str) -> Page:
-    """The page of rows as of :func:`analysis.batch.one_recording.row_of` and failures by their cause."""
+def index_page(
+    rows: Sequence[Row],
+    failures: Sequence[tuple[str, list[str]]],
+    title: str,
+    live: Mapping[str, Any] | None = None,
+) -> Page:
+    """The page of rows as of :func:`analysis.batch.one_recording.row_of` and failures by their cause.
+
+    ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
+    sent, up to how many MB (``upload_mb``) and with which ``token``.
+    """
     filled = [
         {**dict.fromkeys([*_COLUMNS, *_OTHERS]), **row, **{name: row.get(name) or {} for name in _COUNTS}}
         for row in rows
     ]
     return render(
-        "index.html", title=title, rows=filled, failures=failures, figures=_figures(rows), columns=_COLUMNS,
+        "index.html", title=title, rows=filled, failures=failures, figures=_figures(rows), live=live,
+        columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or any(map(_has_verdict, rows))},
+        choices=_choices(filled),
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
         broken=_broken, status_of=lambda row: _STATUSES[_status(row)],
         status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text, grade_order=_grade_order,
@@ -356,6 +369,22 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
         "findings": f"{_total(rows, 'findings'):,.0f}",
         "failed": str(sum(row["status"] == "failed" for row in rows)),
     }
+
+
+def _has_verdict(row: Row) -> bool:
+    return bool(row.get("verdict"))
+
+
+def _choices(rows: Sequence[Row]) -> dict[str, tuple[str, list[str]]]:
+    """What rows can be chosen by: a heading and the values, of what differs between them."""
+    kinds = {kind for row in rows for kind in row["manoeuvres"]}
+    found = {
+        name: (head, sorted({row[key] for row in rows if row[key]}))
+        for name, (key, head) in {
+            "ship": ("vessel", "any ship"), "grade": ("grade", "any data"), "verdict": ("verdict", "any diagnosis"),
+        }.items()
+    }  # fmt: skip
+    return {name: each for name, each in {**found, "kind": ("any manoeuvre", sorted(kinds))}.items() if each[1]}
 
 
 def _total(rows: Iterable[Row], name: str) -> float:

@@ -1,0 +1,222 @@
+"""The pages of a season: who may ask for them, what lies at which address, and what is said when nothing does.
+
+Nothing is served but to this computer under its own name, and no page may fetch from elsewhere or run a script
+that is not ours. A name in an address is looked up among the recordings and never becomes a path by itself.
+"""
+
+from __future__ import annotations
+
+import logging
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+from flask import Flask, Response, abort, g, request
+from werkzeug.exceptions import HTTPException
+from werkzeug.serving import WSGIRequestHandler, make_server
+
+from acquisition.core.errors import SeatrialError, SourceError
+from acquisition.recording.reader import read_parts
+from analysis.batch.batch import failures_of
+from analysis.batch.one_recording import WAITING, Row
+from analysis.prepare import Preparation, prepare
+from analysis.report.pages import index_page
+from analysis.report.rendering import render
+from analysis.serve.runs import compared, index_table, motions_of, runs_in
+from analysis.serve.season import Season
+from analysis.serve.upload import receive
+from analysis.tables.excel import write_sheets
+from analysis.tables.export import KINDS, export_table
+
+ADDRESS = "127.0.0.1"
+NAMES = (ADDRESS, "localhost")
+MOST_RUNS = 40
+"""Runs that are drawn over each other; more cannot be told apart."""
+LINKS = "<!--links-->"
+"""Where a recording's page has room for the way back, its exports and its diagnosis."""
+_MEGA = 1_000_000
+_POLICY = (
+    "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; script-src 'nonce-{}'; "
+    "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}  # fmt: skip
+_drawing = Lock()  # matplotlib keeps its style for the whole process
+
+
+def make_app(season: Season, upload_mb: float | None = None) -> Flask:
+    """The pages of a season; with ``upload_mb`` [MB] files up to that size may be sent, else it is read only."""
+    app, token = Flask("seatrial", static_folder=None, template_folder=None), secrets.token_urlsafe()
+    app.config.update(
+        TRUSTED_HOSTS=list(NAMES), MAX_CONTENT_LENGTH=int(_MEGA * (upload_mb or 0.1)), MAX_FORM_PARTS=4
+    )
+    app.before_request(_draw_lots)
+    app.after_request(_secured)
+    app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
+    app.register_error_handler(HTTPException, _explained)
+    pages = _Pages(season, upload_mb, token)
+    for path, page in pages.addresses().items():
+        app.add_url_rule(path, path, page)
+    if upload_mb is not None:
+        app.add_url_rule("/upload", "upload", pages.upload, methods=["POST"])
+    return app
+
+
+def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
+    """Answer requests of this computer until interrupted; ``ready`` hears the address.
+
+    Raises :class:`SourceError` where the port cannot be had.
+    """
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    try:
+        server = make_server(ADDRESS, port, app, threaded=True, request_handler=_Quiet)
+    except (OSError, SystemExit) as error:  # werkzeug ends the program where the port is taken
+        raise SourceError(
+            f"cannot listen on {ADDRESS}:{port}", why="the port is taken",
+            fix="end the program that uses it, or say --port",
+        ) from error  # fmt: skip
+    ready(f"http://{ADDRESS}:{server.server_port}/")
+    with server:
+        server.serve_forever()
+
+
+class _Quiet(WSGIRequestHandler):
+    def log_request(self, *arguments: Any) -> None:
+        """Nothing: the terminal is for what goes wrong."""
+
+
+class _Pages:
+    """What lies at each address."""
+
+    def __init__(self, season: Season, upload_mb: float | None, token: str) -> None:
+        self._season, self._upload_mb, self._token = season, upload_mb, token
+
+    def addresses(self) -> dict[str, Callable[..., Any]]:
+        return {
+            "/": self.index,
+            "/runs.html": self.runs,
+            "/runs.xlsx": self.runs_as_workbook,
+            "/<path:name>/page.html": self.trial,
+            "/<path:name>/report.html": lambda name: self._beside(name, "report.html"),
+            "/<path:name>/diagnosis.html": self.diagnosis,
+            "/<path:name>/export.<kind>": self.export,
+        }
+
+    def index(self) -> str:
+        rows = self._season.rows()
+        waiting = sum(row["status"] == WAITING for row in rows)
+        live = {"nonce": g.nonce, "token": self._token, "upload_mb": self._upload_mb, "waiting": waiting}
+        rows = [{**row, "report": (self._season.out / row["name"] / "report.html").is_file()} for row in rows]
+        return index_page(rows, failures_of(rows), self._season.folder.resolve().name, live).html
+
+    def trial(self, name: str) -> str:
+        row = self._known(name)
+        if row["status"] == WAITING:
+            return self._wait(name)
+        if "provenance" not in row:
+            return _message(name, [row["cause"]])
+        try:
+            page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return self._wait(name, anew=True)
+        links = render("links_of_trial.html", row=row, quote=quote, kinds=[each[1:] for each in KINDS]).html
+        return page.replace(LINKS, links, 1)
+
+    def diagnosis(self, name: str) -> str:
+        folder = self._season.diagnosis_of(self._known(name))
+        return _read_page(folder / "report.html" if folder else None)
+
+    def export(self, name: str, kind: str) -> Response:
+        if f".{kind}" not in KINDS:
+            abort(404)
+        self._known(name)
+        table = prepare(read_parts(self._season.files(name)), Preparation(rate_hz=1.0, repair=True))
+        return _attached(f"{Path(name).name}.{kind}", lambda path: export_table(table, path, {"rate_hz": 1.0}))
+
+    def runs(self) -> str:
+        runs = runs_in(self._season.out, self._asked_for(), kind := request.args.get("kind", ""))
+        if not runs:
+            return _message("No runs", ["None of these recordings holds such a manoeuvre."])
+        drawn = runs[:MOST_RUNS]
+        labelled = [
+            (run.label, motion, run.manoeuvre)
+            for run, motion in zip(drawn, motions_of(self._season.out, drawn), strict=True)
+        ]
+        header, rows = compared(runs)
+        with _drawing:
+            return render(
+                "runs.html", title=f"Runs: {kind.replace('_', ' ') or 'all manoeuvres'}", runs=labelled,
+                header=header, rows=rows, workbook=f"runs.xlsx?{request.query_string.decode()}",
+                left_out=len(runs) - len(drawn),
+            ).html  # fmt: skip
+
+    def runs_as_workbook(self) -> Response:
+        runs = runs_in(self._season.out, self._asked_for(), request.args.get("kind", ""))
+        return _attached("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
+
+    def upload(self) -> str:
+        origin, sent = request.headers.get("Origin"), request.files.get("file")
+        if origin is not None and urlsplit(origin).netloc != request.host:
+            abort(403)
+        if not secrets.compare_digest(request.form.get("token", ""), self._token):
+            abort(403)
+        if sent is None:
+            abort(400)
+        path, said = receive(sent.stream, sent.filename or "", self._season.folder)
+        return _message(f"{path.name} is in the season", said)
+
+    def _asked_for(self) -> list[str]:
+        """The recordings that a request names, of those that have a result; all that have one if it names none."""
+        done = {row["name"] for row in self._season.rows() if "provenance" in row}
+        return [name for name in request.args.getlist("name") or sorted(done) if name in done]
+
+    def _known(self, name: str) -> Row:
+        row = self._season.row(name)
+        return row if row is not None else abort(404)
+
+    def _wait(self, name: str, *, anew: bool = False) -> str:
+        self._season.ask(name, anew=anew)
+        return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
+
+    def _beside(self, name: str, file: str) -> str:
+        self._known(name)
+        return _read_page(self._season.out / name / file)
+
+
+def _read_page(path: Path | None) -> str:
+    if path is None or not path.is_file():
+        abort(404)
+    return path.read_text(encoding="utf-8")
+
+
+def _attached(name: str, write: Callable[[Path], object]) -> Response:
+    """A file to be kept, as ``write`` makes it."""
+    with TemporaryDirectory(prefix="seatrial-") as folder:
+        path = Path(folder) / f"made{Path(name).suffix}"
+        write(path)
+        content = path.read_bytes()
+    named = f"attachment; filename*=UTF-8''{quote(name)}"
+    return Response(content, headers={"Content-Disposition": named}, mimetype="application/octet-stream")
+
+
+def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
+    return render("message.html", title=title, lines=lines, again_s=again_s).html
+
+
+def _explained(error: HTTPException) -> tuple[str, int]:
+    return _message(error.name, [error.description or ""]), error.code or 500
+
+
+def _draw_lots() -> None:
+    g.nonce = secrets.token_urlsafe()
+
+
+def _secured(response: Response) -> Response:
+    response.headers.extend({**_HEADERS, "Content-Security-Policy": _POLICY.format(g.get("nonce", "none"))})
+    return response

@@ -1,0 +1,253 @@
+"""A season: the recordings below a folder as rows, at once, and what is made of each as it is wanted.
+
+The results are those of a batch, in a folder that a batch may have written or may take over. What is known of each
+recording is kept there too, by the names, sizes and times of its files, so that thousands are listed without
+opening one. One process beside the page does the work, so that neither a long recording nor one that kills its
+worker holds up anybody.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from itertools import count
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from queue import PriorityQueue
+
+from acquisition.core.errors import InputError
+from acquisition.core.trial import software_version
+from analysis.batch.batch import names_of, recordings_below, result_of
+from analysis.batch.one_recording import WAITING, Row, first_look
+from analysis.batch.workers import Job, failed_row
+from analysis.products import Options, cause_of
+from analysis.tables.files import make_folder
+
+ASKED, LOOK, REST = range(3)
+"""What is worked on first: what somebody waits for, a first look at each recording, the analysis of the others."""
+SETTLED_S = 20.0
+"""A file that has changed since is still being written, and is not analysed unless somebody asks."""
+DIAGNOSIS = "diagnosis.json"
+_KEPT = ".season.sqlite"
+_NICENESS = 10
+_DIED = "its worker died over it; too little memory, or a fault in native code"
+
+
+def results_folder(folder: Path) -> Path:
+    """Where the results of a season are kept unless a folder is named: the user's cache, apart for each season."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return cache / "seatrial" / hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]
+
+
+class Season:
+    """The recordings below ``folder`` and their results in ``out``; a context manager.
+
+    ``eager`` analyses all of them, one after the other; without it those that are asked for. Raises
+    :class:`InputError` for what is no folder, :class:`StorageError` where ``out`` cannot be written.
+    """
+
+    def __init__(
+        self, folder: Path, out: Path, options: Options | None = None, *, eager: bool = True,
+        settled_s: float = SETTLED_S,
+    ) -> None:  # fmt: skip
+        self.folder, self.out, self._options = folder, out.resolve(), options or Options()
+        if folder.resolve().is_relative_to(self.out):
+            raise InputError("the recordings lie in the folder of the results", where=str(out), fix="name another")
+        self._eager, self._settled_s = eager, settled_s
+        self._files: dict[str, tuple[Path, ...]] = {}
+        self._diagnoses: dict[Path, _Diagnosis] = {}
+        self._wishes: PriorityQueue[tuple[int, int, str]] = PriorityQueue()
+        self._wished: set[tuple[int, str]] = set()
+        self._number, self._lock, self._worker = count(), threading.RLock(), _Worker()
+
+    def __enter__(self) -> Season:
+        make_folder(self.out)
+        self._store = sqlite3.connect(self.out / _KEPT, check_same_thread=False)
+        self._store.execute("CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)")
+        kept = self._store.execute("SELECT name, stamp, row FROM season")
+        self._kept = {name: (stamp, json.loads(row)) for name, stamp, row in kept}
+        self.rows()
+        threading.Thread(target=self._work, name="season", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._wishes.put((-1, 0, ""))
+        self._worker.stop()
+        with self._lock:
+            self._store.close()
+
+    def rows(self) -> list[Row]:
+        """A row each recording as in the index of a batch; of one not analysed what a first look tells, if that."""
+        with self._lock:
+            found = recordings_below(self.folder, self.out)
+            self._files = dict(zip(names_of(self.folder, found), found, strict=True))
+            self._diagnoses = {path: self._diagnosis_in(path) for path in self.folder.rglob(DIAGNOSIS)}
+            return [self._row(name) for name in self._files]
+
+    def row(self, name: str) -> Row | None:
+        """The row of a recording by its name, as :meth:`rows`; None where there is none of that name."""
+        with self._lock:
+            if name not in self._files:
+                self.rows()
+            return self._row(name) if name in self._files else None
+
+    def files(self, name: str) -> tuple[Path, ...]:
+        """The files of a recording that :meth:`row` knows."""
+        return self._files[name]
+
+    def ask(self, name: str, *, anew: bool = False) -> None:
+        """Have a recording analysed next; ``anew`` where its result is not there any more."""
+        with self._lock:
+            if anew:
+                self._kept.pop(name, None)
+            self._wish(ASKED, name)
+
+    def diagnosis_of(self, row: Row) -> Path | None:
+        """The folder of the newest diagnosis that a recording took part in."""
+        return max(self._diagnoses_of(row), default=_NO_DIAGNOSIS).folder
+
+    def _diagnoses_of(self, row: Row) -> list[_Diagnosis]:
+        digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
+        return [each for each in self._diagnoses.values() if each.of & digests]
+
+    def _diagnosis_in(self, path: Path) -> _Diagnosis:
+        """What a file says, read again if it has changed."""
+        known, state = self._diagnoses.get(path), _state_of(path)
+        return known if known is not None and known.state == state else _read_diagnosis(path, state)
+
+    def _row(self, name: str) -> Row:
+        stamp, row = self._kept.get(name, ("", None))
+        if row is None or stamp != self._stamp(name):
+            self._wish(LOOK, name)
+            row = {"status": WAITING, "cause": ""}
+        elif row["status"] == WAITING and self._eager and self._is_settled(name):
+            self._wish(REST, name)
+        path = self._files[name][0].relative_to(self.folder).as_posix()
+        verdict = max(self._diagnoses_of(row), default=_NO_DIAGNOSIS).verdict
+        return {**row, "name": name, "path": path, "verdict": verdict}
+
+    def _stamp(self, name: str) -> str:
+        """What a row hangs on: the files' names, sizes and times, the options and the version."""
+        states = [(path.name, *_state_of(path)) for path in self._files[name]]
+        return repr((states, self._options, software_version()))
+
+    def _is_settled(self, name: str) -> bool:
+        newest_ns = max(_state_of(path)[1] for path in self._files[name])
+        return time.time() - newest_ns / 1e9 > self._settled_s
+
+    def _wish(self, urgency: int, name: str) -> None:
+        if (urgency, name) not in self._wished:
+            self._wished.add((urgency, name))
+            self._wishes.put((urgency, next(self._number), name))
+
+    def _work(self) -> None:
+        """One wish after the other, until the season ends."""
+        while True:
+            urgency, _, name = self._wishes.get()
+            if urgency < 0:
+                return
+            with self._lock:
+                self._wished.discard((urgency, name))
+                if name not in self._files:
+                    continue
+                stamp, files = self._stamp(name), self._files[name]
+                known, row = self._kept.get(name, ("", {}))
+            if known == stamp and (urgency == LOOK or row["status"] != WAITING):
+                continue
+            first, *later = map(str, files)
+            job = Job(name, first, str(self.out), self._options, later=tuple(later))
+            row = self._worker.row_of(_look if urgency == LOOK else result_of, job)
+            self._keep(name, stamp, row)
+
+    def _keep(self, name: str, stamp: str, row: Row) -> None:
+        with self._lock, suppress(sqlite3.ProgrammingError):  # the season has ended
+            self._kept[name] = stamp, row
+            self._store.execute("INSERT OR REPLACE INTO season VALUES (?, ?, ?)", (name, stamp, json.dumps(row)))
+            self._store.commit()
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _Diagnosis:
+    """A diagnosis that lies in a folder: when it was written, its verdict and the hashes of its recordings."""
+
+    written_ns: int
+    state: tuple[int, int] = field(compare=False)
+    verdict: str = field(compare=False)
+    of: frozenset[str] = field(compare=False)
+    folder: Path | None = field(compare=False)
+
+
+_NO_DIAGNOSIS = _Diagnosis(0, (0, 0), "", frozenset(), None)
+
+
+def _read_diagnosis(path: Path, state: tuple[int, int]) -> _Diagnosis:
+    """The diagnosis in a file; of what is none, that of no recording."""
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+        verdict, hashes = str(said["verdict"]), str(said["provenance"]["recordings_sha256"])
+    except (OSError, ValueError, KeyError, TypeError):
+        verdict, hashes = "", ""
+    return _Diagnosis(state[1], state, verdict, frozenset(hashes.split(", ")), path.parent)
+
+
+def _state_of(path: Path) -> tuple[int, int]:
+    """Size [bytes] and time of change [ns]; of one that has gone none."""
+    with suppress(OSError):
+        state = path.stat()
+        return state.st_size, state.st_mtime_ns
+    return 0, 0
+
+
+def _look(job: Job) -> Row:
+    return {"name": job.name, **first_look([Path(job.path), *map(Path, job.later)])}
+
+
+class _Worker:
+    """A process that makes rows of jobs, one at a time; another takes its place when it dies."""
+
+    def __init__(self) -> None:
+        self._process: SpawnProcess | None = None
+
+    def row_of(self, work: Callable[[Job], Row], job: Job) -> Row:
+        """The row that ``work`` makes of a job, or that of its failure."""
+        if self._process is None:
+            context = get_context("spawn")
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_attend, args=(theirs,), daemon=True)
+            self._process.start()
+            theirs.close()
+        try:
+            self._pipe.send((work, job))
+            row: Row = self._pipe.recv()
+        except (EOFError, OSError):
+            self._process = None
+            return failed_row(job, _DIED)
+        return row
+
+    def stop(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+
+
+def _attend(pipe: Connection) -> None:
+    """What the worker does: jobs in, rows out, until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is for the page
+    os.nice(_NICENESS)
+    with suppress(EOFError):
+        while True:
+            work, job = pipe.recv()
+            try:
+                row = work(job)
+            except Exception as error:  # whatever it is, it is this recording's and no other's
+                row = failed_row(job, cause_of(error))
+            pipe.send(row)
