@@ -6,15 +6,17 @@ Playwright drives the Chromium that the system has, and tells what a page asked 
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import ConsoleMessage, Error, Page, sync_playwright
 
 _LIMIT_MS = 120_000  # for machines that are busy; whatever is waited for is met as soon as it holds
+_LOOK_MS = 20
 _FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
           "--disable-component-update", "--disable-sync"]  # fmt: skip
 
@@ -47,8 +49,20 @@ class Browser:
         return self._page.evaluate(expression)
 
     def wait_for(self, expression: str) -> None:
-        """Return as soon as the expression is true; the test fails when it never is."""
-        self._page.wait_for_function(expression)
+        """Return as soon as the expression is true; the test fails when it never is.
+
+        It is asked from outside: a page whose policy forbids ``eval`` can be waited for too.
+        """
+        until_s = time.monotonic() + _LIMIT_MS / 1000.0
+        while not self._holds(expression):
+            assert time.monotonic() < until_s, f"never true: {expression}"
+            self._page.wait_for_timeout(_LOOK_MS)
+
+    def _holds(self, expression: str) -> bool:
+        try:
+            return bool(self._page.evaluate(expression))
+        except Error:  # of a page that is not complete yet, or gives way to another
+            return False
 
     def move(self, x: float, y: float) -> None:
         """The mouse to a point of the window [px]."""
@@ -68,6 +82,14 @@ class Browser:
     def click_on(self, selector: str) -> None:
         """A real click in the middle of the first such element, which is scrolled into view."""
         self._page.locator(selector).first.click()
+
+    def choose(self, selector: str, value: str) -> None:
+        """An option of a list, by its value."""
+        self._page.select_option(selector, value)
+
+    def give_file(self, selector: str, path: Path) -> None:
+        """A file for a field that takes one."""
+        self._page.set_input_files(selector, path)
 
     def press(self, key: str, *, shift: bool = False) -> None:
         """A key down and up."""

@@ -44,7 +44,7 @@ _POLICY = (
     "form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
 _HEADERS = {
-    "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff", "Referrer-Policy": "same-origin", "Cache-Control": "no-store",
     "Cross-Origin-Resource-Policy": "same-origin",
 }  # fmt: skip
 _drawing = Lock()  # matplotlib keeps its style for the whole process
@@ -100,6 +100,7 @@ class _Pages:
     def addresses(self) -> dict[str, Callable[..., Any]]:
         return {
             "/": self.index,
+            "/favicon.ico": lambda: Response(status=204),
             "/runs.html": self.runs,
             "/runs.xlsx": self.runs_as_workbook,
             "/<path:name>/page.html": self.trial,
