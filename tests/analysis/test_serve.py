@@ -236,7 +236,7 @@ class Sender:
     """A browser that may send files, with the token of the page."""
 
     def __init__(self, season: Season) -> None:
-        self.client = make_app(season, upload_mb=0.5).test_client()
+        self.client = make_app(season, upload_mb=0.3).test_client()
         page = get(self.client, "/").text
         self.token = page.partition('name="token" value="')[2].partition('"')[0]
 
@@ -282,7 +282,7 @@ def test_what_is_refused_leaves_nothing_and_says_why(sender: tuple[Sender, Path]
         answer = sending.send(name, content)
         assert (answer.status_code, why in answer.text) == (422, True), answer.text
         assert "/tmp" not in answer.text
-    assert sending.send("large.csv", b"x" * 600_000).status_code == 413
+    assert sending.send("large.csv", b"x" * 400_000).status_code == 413
     assert sending.send("a.csv", table_text(), token="wrong").status_code == 403
     assert sending.send("a.csv", table_text(), Origin="http://evil.example").status_code == 403
     assert sending.send("a.csv", table_text(), Host="evil.example").status_code == 400
