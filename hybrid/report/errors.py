@@ -227,7 +227,9 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     quantities = {name: whole[name].to_numpy(dtype=float) for name in ("surge_mps", "sway_mps", "yaw_rate_dps")}
     shafts = [name for each in plant.layout if each.drives and (name := f"{each.name}_rpm") in whole]
     quantities |= {"rpm": whole[shafts].to_numpy(dtype=float).mean(axis=1)} if shafts else {}
-    quantities |= {**_angles(whole, plant.layout), "relative_wind_deg": np.asarray(relative)}
+    quantities |= _angles(whole, plant.layout)
+    if whole["wind_speed_mps"].max() > _CALM_MPS:  # a calm, or a wind that was not recorded, has no direction
+        quantities["relative_wind_deg"] = np.asarray(relative)
     return Residuals(measured - model, quantities)
 
 
@@ -244,7 +246,8 @@ def _angles(table: pd.DataFrame, actuators: Actuators) -> dict[str, Floats]:
 def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:
     """:data:`PLANES` with the angle that the ship is steered by; without those of which a quantity is not known."""
     angle = next((name for name in ANGLES.values() if name in residuals.quantities), "")
-    planes = (*PLANES[:-1], (angle, PLANES[-1][1]))
+    wind = PLANES[-1][1]
+    planes = (*PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     return tuple(plane for plane in planes if set(plane) <= set(residuals.quantities))
 
 
@@ -283,6 +286,7 @@ def largest_residuals(residuals: Residuals) -> list[LargestResidual]:
     return [best[name] for name in ACCELERATIONS if name in best]
 
 
+_CALM_MPS = 0.1
 _BLOCK_S = 15  # a few of a ship's own time constants at ordinary speeds
 _CHANCE = 0.05
 
