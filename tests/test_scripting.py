@@ -100,5 +100,5 @@ def test_the_readmes_script_runs(
     exec(compile(script, "README.md", "exec"), {})
     printed = capsys.readouterr().out
     assert all(words in printed for words in ("rate Hz", "mean m", "hybrid"))
-    assert "% of the force range granted" in printed
+    assert "% of the force range tolerated" in printed
     assert all((tmp_path / name).stat().st_size > 10_000 for name in ("trial.png", "prediction.png"))

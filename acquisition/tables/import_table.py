@@ -87,7 +87,7 @@ class ImportSummary:
         if self.missing:
             parts.append(f"missing: {', '.join(self.missing)}")
         if self.passed_over:
-            parts.append(f"passed over: {', '.join(self.passed_over)}")
+            parts.append(f"ignored: {', '.join(self.passed_over)}")
         return "; ".join(parts)
 
 

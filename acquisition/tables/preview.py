@@ -36,7 +36,7 @@ def proposal_table(proposal: Proposal) -> Table:
         cells = (each.column, each.taken_for, each.unit, "; ".join(each.reasons))
         table.add_row(*(Text(printable(cell)) for cell in cells), style="dim" if each.taken_for == "-" else "")
     for name in proposal.passed_over:
-        table.add_row(Text(printable(name)), Text("-"), Text(""), Text("not known, passed over"), style="dim")
+        table.add_row(Text(printable(name)), Text("-"), Text(""), Text("not known, ignored"), style="dim")
     return table
 
 

@@ -317,7 +317,7 @@ class Diagnosis:
 
     def __str__(self) -> str:
         """The verdict, the effects with their 95 % intervals and the gap, as a short table."""
-        lines = [f"{self.verdict.replace('_', ' ')}, {100.0 * self.tolerance:g} % of the force range granted"]
+        lines = [f"{self.verdict.replace('_', ' ')}, {100.0 * self.tolerance:g} % of the force range tolerated"]
         rows = [
             (f"{each.name}{each.part}", name, f"{size.value:.4g}", f"{size.low:.4g} to {size.high:.4g}", size.unit)
             for each in self.effects

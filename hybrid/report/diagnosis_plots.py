@@ -58,7 +58,7 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
-    axes.set_xlabel("log odds by which the model is better with this effect alone; right of the line it is better")
+    axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
     families = [family for family in FAMILIES if any(each.family == family for each in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
@@ -102,7 +102,7 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     axes.set_yticks(range(len(shown)), labels, fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
-    axes.set_xlabel("log evidence that it lacks")
+    axes.set_xlabel("log evidence below that of the named effect [nat]")
     handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
     _on_grid(axes)

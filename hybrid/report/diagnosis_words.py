@@ -221,7 +221,7 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
     }
     if diagnosis.effects:
         figures["of what could be closed is closed"] = percent(gap.closed) if gap.closed > 0.0 else "nothing"
-    figures["of the force range: error granted to the model"] = f"{percent(diagnosis.tolerance)}"
+    figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
     return figures
 
 
@@ -236,7 +236,7 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
     says = {
         "named": "Every effect named stands by itself: it is no chance among all that were tried, and it predicts "
         "legs that were left out.",
-        "nothing_missing": "That holds within what the model and the sensors are granted; how large each effect "
+        "nothing_missing": "That holds within the tolerances of the model and the sensors; how large each effect "
         "could be and stay hidden stands in the ranking below.",
         "unknown": "Something remains above the noise that has structure; what it depends on stands below. A name "
         "is not given to it, because none fits.",

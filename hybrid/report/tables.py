@@ -266,7 +266,7 @@ def heading_of(plan: Plan) -> str:
     """What the limits are limits of."""
     return (
         f"Seen in nine of ten trials from this departure on ({plan.vessel}, {plan.sea.name or 'own'} sea, the "
-        f"model granted {100.0 * plan.tolerance:g} % of the force range):"
+        f"tolerance {100.0 * plan.tolerance:g} % of the force range):"
     )
 
 

@@ -193,7 +193,7 @@ def doubts_of(products: Products) -> str | None:
     codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
     return (
         f"{len(doubtful)} of {len(channels)} channels are not good ({join_words(list(codes))}); "
-        "the appendix says what was found and what was put right."
+        "the appendix says what was found and what was repaired."
     )
 
 

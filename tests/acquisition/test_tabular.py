@@ -151,7 +151,7 @@ def test_rows_out_of_order_stay_as_they_are_and_are_counted(tmp_path: Path) -> N
 def test_what_is_missing_or_unknown_may_be_allowed_and_is_said(tmp_path: Path) -> None:
     path = csv(tmp_path, standard(Engine=1.0).drop(columns="tunnel_rpm"))
     summary = import_table(path, tmp_path / "out.mcap", allow_missing=True, ignore_unknown=True)
-    assert "missing: tunnel_rpm; passed over: Engine" in str(summary)
+    assert "missing: tunnel_rpm; ignored: Engine" in str(summary)
 
 
 def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
     diagnosis = replace(named(), identified=a_correction(applied=True))
     html = page_of(diagnosis, Extras()).html
     first = html.index("The diagnosis starts from a refit")
-    assert first < html.index("structure can close: coefficients of the other legs") < html.index("What was named")
+    assert first < html.index("structure can close: coefficients of the other legs") < html.index("Effects named")
     again = from_json(IdentifiedCorrection, json.loads(json.dumps(diagnosis.as_dict()["identified"])))
     assert again == diagnosis.identified
 

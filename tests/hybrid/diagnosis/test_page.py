@@ -81,7 +81,7 @@ def test_every_verdict(verdict: str, sentence: str, words: list[str]) -> None:
     page = page_of(diagnosis, Extras(consistency=()))
     text = re.sub(r"<img[^>]*>", "", page.html)
     assert page.title == sentence == verdict_sentence(diagnosis)
-    for each in [*words, "They do, within what each is granted."]:
+    for each in [*words, "They do, within their tolerances."]:
         assert each in text
 
 
@@ -282,18 +282,18 @@ def test_the_page_says_first_that_the_model_is_another_ship() -> None:
     assert model_line(other) == said
     text = page_of(other, Extras()).html
     assert text.lower().count(said) == 1
-    assert text.index(said) < text.index("What was named")
+    assert text.index(said) < text.index("Effects named")
 
 
 def test_a_diagnosis_prints_as_a_short_table() -> None:
     assert str(named()).splitlines() == [
-        "named, 1 % of the force range granted",
+        "named, 1 % of the force range tolerated",
         "ocean_current  speed_mps      0.35  0.34 to 0.36  m/s",
         "ocean_current  direction_deg  205   203 to 207    deg",
         "heading_bias   angle_deg      -1.5  -1.7 to -1.3  deg",
         "mean distance over 15 s: 1.400 m before, 0.190 m after, 0.060 m at best (110 windows that took no part)",
     ]
-    assert str(of_verdict("nothing_missing")).startswith("nothing missing, 1 % of the force range granted\nmean")
+    assert str(of_verdict("nothing_missing")).startswith("nothing missing, 1 % of the force range tolerated\nmean")
     assert "unknown: a yaw moment of some 4000 N m" in str(of_verdict("unknown"))
 
 

@@ -187,7 +187,7 @@ def test_values_that_are_flagged_bad_do_not_count_unless_one_says_so(unseen: Pat
     assert [each.validation.jumps for each in (clean, mended)] == [0, 0]
     assert kept.validation.jumps > 0
     assert errors[2] == pytest.approx(errors[0], rel=0.2)
-    assert "Nothing was put right here" in sections("trial.html", case=kept)("data").html
+    assert "Nothing was repaired here" in sections("trial.html", case=kept)("data").html
     assert "stray values became gaps" in sections("trial.html", case=mended)("data").html
 
 
