@@ -91,6 +91,7 @@ def mount(app: typer.Typer) -> None:
     panels: dict[str, dict[Callable[..., None], str]] = {
         TRIALS: {
             trials.demo: "Run the whole chain: from simulated buses to a report.",
+            trials.init: "Write a trial's folder to start from: what is recorded, the ship, a column map.",
             trials.simulate: "Simulate a trial as its sensors would have recorded it.",
             trials.plan: "Say which effects a planned trial could find, and propose a better one.",
             trials.campaign: "Simulate many trials: vessels, seas, manoeuvres, seeds.",

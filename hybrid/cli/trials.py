@@ -23,6 +23,18 @@ MANOEUVRES = (
 )
 
 
+def init(
+    folder: Annotated[Path, typer.Argument(help="The folder, which is made.")],
+    name: Annotated[str | None, typer.Option(help="What ship and trial are called; else as the folder.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+) -> None:
+    """Write vessel.toml, trial.toml, columns.toml and example.csv, with which everything works at once."""
+    from hybrid.workflows.start import start_folder
+
+    for path in start_folder(folder, name or "", force=force):
+        typer.echo(path)
+
+
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")] = Path(
         "demo"
