@@ -34,7 +34,9 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     unit = canonical(unit)
     ending = ending_of(unit)
     if not _UNIT.fullmatch(unit):
-        raise ConfigurationError(f"unit {unit!r} of channel {name} is none", fix="write it like kW, m3/h or kg/m3")
+        raise ConfigurationError(
+            f"unit {unit!r} of channel {name} is not known", fix="write it like kW, m3/h or kg/m3"
+        )
     if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
         raise ConfigurationError(
             f"channel name {name!r} cannot be part of a topic", why=f"it has other than small letters, digits and"

@@ -176,7 +176,7 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
     if came:
         raise SourceError(
             f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud",
-            fix="give the rate as /dev/ttyUSB0@RATE; see to plus and minus of the line",
+            fix="give the rate as /dev/ttyUSB0@RATE; check the polarity of the line",
         )
     return rates[0]
 

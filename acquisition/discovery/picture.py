@@ -67,7 +67,7 @@ def nothing_found(found: Discovery) -> str:
         where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in there)
     live = any(each.place.type != "file" for each in found.heard)
     advice = (
-        "switch the instruments on, see to cables and firewall, listen longer with --duration, or " if live else ""
+        "switch the instruments on, check cables and firewall, listen longer with --duration, or " if live else ""
     )
     return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {KNOWN_FORMS}"
 

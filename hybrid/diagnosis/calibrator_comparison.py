@@ -93,7 +93,7 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
     if legs < _LEAST_LEGS:
         raise DataShortageError(
             f"{legs} legs have held windows to judge by within the models' range, {_LEAST_LEGS} are needed",
-            fix="hold the thrusters longer",
+            fix="record longer stretches with constant controls",
         )
     folds = np.flatnonzero(inside.any(axis=0)).tolist()
     return {fold: with_stopping(windows, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}

@@ -91,7 +91,7 @@ def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw
     """Each recording in turn that holds whole windows kept back from all others."""
     trials = np.unique(windows.trial[windows.whole])
     if len(trials) < 2:
-        raise DataShortageError("one recording cannot be kept back from others", fix="give two or more")
+        raise DataShortageError("a split by recording needs two recordings or more", fix="give two or more")
     return [with_stopping(windows, windows.trial != each, windows.trial == each, seed) for each in trials]
 
 

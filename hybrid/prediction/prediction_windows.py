@@ -138,7 +138,9 @@ def windows_from_rows(
     Raises :class:`DataShortageError` when there is no window in it.
     """
     if rows.empty:
-        raise DataShortageError("no held window to work with", fix="lower --horizon or record held stretches")
+        raise DataShortageError(
+            "no held window to work with", fix="lower --horizon, or record longer stretches with constant controls"
+        )
     ordered = rows.sort_values(["window", "second"], kind="stable")
     count = ordered["window"].nunique()
     actuators = table_actuators(rows)
@@ -301,7 +303,7 @@ def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np
     if len(names) < 2:
         raise DataShortageError(
             f"only one leg ({names[0] if len(names) else 'none'}), which cannot be split",
-            fix="give more recordings, or longer ones with more held stretches",
+            fix="give more recordings, or longer ones with more stretches of constant controls",
         )
     wanted = share * len(groups)
     held_out: list[int] = []
