@@ -263,7 +263,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             "correction, and what was named besides may change with it."
         )
     if any(each.in_vessel and each.kind != "sensor" for each in diagnosis.effects):
-        steps.append("Use vessel.toml beside this page, the model with what was named: --vessel in every command.")
+        steps.append("Use the vessel file beside this page, vessel.toml: the model with what was named.")
     if diagnosis.next_manoeuvre is not None:
         steps.append("Sail the manoeuvre that stands below: it separates what this trial cannot tell apart.")
     if diagnosis.regimes:
@@ -273,11 +273,11 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         )
     if diagnosis.remainder is not None and diagnosis.identified is None:
         steps.append(
-            "Where many coefficients may be off, as those of another ship are, start from a refit: seatrial "
-            "diagnose with --identify."
+            "Where many coefficients may be off, as those of another ship are, identify them first and diagnose the "
+            "model that is found."
         )
     if diagnosis.verdict == "nothing_missing":
-        steps.append("Use the model as it is; seatrial train learns on top of it what is left.")
+        steps.append("Use the model as it is; what is left may be learned on top of it.")
     return steps
 
 
@@ -349,7 +349,7 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
 
 REGIMES_NOTE = (
     "A force in a regime has no theory behind it. regimes.py has each as an effect: given to the next diagnosis "
-    "with --effects it is weighed among all others, and a cause that fits better takes its place."
+    "it is weighed among all others, and a cause that fits better takes its place."
 )
 
 
@@ -449,8 +449,12 @@ def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
 
 
 def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """What the verdict rests on: tolerance and provenance."""
-    known = {key: value for key, value in diagnosis.provenance.items() if key not in ("force_range", "noise")}
+    """What the verdict rests on: tolerance and provenance; what was not asked for is left out."""
+    known = {
+        key: value
+        for key, value in diagnosis.provenance.items()
+        if key not in ("force_range", "noise") and value not in (False, "0..100")
+    }
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:

@@ -176,11 +176,11 @@ def model_words(case: Case) -> str:
     words = f"The reference is the model {case.model.name}; the recordings name {ship_name(case)}."
     if case.trained is None:
         return words
-    trained = case.trained
-    recordings = join_words([each.path.name for each in trained.sources])
+    trained, count = case.trained, len(case.trained.sources)
     return (
-        f"{words} The hybrid is the calibrator {plain(trained.calibrator.method)}, trained on {recordings} "
-        f"({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, {trained.trained_at:%Y-%m-%d})."
+        f"{words} The hybrid is the calibrator {plain(trained.calibrator.method)}, trained on {count} "
+        f"recording{'s' * (count != 1)} ({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, "
+        f"{trained.trained_at:%Y-%m-%d})."
     )
 
 

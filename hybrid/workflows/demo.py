@@ -95,7 +95,7 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     diagnosis = diagnose_recording(recording_path, folder, progress("diagnosing"))
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
-    say("8  write the report: notebooks, run and set as pages")
+    say("8  write the report")
     report, *_ = folder_report(folder, Choices(), progress("report"), [recording_path])
     return Demonstration(report, recording_path, played, lost, windows, validation, diagnosis)
 

@@ -153,8 +153,9 @@ def test_a_diagnosis_has_one_page(simulated: Callable[..., Path], tmp_path: Path
     found = json.loads(run.stdout)
     page = reported(tmp_path)
     assert [each.name for each in tmp_path.glob("*.html")] == ["report.html"]
+    text = keeps_its_promises(page, names_in(trial))
     for effect in found["effects"]:
-        assert effect["sentence"] in text_of(page)
+        assert effect["sentence"] in text
 
 
 def test_the_papers_results(tmp_path: Path) -> None:
