@@ -273,8 +273,8 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         )
     if diagnosis.remainder is not None and diagnosis.identified is None:
         steps.append(
-            "Where many coefficients may be off, as those of another ship are, identify them first and diagnose the "
-            "model that is found."
+            "Where many coefficients may be off, as those of another ship are, identify them first and diagnose "
+            "the model that is found."
         )
     if diagnosis.verdict == "nothing_missing":
         steps.append("Use the model as it is; what is left may be learned on top of it.")
