@@ -7,7 +7,7 @@ kernel is still right. Ours call functions of other files, so every cached kerne
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
@@ -27,6 +27,22 @@ compiled = njit(fastmath=FAST, error_model="numpy", forceinline=True)
 Left to itself LLVM keeps calls that hand arrays over piece by piece: 1.65 times the time of a bare loop, against
 1.03 inlined, for 2 s more of compilation (``tests/benchmarks/simulator_speed.py``).
 """
+
+
+def by_code(functions: Sequence[Any], code_of: Any, code: int = 0) -> Any:
+    """One compiled function of several: it calls the one whose number ``code_of`` tells from the arguments."""
+    own = functions[code]
+    if code == len(functions) - 1:
+        return own
+    other = by_code(functions, code_of, code + 1)
+
+    @compiled
+    def chosen(*arguments):  # type: ignore[no-untyped-def]
+        if code_of(*arguments) == code:
+            return own(*arguments)
+        return other(*arguments)
+
+    return chosen
 
 
 @contextmanager

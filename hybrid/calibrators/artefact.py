@@ -32,8 +32,7 @@ from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Source
 from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
 SIDECAR = "calibrator.json"
 FORMAT = 8

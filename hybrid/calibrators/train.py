@@ -24,8 +24,7 @@ from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_windows, unlike_groups
 from hybrid.prediction.scores import score
 from hybrid.vessel.files import load_vessel
-from hybrid.vessel.fingerprint import plant_hash
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.plant import Plant, plant_hash
 
 HELD_OUT_SHARE = 0.2
 METHOD = "adaptive"

@@ -39,7 +39,7 @@ from hybrid.diagnosis.linearise import Linearisation, LinearModel, by_stage, lin
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
 from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
 from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
-from hybrid.effects.size import growth
+from hybrid.vessel.effect import growth
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
 _DEVIATION = 1.5  # of the logarithm of each level about where the search begins

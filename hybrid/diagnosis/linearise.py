@@ -28,13 +28,13 @@ from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
-from hybrid.effects.size import growth, scale_of
-from hybrid.vessel.actuators import KINDS, PLAY, angle_columns
+from hybrid.vessel.actuators import KINDS, angle_columns
+from hybrid.vessel.actuators.kind import PLAY
 from hybrid.vessel.channels import check_ship
-from hybrid.vessel.feedback import acting_controls, behind_play
+from hybrid.vessel.effect import growth, scale_of
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import measure, report_alike, report_late
+from hybrid.vessel.sensors import acting_controls, behind_play, measure, report_alike, report_late
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -88,7 +88,7 @@ class Model:
 
     @property
     def scale(self) -> float:
-        """How many times as long the ship is as the usual one, in powers of two (:mod:`hybrid.effects.size`)."""
+        """How many times as long the ship is as the usual one, in powers of two (:mod:`hybrid.vessel.effect`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
     def stages(self, log: Log, most: float = inf) -> list[tuple[NDArray[np.bool_], Model]]:

@@ -27,9 +27,9 @@ from analysis.compiling import FAST, Record
 from hybrid.diagnosis.linearise import Model, Signature, by_stage, next_states
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue
-from hybrid.effects.size import growth
 from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.dynamics import actuators_force, hold, scratch_for
+from hybrid.vessel.effect import growth
 from hybrid.vessel.plant import PHYSICS_STAMP, Plant, pack
 from hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 

@@ -19,9 +19,8 @@ from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import load
 from hybrid.effects import environment, hull, sensors
-from hybrid.effects.size import USUAL_LENGTH_M, growth, scale_of
 from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.effect import FAMILIES, Effect, Parameter, Values
+from hybrid.vessel.effect import FAMILIES, USUAL_LENGTH_M, Effect, Parameter, Values, growth, scale_of
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 

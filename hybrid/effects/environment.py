@@ -43,7 +43,7 @@ def _blow(plant: Plant, values: Values) -> Plant:
     return plant.with_force(_blown, speed * cos(to_rad), speed * sin(to_rad)) if speed > 0.0 else plant
 
 
-def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]) -> Effect:
+def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...] = ()) -> Effect:
     return scaling(
         name,
         "environment",
@@ -65,7 +65,7 @@ EFFECTS = (
         parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 3.0, 0.2, 0.03), DIRECTION),
         change=_current,
         chart="polar",
-        confused_with=("heading_bias", "speed_scale", "wave_drift"),
+        confused_with=("speed_scale",),
         scope="day",
     ),
     Effect(
@@ -77,7 +77,7 @@ EFFECTS = (
         parameters=(Parameter("force_n", "N", 0.0, 0.0, 60e3, 2e3, 500.0), DIRECTION),
         change=_drift,
         chart="polar",
-        confused_with=("ocean_current", "wind_direction_bias", "wind_load", "wind_side_load", "wind_speed_scale"),
+        confused_with=("ocean_current", "wind_direction_bias", "wind_side_load", "wind_speed_scale"),
         scope="day",
     ),
     scaling(
@@ -96,11 +96,9 @@ EFFECTS = (
             "wind_yaw_load",
         ),
     ),
-    _wind("wind_drag", "CX", "Wind force along the ship", ("wind_load", "wind_speed_scale")),
-    _wind("wind_side_load", "CY", "Wind force across the ship", ("wave_drift", "wind_load", "wind_speed_scale")),
-    _wind(
-        "wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias", "wind_load", "wind_speed_scale")
-    ),
+    _wind("wind_drag", "CX", "Wind force along the ship"),
+    _wind("wind_side_load", "CY", "Wind force across the ship"),
+    _wind("wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias",)),
 )
 """Current, waves and wind."""
 

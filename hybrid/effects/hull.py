@@ -132,7 +132,7 @@ EFFECTS = (
         source="Rigid-body inertia at like radius of gyration",
         parameter="mass_factor",
         bounds=(0.3, 3.0),
-        confused_with=("hull_lengthening", "surge_added_mass", "sway_added_mass", "turning_force", "yaw_inertia"),
+        confused_with=("hull_lengthening", "surge_added_mass", "turning_force", "yaw_inertia"),
     ),
     scaling(
         "surge_added_mass",
@@ -142,7 +142,6 @@ EFFECTS = (
         what="The water's inertia in surge: Xud times a factor"
         ", in the mass and in the Coriolis terms Y, N of u r, u v",
         source="Newman, Marine Hydrodynamics (1977), ch. 4",
-        confused_with=("drift_moment", "loading", "sway_added_mass", "trim", "yaw_damping"),
     ),
     scaling(
         "sway_added_mass",
@@ -152,7 +151,7 @@ EFFECTS = (
         what="The water's inertia in sway: Yvd times a factor"
         ", in the mass and in the Coriolis terms X, N of v r, u v",
         source=_REGRESSIONS,
-        confused_with=("drift_moment", "loading", "skeg", "surge_added_mass", "trim", "yaw_damping"),
+        confused_with=("drift_moment", "loading", "skeg", "surge_added_mass"),
     ),
     scaling(
         "yaw_inertia",
@@ -162,7 +161,7 @@ EFFECTS = (
         what="The inertia in yaw: Iz and Nrd times a factor, masses where they were",
         source=_REGRESSIONS,
         bounds=(0.3, 3.0),
-        confused_with=("command_delay", "loading", "thruster_lag"),
+        confused_with=("command_delay", "thruster_lag"),
     ),
     scaling(
         "hull_fouling",
@@ -181,7 +180,6 @@ EFFECTS = (
         (1.5, 0.15),
         what="Cross-flow drag of the hull: force and moment times a factor",
         source="Faltinsen, Sea Loads on Ships and Offshore Structures (1990), ch. 6",
-        confused_with=("drift_moment",),
     ),
     scaling(
         "drift_force",
@@ -190,7 +188,7 @@ EFFECTS = (
         (1.3, 0.1),
         what="Side force of the drifting hull, all that goes with v: times a factor",
         source=_REGRESSIONS,
-        confused_with=("shallow_water", "skeg", "turning_force"),
+        confused_with=("shallow_water",),
     ),
     scaling(
         "drift_moment",
@@ -199,7 +197,7 @@ EFFECTS = (
         (1.2, 0.05),
         what="Yaw moment of the drifting hull beside the Munk moment, all that goes with v: times a factor",
         source=_REGRESSIONS,
-        confused_with=("cross_flow_drag", "skeg", "surge_added_mass", "sway_added_mass", "trim", "yaw_damping"),
+        confused_with=("cross_flow_drag", "skeg", "surge_added_mass"),
     ),
     scaling(
         "turning_force",
@@ -208,7 +206,7 @@ EFFECTS = (
         (1.3, 0.1),
         what="Side force of the turning hull, all that goes with r: times a factor",
         source=_REGRESSIONS,
-        confused_with=("drift_force", "loading", "shallow_water", "trim", "yaw_damping"),
+        confused_with=("drift_force", "shallow_water"),
     ),
     scaling(
         "turning_drag",
@@ -265,7 +263,6 @@ EFFECTS = (
             "surge_added_mass",
             "sway_added_mass",
             "turning_force",
-            "yaw_damping",
         ),
     ),
     Effect(
@@ -276,7 +273,7 @@ EFFECTS = (
         source="Jones, Properties of low-aspect-ratio pointed wings, NACA Report 835 (1946); aspect ratio one",
         parameters=(Parameter("area_m2", "m2", 0.0, -10.0, 20.0, 2.0, 0.3),),
         change=_with_skeg,
-        confused_with=("drift_force", "drift_moment", "hull_lengthening", "sway_added_mass", "trim", "yaw_damping"),
+        confused_with=("drift_force", "hull_lengthening"),
     ),
     Effect(
         "towed_load",
@@ -286,7 +283,6 @@ EFFECTS = (
         source="Constant body force, the simplest form of a tow",
         parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
         change=lambda plant, values: plant.shifted(constant_X_n=-values["force_n"]),
-        confused_with=("hull_fouling",),
         scope="day",
     ),
     Effect(
@@ -297,7 +293,6 @@ EFFECTS = (
         source="Strip-wise scaling of sectional coefficients with length, one lever arm for each r",
         parameters=(Parameter("length_m", "m", 0.0, -10.0, 20.0, 3.0, 0.5),),
         change=_lengthened,
-        confused_with=("loading", "skeg", "trim", "yaw_damping"),
     ),
     Effect(
         "shallow_water",
@@ -309,7 +304,6 @@ EFFECTS = (
         parameters=(Parameter("depth_m", "m", float("inf"), 3.0, float("inf"), 8.0, 25.0),),
         change=_shallow,
         chart="inverse_square",
-        confused_with=("drift_force", "turning_force"),
     ),
 )
 """Inertia, coefficients, what is fixed to the hull, her length, the bottom."""
@@ -332,7 +326,6 @@ ASYMMETRY = (
         source="Constant body force",
         parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
         change=lambda plant, values: plant.shifted(constant_Y_n=values["force_n"]),
-        confused_with=("heading_bias",),
     ),
 )
 """Of a hull that is not symmetric."""

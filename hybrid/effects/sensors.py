@@ -11,7 +11,7 @@ _TOLERANCE_S = 0.03  # a fraction of a sample, of buses and of time stamps
 
 
 def _delay(
-    name: str, slot: str, what: str, source: str, confused_with: tuple[str, ...], kind: Kind = "sensor"
+    name: str, slot: str, what: str, source: str, confused_with: tuple[str, ...] = (), kind: Kind = "sensor"
 ) -> Effect:
     return Effect(
         name,
@@ -47,7 +47,7 @@ def _sensor(
     )
 
 
-def _point(name: str, slots: str, what: str, source: str, confused_with: tuple[str, ...]) -> Effect:
+def _point(name: str, slots: str, what: str, source: str, confused_with: tuple[str, ...] = ()) -> Effect:
     """A sensor away from the reference point."""
     return Effect(
         name,
@@ -80,21 +80,19 @@ EFFECTS = (
         "heading_delay_s",
         "Headings are stamped too late: the recorded one is that of so many seconds before",
         "Latency of the heading sensor and its filter",
-        ("command_delay", "thruster_lag"),
     ),
     _delay(
         "speed_delay",
         "speed_delay_s",
         "Surge, sway and yaw rate are stamped too late: recorded are those of so many seconds before",
         "Latency of the motion sensor and its filter",
-        (),
     ),
     _delay(
         "command_delay",
         "command_delay_s",
         "The drives' feedback is stamped too late: what acts is recorded so many seconds after; negative, before",
         "Latency of the drives' bus",
-        ("heading_delay", "thruster_lag", "yaw_inertia"),
+        ("heading_delay", "thruster_lag"),
         "actuator",
     ),
     Effect(
@@ -105,7 +103,7 @@ EFFECTS = (
         source="First-order actuator model; feedback has none, orders have about a second",
         parameters=(Parameter("time_constant_s", "s", 0.0, 0.0, 20.0, 1.0, 0.3, _TOLERANCE_S),),
         change=lambda plant, values: plant.shifted(thruster_lag_s=values["time_constant_s"]),
-        confused_with=("command_delay", "heading_delay", "yaw_inertia"),
+        confused_with=("heading_delay",),
     ),
     _sensor(
         "heading_bias",
@@ -120,14 +118,12 @@ EFFECTS = (
         "antenna",
         "The recorded position is that of a point off the reference point",
         "Lever arm of the positioning antenna",
-        ("position_delay",),
     ),
     _point(
         "speed_sensor_offset",
         "speed_sensor",
         "Reported surge and sway are those of a point off the reference point: u - starboard r, v + forward r",
         _RIGID,
-        (),
     ),
     _sensor(
         "speed_sensor_rotation",
@@ -135,7 +131,7 @@ EFFECTS = (
         "speed_sensor_angle_rad",
         what="The speed sensor is turned clockwise: surge and sway are reported along its axes",
         source="Alignment of the speed log or motion sensor",
-        confused_with=("heading_bias", "sway_bias"),
+        confused_with=("sway_bias",),
     ),
     _sensor(
         "speed_scale",
@@ -143,7 +139,6 @@ EFFECTS = (
         "speed_scale",
         what="Reported surge and sway = factor x true",
         source="A wrong knot, or the calibration of a speed log",
-        confused_with=("ocean_current",),
     ),
     _sensor(
         "sway_bias",
@@ -151,7 +146,6 @@ EFFECTS = (
         "sway_bias_mps",
         what="Reported sway = true + bias",
         source="Zero of the speed log or motion sensor",
-        confused_with=("heading_bias", "speed_sensor_rotation"),
     ),
     _sensor(
         "yaw_rate_bias",
@@ -173,7 +167,6 @@ EFFECTS = (
         "wind_direction_bias_rad",
         what="The wind vane: reported direction = true + bias",
         source="Alignment of the wind sensor",
-        confused_with=("wave_drift", "wind_load", "wind_yaw_load"),
     ),
     _sensor(
         "wind_speed_scale",
@@ -181,7 +174,7 @@ EFFECTS = (
         "wind_speed_factor",
         what="The wind sensor: reported speed = factor x true",
         source="Calibration of the anemometer, and the flow over the deckhouse it stands in",
-        confused_with=("wave_drift", "wind_drag", "wind_load", "wind_side_load", "wind_yaw_load"),
+        confused_with=("wind_drag", "wind_side_load", "wind_yaw_load"),
     ),
 )
 """Clocks first, then each instrument."""

@@ -16,10 +16,9 @@ from acquisition.core.arrays import Floats, Ints
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import Coefficient, values_at, with_values
 from hybrid.identification.segments import Segments
-from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, angles_in, pack
-from hybrid.vessel.sensors import measure
+from hybrid.vessel.sensors import acting_controls, measure
 from hybrid.vessel.simulate import simulate_batch
 
 PARTS = 5

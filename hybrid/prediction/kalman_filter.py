@@ -30,8 +30,8 @@ from analysis.estimation.process_models import decay, oscillator
 from hybrid.prediction.observer import TURN_RADPS, TURNS, observe_and_predict
 from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows
 from hybrid.vessel.channels import check_ship
-from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.simulate import combine_forces
 
 _DIFFUSE = 10.0
 WAVE_DAMPING = 0.1

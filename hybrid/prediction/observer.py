@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import FAST, Record, compiled
-from hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
+from hybrid.vessel.actuators import CONTROLS_OF, IS_ANGLE
+from hybrid.vessel.actuators.kind import CONTROL, KIND
 from hybrid.vessel.dynamics import (
     Control,
     InverseMass,

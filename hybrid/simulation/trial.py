@@ -24,7 +24,6 @@ from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
 from analysis.kinematics import to_ship
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
-from hybrid.effects.size import growth, scale_of
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.handling import handling_of, steady_speed_mps
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
@@ -38,13 +37,12 @@ from hybrid.simulation.sea_state import (
 )
 from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.channels import as_table
-from hybrid.vessel.extra_forces import combine_forces
-from hybrid.vessel.feedback import acting_controls
+from hybrid.vessel.effect import growth, scale_of
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant, pack
-from hybrid.vessel.sensors import measure
-from hybrid.vessel.simulate import Runs, range_error
+from hybrid.vessel.sensors import acting_controls, measure
+from hybrid.vessel.simulate import Runs, combine_forces, range_error
 
 
 @dataclass(frozen=True, slots=True)

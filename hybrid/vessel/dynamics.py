@@ -17,19 +17,16 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
 from hybrid.vessel.actuators import (
-    CONTROL,
     CONTROLS_OF,
     IS_ANGLE,
-    KIND,
     LAG_COLUMN,
     PLAY_COLUMN,
     WORK_SIZE,
     actuator_force,
     hold_actuator,
-)  # fmt: skip
-from hybrid.vessel.drift import constant_force, wave_drift_force
+)
+from hybrid.vessel.actuators.kind import CONTROL, KIND
 from hybrid.vessel.hulls import hull_force
-from hybrid.vessel.low_speed_damping import low_speed_damping
 from hybrid.vessel.plant import ForceFunction
 from hybrid.vessel.wind import wind_force, wind_vector
 
@@ -321,3 +318,46 @@ def advance(
             approach(p, acting, acting, order, lag.end)
         state = runge_kutta(p, mass, held, time_s + j * h, h, state, extra, parameters)
     return state
+
+
+@compiled
+def wave_drift_force(p: Record, cosine: float, sine: float) -> tuple[float, float, float]:
+    """Mean second-order wave force X [N], Y [N], N [N m] at the heading with this cosine and sine.
+
+    With b the angle from the bow to where the waves go, the force is 0.35 F cos b ahead and F sin b to
+    starboard, its moment 0.06 Loa F sin 2b; F is the force in beam sea.
+    """
+    F = p.drift_force_n
+    cos_b = p.drift_north * cosine + p.drift_east * sine
+    sin_b = p.drift_east * cosine - p.drift_north * sine
+    return 0.35 * F * cos_b, F * sin_b, 0.12 * p.length_overall_m * F * sin_b * cos_b
+
+
+@compiled
+def constant_force(p: Record) -> tuple[float, float, float]:
+    """The constant force and moment in body axes X [N], Y [N], N [N m] (towed load, asymmetry)."""
+    return p.constant_X_n, p.constant_Y_n, p.constant_N_nm
+
+
+FADING_S2PM2 = 5.0
+"""Of low_speed_damping by the squared speed, as in Fossen's MSS toolbox (forceSurgeDamping.m, alpha = 5)."""
+
+
+@compiled
+def low_speed_damping(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]:
+    """Linear damping near rest X [N], Y [N], N [N m] at ``u, v`` [m/s] through the water and ``r`` [rad/s].
+
+    Potential damping and laminar skin friction, which no hull model has, by the time constants at which surge, sway
+    and yaw die out: Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 6. The
+    terms by squares of the speed have it in them already under way, so it fades as exp(-5 U^2).
+    """
+    if p.surge_damping_ps == 0.0 and p.sway_damping_ps == 0.0 and p.yaw_damping_ps == 0.0:
+        return 0.0, 0.0, 0.0
+    left = exp(-FADING_S2PM2 * (u * u + v * v))
+    x_G = p.centre_of_gravity_m
+    yaw_inertia = p.yaw_inertia_kgm2 + p.mass_kg * x_G * x_G - p.Nrd
+    return (
+        -left * p.surge_damping_ps * (p.mass_kg - p.Xud) * u,
+        -left * p.sway_damping_ps * (p.mass_kg - p.Yvd) * v,
+        -left * p.yaw_damping_ps * yaw_inertia * r,
+    )

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import atan2, cos, degrees, hypot, inf, isnan, radians, sin
-from typing import Any, Literal
+from math import atan2, cos, degrees, hypot, inf, isnan, log2, radians, sin
+from typing import TYPE_CHECKING, Any, Literal
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.vessel.plant import Plant
 
 FAMILIES = ("inertia", "hull", "propulsion", "alignment", "environment", "clock", "sensor")
 """The families of the catalogue, in the order in which they are listed."""
@@ -53,9 +55,9 @@ class Effect:
     the effect in it; it must tend to no change as the values tend to neutral. ``chart`` says how parameters
     become free coordinates: ``linear`` (value - neutral), ``polar`` (size and direction in degrees become
     two components) or ``inverse_square`` (1 / value^2, for what is absent at infinity and tends to it so).
-    ``confused_with`` names the effects that look much the same in many trials; of two such effects each
-    names the other. ``scope`` says whose it is: the ship's, the same in all her recordings; the day's, as wind and
-    sea are; or that of a recording, as clocks and sensors are.
+    ``confused_with`` names the effects that look much the same in many trials; of two such effects one names the
+    other in the files, and each in a catalogue. ``scope`` says whose it is: the ship's, the same in all her
+    recordings; the day's, as wind and sea are; or that of a recording, as clocks and sensors are.
     """
 
     name: str
@@ -207,3 +209,19 @@ def scaling(
 
     parameters = (Parameter(parameter, "1", 1.0, *bounds, *sizes),)
     return Effect(name, family, "physics", what, source, parameters, change, confused_with=confused_with)
+
+
+USUAL_LENGTH_M = 30.0
+"""The length of a ship for which ordinary sizes of effects are written down; they go with hers by their unit."""
+
+_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5}
+
+
+def scale_of(length_m: float) -> float:
+    """How many times as long a ship is as the usual one, in powers of two: sizes are orders of magnitude."""
+    return float(2.0 ** round(log2(length_m / USUAL_LENGTH_M)))
+
+
+def growth(unit: str, scale: float) -> float:
+    """The factor of what is ordinary of a ``unit`` on a ship ``scale`` times as long, at the same Froude number."""
+    return float(scale ** _POWERS.get(unit, 0.0))

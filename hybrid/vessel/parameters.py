@@ -1,6 +1,6 @@
 """A vessel's numbers: the frozen objects that a vessel file is read into.
 
-The equations that use them are in ``hulls``, ``actuators``, ``wind.py`` and ``drift.py``; the file format is in
+The equations that use them are in ``hulls``, ``actuators``, ``wind.py`` and ``dynamics.py``; the file format is in
 ``files.py``. SI units and radians unless a name says otherwise.
 """
 
@@ -15,9 +15,8 @@ from pydantic import StrictFloat as Number  # a text or a truth value is no numb
 
 from acquisition.core.actuators import Actuators
 from hybrid.vessel.actuators import KINDS, Entry, list_of
-from hybrid.vessel.fujiwara import Outline, fujiwara
 from hybrid.vessel.hulls import HULLS, HullEntry
-from hybrid.vessel.wind import HARMONICS, TABLE_SIZE
+from hybrid.vessel.wind import HARMONICS, TABLE_SIZE, Outline, fujiwara
 
 if TYPE_CHECKING:
     AnyActuator = Entry
@@ -144,7 +143,7 @@ class Wind:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FujiwaraWind:
-    """A ship's outline above water, from which a regression tells the coefficients; see ``fujiwara.py``."""
+    """A ship's outline above water, from which a regression tells the coefficients; see ``wind.py``."""
 
     model: Literal["fujiwara"]
     frontal_area_m2: Number

@@ -10,21 +10,22 @@ starboard [rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
+from numba import cfunc, float64, from_dtype, njit, prange, types
+from numba.core.registry import CPUDispatcher
 from numpy.typing import ArrayLike, NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.compiling import FAST, Record, threads_for
-from hybrid.vessel.dynamics import advance, in_range, inverse_mass, lag_over, scratch_for
-from hybrid.vessel.extra_forces import combine_forces
-from hybrid.vessel.feedback import acting_controls
-from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plants, angles_in, controls_in, pack
+from hybrid.vessel.dynamics import Environment, advance, in_range, inverse_mass, lag_over, scratch_for
+from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, Plants, angles_in, controls_in, dtype_of, pack
+from hybrid.vessel.sensors import acting_controls
 
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
@@ -246,3 +247,74 @@ def _check_sizes(number: int, sizes: dict[str, int]) -> None:
     wrong = [f"{name} {size}" for name, size in sizes.items() if size not in (1, number)]
     if wrong:
         raise InputError(f"{', '.join(wrong)} for {number} runs", fix="give one for all runs, or one for each")
+
+
+_NONE = np.zeros((1, 1))
+
+
+def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
+    """One compiled force for all of ``plants`` and its parameters [P, Q], or ``None`` where none has any.
+
+    A plant's parameters are, force by force, a switch (1 on, 0 off) and then the force's own, so that plants with
+    and without can share a batch. Packed plants have none. Each distinct set of functions is compiled once a
+    session, in half a second, and called through a pointer: compiled in, the loop would be a sixth faster and every
+    session would first take 10 to 20 s over it, since numba's cache knows a function only as the object that it was
+    then. After some fifty of them that cache fails altogether (numba issue 9348).
+    """
+    if isinstance(plants, np.ndarray):
+        return None, _NONE
+    each: Sequence[Plant] = (plants,) if isinstance(plants, Plant) else plants
+    sizes: dict[ForceFunction, int] = {}
+    for plant in each:
+        for force in plant.forces:
+            sizes.setdefault(force.function, len(force.parameters))
+    if not sizes:
+        return None, _NONE
+    parameters = np.array([_row(plant, sizes) for plant in each])
+    return _chain(tuple(sizes.items()), len(each[0].actuators)), parameters
+
+
+def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:
+    own = {force.function: force.parameters for force in plant.forces}
+    row: list[float] = []
+    for function, size in sizes.items():
+        row += [1.0, *own[function]] if function in own else [0.0] * (1 + size)
+    return row
+
+
+@lru_cache(maxsize=64)
+def _chain(sizes: tuple[tuple[ForceFunction, int], ...], actuators: int) -> ForceFunction:
+    """The sum of several forces, each with its slice of the parameters, for a ship with so many actuators."""
+    total: Any = None
+    first = 0
+    for function, size in sizes:
+        total = _added(total, _jitted(function), first, first + 1 + size)
+        first += 1 + size
+    surroundings = types.NamedTuple([float64] * 4 + [from_dtype(dtype_of(actuators))], Environment)
+    numbers, state = float64[::1], types.UniTuple(float64, 6)
+    signature = types.UniTuple(float64, 3)(float64, state, numbers, surroundings, numbers)
+    return cfunc(signature, fastmath=FAST, error_model="numpy")(total)  # type: ignore[no-any-return]
+
+
+def _jitted(function: ForceFunction) -> Any:
+    if isinstance(function, CPUDispatcher):
+        return function
+    return njit(fastmath=FAST, error_model="numpy")(function)
+
+
+def _added(before: Any, force: Any, switch: int, end: int) -> Any:
+    def one(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+        if parameters[switch] == 0.0:
+            return 0.0, 0.0, 0.0
+        return force(time_s, state, control, environment, parameters[switch + 1 : end])
+
+    if before is None:
+        return one
+    first, second = _jitted(before), _jitted(one)
+
+    def both(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+        X, Y, N = first(time_s, state, control, environment, parameters)
+        more_X, more_Y, more_N = second(time_s, state, control, environment, parameters)
+        return X + more_X, Y + more_Y, N + more_N
+
+    return both

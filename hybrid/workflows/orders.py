@@ -12,7 +12,8 @@ from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Floats
 from analysis.tables.table import NANO, times_ns
 from hybrid.simulation.autopilot import Drives, follow, shares
-from hybrid.vessel.actuators import KINDS, Drive
+from hybrid.vessel.actuators import KINDS
+from hybrid.vessel.actuators.kind import Drive
 from hybrid.vessel.parameters import Vessel
 
 _STEP_S = 0.1

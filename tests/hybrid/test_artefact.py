@@ -31,8 +31,7 @@ from hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, 
 from hybrid.calibrators.train import TrainedCalibrator, plant_for
 from hybrid.prediction.baselines import Fallback
 from hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
-from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
-from hybrid.vessel.plant import Plant, bare_plant
+from hybrid.vessel.plant import Plant, bare_plant, plant_hash, plant_numbers, plant_of
 from tests.hybrid.windows_by_hand import answers, random_windows
 
 SECONDS = 6

@@ -18,9 +18,8 @@ from analysis.tables.table import read_table
 from hybrid.diagnosis.linearise import plays_of
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import controls_of, states_of, wind_of
-from hybrid.vessel.feedback import behind_play
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measure
+from hybrid.vessel.sensors import behind_play, measure
 from hybrid.vessel.simulate import simulate
 from tests.benchmarks.other_ship import EFFECTS, OUTSIDE, PROGRAMMES, SEAS, Sea, make_trial
 from tests.benchmarks.other_ship.__main__ import main

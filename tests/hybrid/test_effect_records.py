@@ -16,9 +16,8 @@ from hybrid.effects import CATALOGUE
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import controls_of, wind_of
-from hybrid.vessel.feedback import acting_controls, behind_play
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measure
+from hybrid.vessel.sensors import acting_controls, behind_play, measure
 from hybrid.vessel.simulate import simulate, simulate_batch
 from tests.hybrid.conftest import Held
 

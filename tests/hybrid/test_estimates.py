@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.errors import InputError
-from hybrid.vessel.estimate import hull, propeller, resistance, rudder
+from hybrid.vessel.estimate import devices, hull, propeller, resistance
 from hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
 from hybrid.vessel.estimate.propeller import pod, tunnel_force
 
@@ -54,7 +54,7 @@ def all_estimates(ship: Particulars, diameter_m: float, blades: tuple[float, flo
         **hull.cross_flow(ship, R_0),
         "w": w,
         "t": resistance.thrust_deduction(ship, diameter_m),
-        **rudder.interaction(ship, w.value),
+        **devices.interaction(ship, w.value),
         **propeller.open_water(*blades, known=1.0),
     }
 
@@ -194,9 +194,9 @@ def test_the_pitch_that_fits_a_shaft_speed_is_found_again() -> None:
 
 def test_rudders_have_the_size_of_published_ones() -> None:
     for ship, area_m2, span_m in ((KVLCC2, 0.0539, 0.345), (ESSO_OSAKA, 0.01063, 0.1279)):
-        usual = rudder.usual_area(ship)
+        usual = devices.usual_area(ship)
         assert usual.value == pytest.approx(area_m2, rel=2.0 * usual.error)
-        assert rudder.normal_force_slope(span_m**2 / area_m2) == pytest.approx(2.747, rel=0.12)
+        assert devices.normal_force_slope(span_m**2 / area_m2) == pytest.approx(2.747, rel=0.12)
 
 
 def test_a_pod_thrusts_what_a_propeller_behind_the_same_hull_does() -> None:

@@ -12,7 +12,7 @@ from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.actuators import Drive
+from hybrid.vessel.actuators.kind import Drive
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.checked import checked_tables
 from hybrid.workflows.orders import driven_by_orders, followed, idle_angles

@@ -6,16 +6,15 @@ To add a kind: a file like ``azimuth.py``, a line in :data:`KINDS`, and its chan
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
-from analysis.compiling import compiled
+from analysis.compiling import by_code, compiled
 from hybrid.vessel.actuators.azimuth import AZIMUTH
-from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND, PLAY, Drive, Kind
+from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Kind
 from hybrid.vessel.actuators.propeller import CONTROLLABLE_PROPELLER, PROPELLER
 from hybrid.vessel.actuators.rudder import RUDDER
 from hybrid.vessel.actuators.tunnel import TUNNEL
@@ -89,67 +88,18 @@ def list_of(entries: tuple[Entry, ...]) -> Actuators:
     return tuple(Actuator(each.name, each.kind) for each in entries)
 
 
-def _chained_hold(kinds: list[tuple[int, Kind]]) -> Callable[..., None]:
-    """One compiled function that holds an actuator of any kind: the way from the code in its row."""
-    (code, kind), *others = kinds
-    own: Any = kind.hold
-    if not others:
-        return own  # type: ignore[no-any-return]
-    other: Any = _chained_hold(others)
-
-    @compiled
-    def hold(p, row, control, first, work):  # type: ignore[no-untyped-def]
-        if row[KIND] == code:
-            own(p, row, control, first, work)
-        else:
-            other(p, row, control, first, work)
-
-    return hold  # type: ignore[no-any-return]
+@compiled
+def _kind_of_row(p, row, control, first, work):  # type: ignore[no-untyped-def]
+    return row[KIND]
 
 
-def _chained_force(kinds: list[tuple[int, Kind]]) -> Callable[..., tuple[float, float, float]]:
-    """As :func:`_chained_hold`, of the force."""
-    (code, kind), *others = kinds
-    own: Any = kind.force
-    if not others:
-        return own  # type: ignore[no-any-return]
-    other: Any = _chained_force(others)
-
-    @compiled
-    def force(p, i, work, u, v, r):  # type: ignore[no-untyped-def]
-        if p.actuators[i, KIND] == code:
-            return own(p, i, work, u, v, r)
-        return other(p, i, work, u, v, r)
-
-    return force  # type: ignore[no-any-return]
+@compiled
+def _kind_of_number(p, i, work, u, v, r):  # type: ignore[no-untyped-def]
+    return p.actuators[i, KIND]
 
 
-hold_actuator = _chained_hold(list(enumerate(KINDS.values())))
+hold_actuator = by_code([kind.hold for kind in KINDS.values()], _kind_of_row)
 """``hold_actuator(p, row, control, first, work)``: the working numbers of one actuator while the control holds."""
 
-actuator_force = _chained_force(list(enumerate(KINDS.values())))
+actuator_force = by_code([kind.force for kind in KINDS.values()], _kind_of_number)
 """``actuator_force(p, i, work, u, v, r)``: the force and moment X [N], Y [N], N [N m]."""
-
-__all__ = [
-    "CODES",
-    "CONTROL",
-    "CONTROLS_OF",
-    "FIRST_NUMBER",
-    "IS_ANGLE",
-    "KIND",
-    "KINDS",
-    "LAG_COLUMN",
-    "PLAY",
-    "PLAY_COLUMN",
-    "ROW_SIZE",
-    "WORK_SIZE",
-    "Drive",
-    "Entry",
-    "Kind",
-    "actuator_force",
-    "angle_columns",
-    "control_labels",
-    "control_units",
-    "hold_actuator",
-    "list_of",
-]

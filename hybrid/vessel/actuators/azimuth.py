@@ -9,16 +9,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators.effects import (
+    FRACTION,
+    WAKE,
+    astern_thrust,
+    backlash,
+    for_each_and_all,
+    loss,
+    offset,
+)
 from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
-
-if TYPE_CHECKING:
-    from hybrid.vessel.effect import Effect
+from hybrid.vessel.effect import Effect, Parameter, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,16 +113,6 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle and play of each thruster and of all alike; inflow, side force and angle of all."""
-    from hybrid.vessel.actuators.effects import (
-        FRACTION,
-        WAKE,
-        astern_thrust,
-        backlash,
-        for_each_and_all,
-        loss,
-        offset,
-    )  # fmt: skip
-    from hybrid.vessel.effect import Effect, Parameter, scaling
 
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import radians
+from typing import TYPE_CHECKING
 
 from hybrid.vessel.actuators.kind import PLAY
 from hybrid.vessel.effect import Effect, Parameter, Values
-from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.vessel.plant import Plant
 
 FRACTION = Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03)
 """The share of a force that is lost."""
 
 WAKE = Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03)
 """The share by which the hull's wake slows the inflow more than the model has it."""
-
-Change = Callable[[Plant, str, float], Plant]
-"""The plant with its number of that name changed by a parameter's value."""
 
 
 def loss(plant: Plant, number: str, fraction: float) -> Plant:
@@ -87,7 +87,7 @@ def astern_thrust(names: tuple[str, ...], what: str) -> tuple[Effect, ...]:
 def for_each_and_all(
     stem: str,
     names: tuple[str, ...],
-    change: Change,
+    change: Callable[[Plant, str, float], Plant],
     number: str,
     *,
     family: str,
@@ -101,8 +101,9 @@ def for_each_and_all(
 ) -> tuple[Effect, ...]:
     """``stem_NAME`` for each actuator, and ``stem_both`` for a pair, ``stem_all`` for more of one kind.
 
-    ``change`` changes the ``number`` of the actuators concerned. They are confused with each other and with the
-    effects ``like`` them; one alone with ``one_is_like`` besides, all together with ``all_are_like``.
+    ``change(plant, name, value)`` changes the ``number`` of the actuators concerned. They are confused with
+    each other and with the effects ``like`` them; one alone with ``one_is_like`` besides, all together with
+    ``all_are_like``.
     ``kind_of_all`` ends the name of the effect on all, where another kind has an effect of the same stem.
     """
     together = {1: "", 2: f"{stem}_both{kind_of_all}"}.get(len(names), f"{stem}_all{kind_of_all}")

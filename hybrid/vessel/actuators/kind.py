@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from hybrid.vessel.effect import Effect
+from hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
 """Where the kind's code, the first control's place and the first number stand in an actuator's row."""

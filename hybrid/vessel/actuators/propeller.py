@@ -10,16 +10,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import asin, exp, hypot
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators.effects import (
+    FRACTION,
+    WAKE,
+    astern_thrust,
+    for_each_and_all,
+    lag,
+    loss,
+    more,
+    named,
+    times,
+)
 from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
-
-if TYPE_CHECKING:
-    from hybrid.vessel.effect import Effect
+from hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,18 +208,6 @@ def drives(entry: _Blades) -> tuple[Drive, ...]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
-    from hybrid.vessel.actuators.effects import (
-        FRACTION,
-        WAKE,
-        astern_thrust,
-        for_each_and_all,
-        lag,
-        loss,
-        more,
-        named,
-        times,
-    )
-    from hybrid.vessel.effect import Parameter
 
     return (
         *for_each_and_all(

@@ -16,11 +16,12 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, more, named, offset
 from hybrid.vessel.actuators.kind import PLAY, Drive, Kind, columns
 from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
+from hybrid.vessel.effect import Effect, Parameter
 
 if TYPE_CHECKING:
-    from hybrid.vessel.effect import Effect
     from hybrid.vessel.plant import Plant
 
 
@@ -152,8 +153,6 @@ def _straightened(plant: Plant, number: str, factor: float) -> Plant:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, more, named, offset
-    from hybrid.vessel.effect import Parameter
 
     return (
         *for_each_and_all(

@@ -6,16 +6,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators.effects import FRACTION
 from hybrid.vessel.actuators.kind import Drive, Kind, columns
-
-if TYPE_CHECKING:
-    from hybrid.vessel.effect import Effect
+from hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +59,6 @@ def drives(entry: Tunnel) -> tuple[Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost side force of each thruster, and what it loses under way."""
-    from hybrid.vessel.actuators.effects import FRACTION
-    from hybrid.vessel.effect import Effect, Parameter
 
     def fading(name: str) -> Effect:
         return Effect(

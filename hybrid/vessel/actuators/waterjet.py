@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, offset
 from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
-
-if TYPE_CHECKING:
-    from hybrid.vessel.effect import Effect
+from hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +71,6 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, offset
-    from hybrid.vessel.effect import Parameter
 
     return (
         *for_each_and_all(

@@ -10,10 +10,8 @@ from typing import Any
 from acquisition.core.errors import InputError
 from hybrid.vessel.estimate import propeller as screws
 from hybrid.vessel.estimate import resistance
-from hybrid.vessel.estimate import rudder as steering
 from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel
-from hybrid.vessel.estimate.particulars import Estimate, Particulars
-from hybrid.vessel.estimate.table import Assumed, Cell, Table
+from hybrid.vessel.estimate.particulars import Assumed, Cell, Estimate, Estimates, Particulars, Table, with_scatter
 
 RESERVE = 1.15
 """The limit of a shaft by its speed at service speed."""
@@ -160,10 +158,10 @@ def rudders(ship: Particulars, given: Sequence[Rudder], propellers: Sequence[Dri
 def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
     before = _before(said, shafts, number, count)
     beside = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
-    area, share = said.area, steering.usual_area(ship)
+    area, share = said.area, usual_area(ship)
     area_m2 = Estimate(area, 0.0, "given") if area else Estimate(share.value / count, share.error, share.source)
-    span = said.span or min(sqrt(steering.USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
-    numbers = steering.interaction(ship, before.wake if before else 0.0)
+    span = said.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
+    numbers = interaction(ship, before.wake if before else 0.0)
     straight = numbers["flow_straightening"]
     L = ship.length_m
     rows: dict[str, Cell] = {
@@ -180,10 +178,10 @@ def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: i
         "flow_straightening_minus": straight,
         "flow_straightening_plus": straight,
         "l_R_m": _by_length(numbers["l_R"], L),
-        "lift_slope": Estimate(steering.normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
+        "lift_slope": Estimate(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
         **({"eps": numbers["eps"], "kappa": numbers["kappa"]} if before else {"inflow_factor": Assumed(0.8)}),
         "limit_deg": said.limit or Assumed(35.0, "usual"),
-        "rate_limit_dps": said.rate or Assumed(steering.usual_rate_dps(ship), "65 degrees in 28 s at 100 m, SOLAS"),
+        "rate_limit_dps": said.rate or Assumed(usual_rate_dps(ship), "65 degrees in 28 s at 100 m, SOLAS"),
         "lag_s": _lag(ship, 0.5),
     }
     return Table("[[actuator]]", said.name, rows)
@@ -237,3 +235,52 @@ def _tunnel_force(said: Tunnel) -> Estimate:
             fix=f"write {said.name},force=N or {said.name},diameter=M,power=KW",
         )
     return screws.tunnel_force(said.diameter, said.power)
+
+
+KIJIMA = "Kijima et al. 1990"
+YOSHIMURA = "Yoshimura and Masumoto 2012"
+MATSUMOTO = "Matsumoto and Suemitsu 1980"
+USUAL_ASPECT_RATIO = 1.6
+_WAKES = (0.2, 0.5)
+"""The wake fractions of single-screw ships that eps was fitted to."""
+
+
+def normal_force_slope(aspect_ratio: float) -> float:
+    """Slope of the normal force of a rudder alone, f_alpha (Fujii and Tsuda 1961)."""
+    return 6.13 * aspect_ratio / (2.25 + aspect_ratio)
+
+
+def usual_area(ship: Particulars) -> Estimate:
+    """Area of all rudders together [m2] that a classification society asks for (Det Norske Veritas, Rules)."""
+    area = 0.01 * ship.length_m * ship.draught_m * (1.0 + 25.0 * (ship.beam_m / ship.length_m) ** 2)
+    return Estimate(area, 0.2, "least area of Det Norske Veritas' rules")
+
+
+def usual_rate_dps(ship: Particulars) -> float:
+    """Rate of turn of a rudder [deg/s]: 65 degrees in 28 s (SOLAS II-1/29) at 100 m, by Froude's law below."""
+    return 65.0 / 28.0 * max(1.0, sqrt(100.0 / ship.length_m))
+
+
+def interaction(ship: Particulars, wake: float) -> Estimates:
+    """``t_R a_H x_H flow_straightening l_R eps kappa`` of a rudder; ``x_H``, ``l_R`` by length.
+
+    ``wake`` is the wake fraction of the propeller before it. Behind the screws of a twin-screw ship, and without a
+    propeller, the wake at the rudder is that at the propeller: eps = 1. The usual errors are those against the
+    published models of KVLCC2 and Esso Osaka, rounded up.
+    """
+    fullness, behind_stern = ship.fullness, ship.screws == 1
+    w = min(max(wake, _WAKES[0]), _WAKES[1])
+    eps = (
+        with_scatter(2.26 - 1.82 * (1.0 - w), 0.15, YOSHIMURA)
+        if behind_stern
+        else Estimate(1.0, 0.15, "the wake at the propeller")
+    )
+    return {
+        "t_R": with_scatter(0.45 - 0.28 * ship.block, 0.08, MATSUMOTO),
+        "a_H": with_scatter(max(0.627 * ship.block - 0.153, 0.05), 0.08, KIJIMA),
+        "x_H": with_scatter(-0.45, 0.05, "usual, Yasukawa and Yoshimura 2015"),
+        "flow_straightening": with_scatter(2.06 * fullness + 0.14, 0.12, YOSHIMURA),
+        "l_R": with_scatter(-0.9, 0.2, YOSHIMURA),
+        "eps": eps,
+        "kappa": with_scatter(0.55 - 0.8 * fullness, 0.2, KIJIMA),
+    }

@@ -14,11 +14,21 @@ from typing import Literal
 from acquisition.core.actuators import Actuator, check_actuators
 from acquisition.core.errors import InputError
 from acquisition.core.files import write_text
-from hybrid.vessel.estimate import devices, resistance, wind
+from hybrid.vessel.estimate import devices, resistance
 from hybrid.vessel.estimate import hull as hulls
 from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel, device
-from hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3, Particulars, outside_samples
-from hybrid.vessel.estimate.table import Assumed, Cell, Table, estimated, text_of
+from hybrid.vessel.estimate.particulars import (
+    SEA_WATER_KGPM3,
+    Assumed,
+    Cell,
+    Estimate,
+    Estimates,
+    Particulars,
+    Table,
+    estimated,
+    outside_samples,
+    text_of,
+)
 
 HullName = Literal["mmg", "cross_flow"]
 
@@ -143,7 +153,7 @@ def _hull(ship: Particulars, hull: HullName) -> Table:
 
 def _wind(ship: Particulars, frontal_m2: float | None, lateral_m2: float | None) -> Table:
     known: dict[str, Cell] = {"model": "fujiwara", "air_density_kgpm3": 1.225}
-    return Table("[wind]", "wind", {**known, **wind.outline(ship, frontal_m2, lateral_m2)})
+    return Table("[wind]", "wind", {**known, **outline(ship, frontal_m2, lateral_m2)})
 
 
 def _text(
@@ -164,3 +174,33 @@ def _text(
     }
     parts = [plain, Table("[provenance]", "provenance", provenance), *tables]
     return "\n".join(["\n".join(head), *(text_of(part) for part in parts), estimated(tables)])
+
+
+OUTLINES = "mean of Esso Osaka and R/V Gunnerus"
+ESSO_OSAKA = "as of Esso Osaka"
+AREA_ERROR = 0.4
+
+
+def outline(ship: Particulars, frontal_m2: float | None = None, lateral_m2: float | None = None) -> Estimates:
+    """Areas, centres and heights above water for Fujiwara's regression; with the areas that are known.
+
+    The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso
+    Osaka's is published, hers. Ships differ by half as much again: measured areas are worth having.
+    """
+    L, B = ship.length_m, ship.beam_m
+    frontal = Estimate(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
+    lateral = Estimate(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
+    if frontal_m2 is not None:
+        frontal = Estimate(frontal_m2, 0.0, "given")
+    if lateral_m2 is not None:
+        lateral = Estimate(lateral_m2, 0.0, "given")
+    A_T, A_L = frontal.value, lateral.value
+    return {
+        "frontal_area_m2": frontal,
+        "lateral_area_m2": lateral,
+        "superstructure_area_m2": Estimate(0.27 * A_L, 0.5, f"0.27 of the lateral area, {ESSO_OSAKA}"),
+        "lateral_centre_m": Estimate(-0.0043 * L, 5.0, ESSO_OSAKA),
+        "lateral_centre_height_m": Estimate(0.60 * A_L / L, 0.2, f"0.60 A_L / L, {ESSO_OSAKA}"),
+        "bridge_centre_m": Estimate(-0.021 * L, 5.0, ESSO_OSAKA),
+        "bridge_height_m": Estimate(1.06 * A_T / B, 0.3, f"1.06 A_T / B, {ESSO_OSAKA}"),
+    }

@@ -5,10 +5,9 @@ To add a model: a file like ``mmg.py`` and a line in :data:`HULLS`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
-from analysis.compiling import compiled
+from analysis.compiling import by_code, compiled
 from hybrid.vessel.hulls.cross_flow import CROSS_FLOW
 from hybrid.vessel.hulls.kind import HullModel
 from hybrid.vessel.hulls.mmg import MMG
@@ -29,22 +28,10 @@ HULL_CODES: dict[str, float] = {name: float(code) for code, name in enumerate(HU
 HULL_SIZE = max(len(model.numbers) for model in HULLS.values())
 
 
-def _chained(models: list[tuple[int, HullModel]]) -> Callable[..., tuple[float, float, float]]:
-    """One compiled function with the force of a hull of any model: the way from the code in its record."""
-    (code, model), *others = models
-    own: Any = model.force
-    if not others:
-        return own  # type: ignore[no-any-return]
-    other: Any = _chained(others)
-
-    @compiled
-    def force(p, u, v, r):  # type: ignore[no-untyped-def]
-        if p.hull_model == code:
-            return own(p, u, v, r)
-        return other(p, u, v, r)
-
-    return force  # type: ignore[no-any-return]
+@compiled
+def _model_of(p, u, v, r):  # type: ignore[no-untyped-def]
+    return p.hull_model
 
 
-hull_force = _chained(list(enumerate(HULLS.values())))
+hull_force = by_code([model.force for model in HULLS.values()], _model_of)
 """``hull_force(p, u, v, r)``: force and moment X [N], Y [N], N [N m] at velocities through the water."""
