@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from hybrid.calibrators.predictor import Predictor
     from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.effects.catalogue import Catalogue
-    from hybrid.evaluation.summary import Evaluation
+    from hybrid.evaluation.study import Evaluation
     from hybrid.evaluation.validate import Validation
     from hybrid.identification.identify import Identification
     from hybrid.planning.plan import Plan
     from hybrid.prediction.dataset import Dataset
     from hybrid.simulation.vessel_check import VesselCheck
+    from hybrid.vessel.files import ReferenceModel
     from hybrid.vessel.parameters import Vessel
     from hybrid.vessel.plant import Plant
-    from hybrid.vessel.reference import ReferenceModel
     from hybrid.workflows.diagnose import DiagnosisRun
 
 Paths = str | Path | Sequence[str | Path]
@@ -306,8 +306,7 @@ def evaluate(
     from hybrid.calibrators import COMPARED, can_train, refuse_untrainable
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.evaluation import splits as split_kinds
-    from hybrid.evaluation.study import study
-    from hybrid.evaluation.summary import evaluation_of
+    from hybrid.evaluation.study import evaluation_of, study
 
     kinds = (
         list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(as_paths(recordings)) == 1 else 3]
@@ -411,9 +410,7 @@ def identify(
     """
     from analysis.tables.table import percent_of
     from analysis.windows.recordings import trial_names
-    from hybrid.identification.identify import identify_tables
-    from hybrid.identification.judge import judge
-    from hybrid.identification.next_trial import repertoire_of
+    from hybrid.identification.identify import identify_tables, judge, repertoire_of
     from hybrid.vessel.files import save_vessel
     from hybrid.workflows.checked import usable_tables
 
@@ -514,7 +511,7 @@ def as_paths(recordings: Paths) -> list[Path]:
 
 
 def _model(recordings: Paths, vessel: str | Path | Vessel | None) -> ReferenceModel:
-    from hybrid.vessel.reference import reference_model, trials_of
+    from hybrid.vessel.files import reference_model, trials_of
 
     return reference_model(trials_of(as_paths(recordings)), vessel)
 
@@ -526,7 +523,7 @@ def _predictor(
     horizon_s: int | None,
 ) -> Predictor:
     from hybrid.calibrators.predictor import predictor_of
-    from hybrid.vessel.reference import trials_of
+    from hybrid.vessel.files import trials_of
 
     return predictor_of(trials_of(as_paths(recordings)), calibrator, vessel, horizon_s)
 

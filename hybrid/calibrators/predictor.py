@@ -10,8 +10,8 @@ from acquisition.core.result import ChosenModel
 from hybrid.calibrators.artefact import load
 from hybrid.calibrators.train import TrainedCalibrator, plant_for
 from hybrid.effects.catalogue import vessel_plant
+from hybrid.vessel.files import Trials, chosen, reference_model
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.reference import Trials, chosen, reference_model
 
 HORIZON_S = 15
 """How far is predicted where nobody says [s]."""

@@ -54,7 +54,7 @@ def train(
     from hybrid.calibrators import refuse_untrainable
     from hybrid.calibrators.artefact import save
     from hybrid.scripting import train as run
-    from hybrid.vessel.reference import reference_model, trials_of
+    from hybrid.vessel.files import reference_model, trials_of
 
     refuse_untrainable(method)
     reference_model(trials_of(files), vessel)

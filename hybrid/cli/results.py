@@ -88,7 +88,7 @@ def diagnose(
     from analysis.tables.files import make_folder
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
-    from hybrid.vessel.reference import reference_model, trials_of
+    from hybrid.vessel.files import reference_model, trials_of
     from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
     ship = reference_model(trials_of(files), vessel).vessel

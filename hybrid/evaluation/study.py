@@ -1,9 +1,10 @@
-"""Every method fitted on one part of the windows and judged on the other, split by split, draw by draw."""
+"""Every method fitted on one part of the windows and judged on the other, with intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +12,18 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.named_code import OwnCodeError
 from acquisition.core.progress import Progress, part_of
+from acquisition.core.result import ModelResult
+from acquisition.core.serialisation import to_json
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples, predict_with_fallback
-from hybrid.evaluation.splits import Draw, draws_of, leaked_share
-from hybrid.evaluation.truth import truth_distances
+from hybrid.evaluation.splits import Draw, classes_of, draws_of, leaked_share
+from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
 from hybrid.prediction.baselines import Fallback, constant_velocity, straight_line
 from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.dataset import within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
-from hybrid.prediction.regions import conformal_region, relative_distances
-from hybrid.prediction.scores import TWO_SIDED, distances
+from hybrid.prediction.regions import conformal_region, equal_area_radius, relative_distances
+from hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, distances, start_of
 from hybrid.vessel.plant import Plant
 
 Predict = Callable[[PredictionWindows, Floats], Floats]
@@ -214,3 +217,252 @@ def _mean_over_draws(draws: Sequence[Draw], values: Sequence[Floats], times: NDA
         total[draw.held_out] += each
     held_out = times > 0
     return np.asarray(total[held_out] / times[held_out].reshape(-1, *[1] * (total.ndim - 1)))
+
+
+@dataclass(frozen=True, slots=True)
+class MethodFigures:
+    """One method on one set of windows.
+
+    ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the 95
+    % region, ``outside_domain`` the share of windows that start beyond what it was trained on. At seconds 1 to H:
+    ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean semi-axes of the region [H, 2].
+    """
+
+    mean_distance_m: Interval
+    end_distance_m: Interval
+    mae_north_m: Interval
+    mae_east_m: Interval
+    heading_error_deg: Interval
+    ratio: Interval
+    coverage_95: Interval
+    by_second: tuple[Interval, ...]
+    coverage_by_second: tuple[Interval, ...]
+    region_by_second_m: Floats
+    outside_domain: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        figures = {f.name: getattr(self, f.name) for f in fields(self)}
+        known = {name: each.as_dict() for name, each in figures.items() if isinstance(each, Interval)}
+        known["ratio_to_best_baseline"] = known.pop("ratio")
+        by_second = [
+            {
+                "second": number + 1,
+                **distance.as_dict(),
+                "coverage_95": coverage.value,
+                "radius_m": float(equal_area_radius(region_m)),
+                "along_m": float(region_m[0]),
+                "across_m": float(region_m[1]),
+            }
+            for number, (distance, coverage, region_m) in enumerate(
+                zip(self.by_second, self.coverage_by_second, self.region_by_second_m, strict=True)
+            )
+        ]
+        return {**known, "outside_training_range": self.outside_domain, "by_second": by_second}
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """All methods on one set of windows of some legs, and which baseline is the best there."""
+
+    windows: int
+    legs: int
+    best_baseline: str
+    methods: dict[str, MethodFigures]
+
+    @property
+    def best(self) -> str:
+        """The method with the least mean distance."""
+        return min(self.methods, key=lambda name: self.methods[name].mean_distance_m.value)
+
+
+@dataclass(frozen=True, slots=True)
+class SplitSummary:
+    """The figures of one split, as a whole, by kind of class and class (``breakdown``), and by sensor (``truths``).
+
+    ``leaked`` is the share of the seconds judged that were learned from too. All methods start from what was known
+    at second 0; in ``two_sided`` from what is known afterwards, and so does the baseline they are measured by.
+    """
+
+    kind: str
+    fitted: tuple[int, ...]
+    leaked: float
+    whole: Summary
+    two_sided: Summary
+    breakdown: dict[str, dict[str, Summary]]
+    truths: Truths | None = None
+
+    @property
+    def by_start(self) -> dict[str, Summary]:
+        """The summaries of all windows, by what predictions start from."""
+        return {"causal": self.whole, "two-sided": self.two_sided}
+
+    @property
+    def shown(self) -> dict[str, dict[str, Summary]]:
+        """The kinds of class that part the windows; one class alone says what the whole says."""
+        return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation(ModelResult):
+    """The figures of a study by split, and the leak of the random one (:func:`leak_of`).
+
+    ``failed`` are the methods of a user's own that failed, and why.
+    """
+
+    horizon_s: int
+    windows: int
+    legs: int
+    outside: int
+    splits: dict[str, SplitSummary]
+    leak: dict[str, Interval]
+    failed: dict[str, str] = field(default_factory=dict)
+    view = "hybrid.report.tables:evaluation_view"
+    drawing = "hybrid.report.evaluation_page:draw_evaluation"
+
+    @property
+    def measurements(self) -> str:
+        """That positions and speeds disagree, where they do in the windows of any split."""
+        return next((each.truths.remark for each in self.splits.values() if each.truths and each.truths.remark), "")
+
+    @property
+    def first_lines(self) -> list[str]:
+        return [*super(Evaluation, self).first_lines, *(f"left out: {each}" for each in self.failed.values())]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The JSON object."""
+        return {
+            **self.remarks,
+            **({"failed": self.failed} if self.failed else {}),
+            "horizon_s": self.horizon_s,
+            "windows": self.windows,
+            "legs": self.legs,
+            "outside_model_range": self.outside,
+            "splits": {kind: _split_dict(each) for kind, each in self.splits.items()},
+            "leak": to_json(self.leak),
+        }
+
+
+def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
+    """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
+    return Evaluation(
+        horizon_s=study.windows.horizon_s,
+        windows=int(study.windows.whole.sum()),
+        legs=len(set(study.windows.leg[study.windows.whole])),
+        outside=study.outside,
+        splits={
+            each.kind: _split_summary(each, study.windows.subset(each.held_out), length_m, seed)
+            for each in study.results
+        },
+        leak=leak_of(study, seed),
+        failed=study.failed,
+    )
+
+
+def leak_of(study: Study, seed: int) -> dict[str, Interval]:
+    """By method, how many times the error that the random split shows is found on legs never seen.
+
+    Both on the same windows, those held out in both; empty unless both splits were made.
+    """
+    by_kind = {each.kind: each for each in study.results}
+    if not {"leg", "random"} <= set(by_kind):
+        return {}
+    honest, leaky = by_kind["leg"], by_kind["random"]
+    both = honest.held_out & leaky.held_out
+    if not both.any():
+        return {}
+    legs = LegBootstrap.of(study.windows.leg[both], seed)
+    return {
+        name: legs.ratio(
+            honest.errors[name].distance_m[both[honest.held_out]].mean(axis=1),
+            leaky.errors[name].distance_m[both[leaky.held_out]].mean(axis=1),
+        )
+        for name in _by_start(honest.errors)[0]
+    }
+
+
+def summarise(errors: Mapping[str, Errors], windows: PredictionWindows, seed: int) -> Summary:
+    """The figures of every method on the same windows; the baselines are among ``errors``."""
+    legs = LegBootstrap.of(windows.leg, seed)
+    best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
+    baseline = errors[best].distance_m.mean(axis=1)
+    methods = {name: _figures(each, baseline, legs) for name, each in errors.items()}
+    return Summary(len(windows), legs.legs, best, methods)
+
+
+def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFigures:
+    """One method's figures; ``baseline_m`` [N] is the best baseline's mean distance in each window."""
+    mean_m = errors.distance_m.mean(axis=1)
+    inside = errors.inside.mean(axis=1)
+    single = np.column_stack([mean_m, errors.north_m, errors.east_m, errors.heading_deg, inside])
+    by_second = legs.mean_of_each(errors.distance_m)
+    distance, north, east, heading, coverage = legs.mean_of_each(single)
+    return MethodFigures(
+        mean_distance_m=distance,
+        end_distance_m=by_second[-1],
+        mae_north_m=north,
+        mae_east_m=east,
+        heading_error_deg=heading,
+        ratio=legs.ratio(mean_m, baseline_m),
+        coverage_95=coverage,
+        by_second=by_second,
+        coverage_by_second=legs.mean_of_each(errors.inside),
+        region_by_second_m=errors.region_m.mean(axis=0),
+        outside_domain=float(errors.outside_domain.mean()),
+    )
+
+
+def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: float, seed: int) -> SplitSummary:
+    causal, two_sided = _by_start(result.errors)
+    breakdown: dict[str, dict[str, Summary]] = {}
+    for kind, classes in classes_of(windows, length_m).items():
+        breakdown[kind] = {}
+        for name, mask in classes.items():
+            errors = {method: each.subset(mask) for method, each in causal.items()}
+            breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
+    return SplitSummary(
+        result.kind, result.fitted, result.leaked, summarise(causal, windows, seed),
+        summarise(two_sided, windows, seed), breakdown,
+        judged_by_truths(windows, {name: each.truth_m for name, each in causal.items()}, seed),
+    )  # fmt: skip
+
+
+def _by_start(errors: Mapping[str, Errors]) -> tuple[dict[str, Errors], dict[str, Errors]]:
+    """The errors from causal and from two-sided starts, each by the method's own name."""
+    causal = {name: each for name, each in errors.items() if start_of(name) == "causal"}
+    return causal, {name: errors[f"{name}{TWO_SIDED}"] for name in causal}
+
+
+def _split_dict(split: SplitSummary) -> dict[str, Any]:
+    return {
+        "draws": len(split.fitted),
+        "fitted_windows": list(split.fitted),
+        "shared_seconds": split.leaked,
+        **_counts(split.whole),
+        "methods": {
+            name: {"start": start_of(name), **each.as_dict()}
+            for summary, ending in ((split.whole, ""), (split.two_sided, TWO_SIDED))
+            for name, each in ((f"{method}{ending}", figures) for method, figures in summary.methods.items())
+        },
+        "breakdown": {
+            kind: {name: {**_counts(each), "methods": _short(each)} for name, each in classes.items()}
+            for kind, classes in split.breakdown.items()
+        },
+        "truths": None if split.truths is None else split.truths.as_dict(),
+    }
+
+
+def _counts(summary: Summary) -> dict[str, Any]:
+    return {"windows": summary.windows, "legs": summary.legs, "best_baseline": summary.best_baseline}
+
+
+def _short(summary: Summary) -> dict[str, Any]:
+    return {
+        name: {
+            "start": start_of(name),
+            "mean_distance_m": each.mean_distance_m.as_dict(),
+            "ratio_to_best_baseline": each.ratio.as_dict(),
+            "coverage_95": each.coverage_95.as_dict(),
+        }
+        for name, each in summary.methods.items()
+    }

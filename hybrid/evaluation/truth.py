@@ -27,7 +27,7 @@ from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
 from analysis.kinematics import integrate, to_earth
 from analysis.quality.motion.checks import SMALLEST
-from hybrid.prediction.observer import LEAP_M
+from hybrid.prediction.kalman_filter import LEAP_M
 from hybrid.prediction.prediction_windows import PredictionWindows, row_numbers
 from hybrid.prediction.scores import Interval, LegBootstrap, distances
 from hybrid.vessel.channels import STATE_UNITS

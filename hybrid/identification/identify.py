@@ -1,30 +1,117 @@
-"""``seatrial identify``: coefficients from recordings, what they are worth, and the vessel file with them."""
+"""``seatrial identify``: coefficients from recordings, what they are worth, and the vessel file with them.
+
+They are judged on recordings that took no part: with three or more each in turn, or each of some groups of them, is
+left out and predicted by the model that the others give; with fewer the last third of each is, by the model of what
+comes before. Which manoeuvre to make next is rehearsed by the ship as she is now thought to be: what its segments
+would say is added to what is known, and the best one is where the covariance shrinks most (D-optimality, Atkinson
+and Donev 1992).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
+from acquisition.core.actuators import names_of, shafts
 from acquisition.core.arrays import Floats
-from acquisition.core.progress import Progress
+from acquisition.core.errors import DataShortageError, ModelRangeError, SeatrialError
+from acquisition.core.progress import Progress, part_of
 from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
+from analysis.tables.resample import resample
+from analysis.tables.table import select
+from analysis.windows.recordings import second_by_second
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import Coefficient, coefficients_of
-from hybrid.identification.fit import Fit, fit
-from hybrid.identification.next_trial import Candidate, rank_trials
+from hybrid.identification.fit import Fit, fit, information_at
 from hybrid.identification.response import Model, model_of
 from hybrid.identification.segments import segments_of
-from hybrid.prediction.scores import Score, scores_json
+from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.prediction.dataset import dataset_of
+from hybrid.prediction.kalman_filter import filtered_starts
+from hybrid.prediction.scores import Score, score, scores_json
+from hybrid.simulation.sea_state import sea_state_named
+from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant
+
+REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
+              "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
+SEGMENTS = 20
+"""How long each is rehearsed, in segments."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A manoeuvre of ``minutes``: how much it would tell, in nats, the share of the variances it would leave on
+    average, and which coefficients would be known then that are not now.
+    """
+
+    manoeuvre: str
+    minutes: float
+    gain: float
+    left: float
+    newly_known: tuple[str, ...]
+
+
+def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
+    """The manoeuvres that a ship can make."""
+    able = {
+        "one_thruster": len(shafts(vessel.actuators)) > 1,
+        "tunnel_test": bool(names_of(vessel.actuators, "tunnel")),
+    }
+    return tuple(name for name in REPERTOIRE if able.get(name, True))
+
+
+def rank_trials(model: Model, found: Fit, names: Sequence[str]) -> list[Candidate]:
+    """What each manoeuvre would tell beside what is known, the best first, without those that she cannot make."""
+    ranked = []
+    for name in names:
+        try:
+            told = _information(model, found, name)
+        except SeatrialError:
+            continue
+        ranked.append(_candidate(model, found, name, told))
+    return sorted(ranked, key=lambda each: -each.gain)
+
+
+def _information(model: Model, found: Fit, name: str) -> Floats:
+    """What a rehearsal says of the coefficients [P, P], its own surroundings unknown."""
+    ship = model.vessel_at(found.z)
+    lasting = model.segments.duration_s
+    silent = Noise().scaled(0.0)
+    table, _ = simulate_trial(
+        ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
+    )
+    rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
+    own, z = model.on_segments(rehearsed, found.z)
+    kept = len(model.coefficients)
+    whole = information_at(own, z, rehearsed.start, found.levels)
+    if not np.isfinite(whole).all():
+        raise ModelRangeError("the rehearsal leaves the model's range")
+    around = whole[kept:, kept:] + np.eye(own.size - kept)
+    return np.asarray(whole[:kept, :kept] - whole[:kept, kept:] @ np.linalg.solve(around, whole[kept:, :kept]))
+
+
+def _candidate(model: Model, found: Fit, name: str, told: Floats) -> Candidate:
+    kept = len(model.coefficients)
+    before = found.covariance[:kept, :kept]
+    after = np.linalg.inv(np.linalg.inv(before) + told)
+    was, then = np.sqrt(np.diag(before)), np.sqrt(np.diag(after))
+    gain = 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])
+    newly = [each.name for each, a, b in zip(model.coefficients, was, then, strict=True) if a >= UNKNOWN > b]
+    minutes = SEGMENTS * model.segments.duration_s / 60.0
+    return Candidate(name, minutes, gain, float(np.mean((then / was) ** 2)), tuple(newly))
+
 
 _NORMAL_95 = 1.959964
 
@@ -203,3 +290,78 @@ def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) ->
         "identified_start": model.vessel.name,
     }
     return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **said})
+
+
+BY_RECORDING, MOST_FOLDS = 3, 4
+LAST_THIRD = (200.0 / 3.0, 100.0)
+_ROUNDS = 6
+_STRIDE_S = 5
+Tables = Mapping[str, pd.DataFrame]
+Fold = tuple[Tables, Tables]
+"""The tables to fit on, and those to judge on."""
+
+
+def folds_of(tables: Tables) -> tuple[list[Fold], str]:
+    """What is fitted and what is judged in each fold, and what is left out in words."""
+    names = list(tables)
+    if len(names) < BY_RECORDING:
+        first, last = (
+            {name: select(table, part) for name, table in tables.items()}
+            for part in ((0.0, LAST_THIRD[0]), LAST_THIRD)
+        )
+        return [(first, last)], "the last third of each recording"
+    folds = min(len(names), MOST_FOLDS)
+    made: list[Fold] = []
+    for fold in range(folds):
+        out = set(names[fold::folds])
+        kept, others = ({name: tables[name] for name in names if (name in out) == left} for left in (False, True))
+        made.append((kept, others))
+    return made, "each recording in turn" if folds == len(names) else f"recordings in {folds} groups"
+
+
+def judge(
+    tables: Tables, model: Model, found: Fit, horizon_s: int, progress: Progress = lambda share: None
+) -> Judgement | None:
+    """How far predictions over ``horizon_s`` are off, under the commands as recorded; None without a window.
+
+    ``tables`` are those that were fitted, of raw samples by recording.
+    """
+    folds, held_out = folds_of(tables)
+    tracks: dict[str, list[np.ndarray]] = {}
+    for number, (kept, others) in enumerate(folds):
+        with threadpool_limits(1, user_api="blas"):
+            for name, track in _fold(kept, others, model, found, horizon_s).items():
+                tracks.setdefault(name, []).append(track)
+        part_of(progress, number, len(folds))(1.0)
+    if not tracks:
+        return None
+    together = {name: np.concatenate(each) for name, each in tracks.items()}
+    measured = together.pop("measured")
+    scores = {name: score(track, measured) for name, track in together.items()}
+    return Judgement(horizon_s, len(measured), scores, held_out)
+
+
+def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int) -> dict[str, np.ndarray]:
+    """Tracks by method and as measured, in the windows in which both models stay in their range."""
+    length_m = model.vessel.dimensions.length_overall_m
+    try:
+        even = {name: second_by_second(partial(resample, table)) for name, table in others.items()}
+        windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
+    except DataShortageError:
+        return {}
+    own, identified = vessel_plant(model.vessel), _fitted_plant(kept, model, found)
+    tracks = {
+        "constant_velocity": constant_velocity(filtered_starts(windows, own)),
+        "reference": reference(filtered_starts(windows, own), own),
+        "identified": reference(filtered_starts(windows, identified), identified),
+        "measured": windows.track,
+    }
+    inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))
+    return {name: track[inside] for name, track in tracks.items()} if inside.any() else {}
+
+
+def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: Model, found: Fit) -> Plant:
+    """The plant by these tables alone; the search begins where that of all ended."""
+    segments = segments_of(tables, vessel_plant(model.vessel), model.segments.duration_s)
+    own, z = model.on_segments(segments, found.z)
+    return vessel_plant(own.vessel_at(fit(own, z, levels=found.levels, rounds=_ROUNDS).z))

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from acquisition.core.files import write_text
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
-from hybrid.evaluation.study import BASELINES
-from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
+from hybrid.evaluation.study import BASELINES, Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic, reach
 from hybrid.report.sections import templates

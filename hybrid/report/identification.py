@@ -11,8 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.identification.identify import Estimate, Identification, Judgement
-from hybrid.identification.next_trial import Candidate
+from hybrid.identification.identify import Candidate, Estimate, Identification, Judgement
 from hybrid.report.tables import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]

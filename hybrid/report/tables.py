@@ -20,7 +20,7 @@ from hybrid.vessel.effect import FAMILIES, Effect, Parameter
 if TYPE_CHECKING:
     from hybrid.calibrators.predict import Prediction
     from hybrid.calibrators.train import TrainedCalibrator
-    from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
+    from hybrid.evaluation.study import Evaluation, SplitSummary, Summary
     from hybrid.evaluation.truth import Truths
     from hybrid.evaluation.validate import Validation
     from hybrid.planning.plan import Plan, Programme

@@ -25,10 +25,8 @@ from acquisition.logger.supervision import LOG, LogFormat, log_to
 from analysis.kinematics import to_ship
 from hybrid.calibrators.predict import Prediction
 from hybrid.calibrators.predictor import Predictor
-from hybrid.twin.plan import PlanFile
-from hybrid.twin.running_coverage import RegionFactor
-from hybrid.twin.running_error import MeanErrors, TrackError
-from hybrid.twin.twin import Statistics, Twin, warm_up
+from hybrid.twin.running_error import MeanErrors, RegionFactor, TrackError
+from hybrid.twin.twin import PlanFile, Statistics, Twin, warm_up
 
 _POLL_S = 0.1
 _LOG_EVERY_S = 30.0

@@ -39,8 +39,7 @@ from hybrid.prediction.dataset import load_dataset
 from hybrid.report.folder import Choices, folder_report
 from hybrid.report.words import plain
 from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.reference import reference_model, trials_of
+from hybrid.vessel.files import load_vessel, reference_model, trials_of
 from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
 Say = Callable[[str], None]

@@ -22,8 +22,7 @@ from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.twin.running_coverage import RegionFactor
-from hybrid.twin.running_error import FILTER_REACH_S, TrackError, track_error
+from hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, TrackError, track_error
 
 
 def replay(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.errors import InputError
-from hybrid.vessel.estimate import devices, hull, propeller, resistance
+from hybrid.vessel.estimate import devices, hull, propeller
 from hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
 from hybrid.vessel.estimate.propeller import pod, tunnel_force
 
@@ -47,13 +47,13 @@ PUBLISHED_ESSO_OSAKA = {
 
 def all_estimates(ship: Particulars, diameter_m: float, blades: tuple[float, float, int]) -> Estimates:
     """Every number that a regression gives of a single-screw ship."""
-    R_0, w = resistance.resistance(ship), resistance.wake_fraction(ship, diameter_m)
+    R_0, w = hull.resistance(ship), hull.wake_fraction(ship, diameter_m)
     return {
         **hull.inertia(ship),
         **hull.mmg(ship, R_0),
         **hull.cross_flow(ship, R_0),
         "w": w,
-        "t": resistance.thrust_deduction(ship, diameter_m),
+        "t": hull.thrust_deduction(ship, diameter_m),
         **devices.interaction(ship, w.value),
         **propeller.open_water(*blades, known=1.0),
     }
@@ -111,27 +111,27 @@ def test_a_ship_of_the_same_form_has_the_same_derivatives() -> None:
         draught_m=scale * KVLCC2.draught_m,
         service_speed_mps=scale**0.5 * KVLCC2.service_speed_mps,
     )
-    model_R, full_R = resistance.resistance(KVLCC2), resistance.resistance(full)
+    model_R, full_R = hull.resistance(KVLCC2), hull.resistance(full)
     assert full_R.value < model_R.value
     model_hull, full_hull = hull.mmg(KVLCC2, model_R), hull.mmg(full, model_R)
     for name, estimate in full_hull.items():
         assert estimate.value == pytest.approx(model_hull[name].value), name
-    assert resistance.wave_resistance(full) == pytest.approx(resistance.wave_resistance(KVLCC2))
+    assert hull.wave_resistance(full) == pytest.approx(hull.wave_resistance(KVLCC2))
 
 
 def test_the_quantities_of_holtrops_example(monkeypatch: pytest.MonkeyPatch) -> None:
     """Her form coefficients are known there; she has a bulb of 20 m2 that the estimates leave out."""
-    monkeypatch.setattr(resistance, "midship_section", lambda ship: 0.98)
-    monkeypatch.setattr(resistance, "waterplane", lambda ship: 0.75)
+    monkeypatch.setattr(hull, "midship_section", lambda ship: 0.98)
+    monkeypatch.setattr(hull, "waterplane", lambda ship: 0.75)
     ship = HOLTROPS_EXAMPLE
     bulb_m2 = 2.38 * 20.0 / ship.block
-    assert resistance.wetted_area(ship) + bulb_m2 == pytest.approx(7381.45, rel=1e-3)
-    assert resistance.entrance_deg(ship) == pytest.approx(12.08, abs=0.02)
-    assert resistance.form_factor(ship) == pytest.approx(1.156, abs=0.02)
-    assert resistance.allowance(ship) == pytest.approx(0.000352, abs=2e-6)
-    wave_n = resistance.wave_resistance(ship) * 1025.0 * 9.80665 * ship.volume_m3
+    assert hull.wetted_area(ship) + bulb_m2 == pytest.approx(7381.45, rel=1e-3)
+    assert hull.entrance_deg(ship) == pytest.approx(12.08, abs=0.02)
+    assert hull.form_factor(ship) == pytest.approx(1.156, abs=0.02)
+    assert hull.allowance(ship) == pytest.approx(0.000352, abs=2e-6)
+    wave_n = hull.wave_resistance(ship) * 1025.0 * 9.80665 * ship.volume_m3
     assert 0.7595 * wave_n == pytest.approx(557.11e3, rel=0.05)
-    assert resistance.thrust_deduction(ship, 8.0).value == pytest.approx(0.1747, abs=0.02)
+    assert hull.thrust_deduction(ship, 8.0).value == pytest.approx(0.1747, abs=0.02)
 
 
 @pytest.mark.parametrize("froude", [0.4, 0.55])
@@ -141,7 +141,7 @@ def test_the_wave_resistance_is_continuous_where_its_fits_meet(froude: float) ->
     )
     below = replace(ship, service_speed_mps=0.9999 * ship.service_speed_mps)
     above = replace(ship, service_speed_mps=1.0001 * ship.service_speed_mps)
-    assert resistance.wave_resistance(below) == pytest.approx(resistance.wave_resistance(above), rel=5e-3)
+    assert hull.wave_resistance(below) == pytest.approx(hull.wave_resistance(above), rel=5e-3)
 
 
 @pytest.mark.parametrize("ship", SHIPS)
@@ -201,7 +201,7 @@ def test_rudders_have_the_size_of_published_ones() -> None:
 
 def test_a_pod_thrusts_what_a_propeller_behind_the_same_hull_does() -> None:
     ship = replace(HOLTROPS_EXAMPLE, screws=2)
-    w, t = resistance.wake_fraction(ship, 5.0), resistance.thrust_deduction(ship, 5.0)
+    w, t = hull.wake_fraction(ship, 5.0), hull.thrust_deduction(ship, 5.0)
     n, u, D = 2.0, 9.0, 5.0
     k_0, k_1, k_2 = propeller.quadratic(1.0, 0.55, 4)
     J = (1.0 - w.value) * u / (n * D)

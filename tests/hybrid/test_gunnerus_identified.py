@@ -16,8 +16,7 @@ from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.dataset import dataset_of
 from hybrid.prediction.scores import score
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.reference import ships_of
+from hybrid.vessel.files import load_vessel, ships_of
 from hybrid.vessel.simulate import simulate_batch
 from hybrid.workflows.checked import usable_tables
 

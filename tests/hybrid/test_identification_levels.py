@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from acquisition.core.arrays import Floats
-from hybrid.identification.levels import Levels, estimate_levels, moments_of
+from hybrid.identification.fit import Levels, estimate_levels, moments_of
 from hybrid.identification.response import PARTS
 
 OWN = 9 + 3 * PARTS

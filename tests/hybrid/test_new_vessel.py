@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import seatrial as st
 from acquisition.core.errors import InputError
-from hybrid.vessel.estimate.given import Propeller, Rudder, Tunnel, device
+from hybrid.vessel.estimate.devices import Propeller, Rudder, Tunnel, device
 from hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
 
 KVLCC2: dict[str, Any] = {

@@ -14,8 +14,7 @@ from acquisition.recording.tables import write_table
 from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.actuators.kind import Drive
 from hybrid.vessel.files import load_vessel
-from hybrid.workflows.checked import checked_tables
-from hybrid.workflows.orders import driven_by_orders, followed, idle_angles
+from hybrid.workflows.checked import checked_tables, driven_by_orders, followed, idle_angles
 
 VESSEL = load_vessel("gunnerus_short")
 

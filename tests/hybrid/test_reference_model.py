@@ -18,8 +18,7 @@ from acquisition.recording.reader import read_recording, read_trial
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
 from hybrid.simulation.trial import simulate_trial
-from hybrid.vessel.files import load_vessel, save_vessel, with_effects
-from hybrid.vessel.reference import ReferenceModel, reference_model, trials_of
+from hybrid.vessel.files import ReferenceModel, load_vessel, reference_model, save_vessel, trials_of, with_effects
 from tests.conftest import Command
 
 TANKER = (VESSELS / "esso_osaka_3m.toml").read_text().replace("esso_osaka_3m", "tanker")

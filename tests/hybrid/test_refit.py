@@ -18,7 +18,7 @@ from hybrid.report.diagnosis_words import coefficient_rows, correction_sentence,
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
-from hybrid.workflows import refit
+from hybrid.workflows import diagnose
 from hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
 from tests.hybrid.diagnosis.made_up import named
 
@@ -43,10 +43,10 @@ def off_by(share: float, ship: Vessel, seed: int) -> Vessel:
 
 def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(table: pd.DataFrame) -> None:
     log = log_of([table])
-    assert refit.forces_moved(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
+    assert diagnose.forces_moved(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
     weak = with_values(SHIP, {"port.thrust_nn": 0.7, "starboard.thrust_nn": 0.7})
     weaker = with_values(SHIP, {"port.thrust_nn": 0.6, "starboard.thrust_nn": 0.6})
-    one, two = (refit.forces_moved(log, SHIP, each) for each in (weak, weaker))
+    one, two = (diagnose.forces_moved(log, SHIP, each) for each in (weak, weaker))
     lost = 1.0 - 0.7 / 0.8218
     assert 0.2 * lost < one["surge"] < 3.0 * lost  # rms and extremes, bollard and under way
     assert two["surge"] / one["surge"] == pytest.approx((0.8218 - 0.6) / (0.8218 - 0.7), rel=0.05)
@@ -54,7 +54,7 @@ def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(
 
 def test_the_seconds_of_a_fold_have_no_part_in_its_refit(table: pd.DataFrame) -> None:
     log = log_of([table])
-    rest = refit._without_fold({"0": table}, log, 1)["0"]
+    rest = diagnose._without_fold({"0": table}, log, 1)["0"]
     out = set(log.time_s[fold_of(log) == 1].tolist())
     assert out
     assert not out & set((rest.index.asi8 // 10**9).tolist())
@@ -98,7 +98,7 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 ) -> None:
     """The gentle sea has a current; all coefficients are off by 15 %. Without the refit other things are named."""
     ship = off_by(0.15, SHIP, 1)
-    found = refit.refit_model([table], ship)
+    found = diagnose.refit_model([table], ship)
     said = found.correction
     assert said.applied
     assert said.after_m < 0.7 * said.before_m
@@ -118,7 +118,7 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_model_that_is_right_does_not_get_worse() -> None:
-    found = refit.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
+    found = diagnose.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
     said = found.correction
     assert (found.vessel is SHIP) == (not said.applied)
     assert not said.applied or said.after_m < said.before_m

@@ -14,9 +14,9 @@ from typing import Literal
 from acquisition.core.actuators import Actuator, check_actuators
 from acquisition.core.errors import InputError
 from acquisition.core.files import write_text
-from hybrid.vessel.estimate import devices, resistance
+from hybrid.vessel.estimate import devices
 from hybrid.vessel.estimate import hull as hulls
-from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel, device
+from hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, device
 from hybrid.vessel.estimate.particulars import (
     SEA_WATER_KGPM3,
     Assumed,
@@ -74,9 +74,9 @@ def new_vessel(
     """Estimate a ship's model from what her owner knows, and write it to ``output`` if that is named.
 
     Lengths in metres, the length between perpendiculars; places of propulsors from midship, forward and to
-    starboard. Propulsors are objects of :mod:`hybrid.vessel.estimate.given` or texts ``"NAME,KEY=NUMBER,..."``. The
-    regressions and their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no
-    displacement ship has and for propulsors that cannot be, :class:`StorageError`.
+    starboard. Propulsors are objects of :mod:`.devices` or texts ``"NAME,KEY=NUMBER,..."``. The regressions and
+    their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no displacement
+    ship has and for propulsors that cannot be, :class:`StorageError`.
     """
     shafts = devices.named([device(Propeller, each) for each in propellers], "propeller")
     pods = devices.named([device(Azimuth, each) for each in azimuths], "azimuth")
@@ -146,7 +146,7 @@ def _validity(ship: Particulars) -> Table:
 
 
 def _hull(ship: Particulars, hull: HullName) -> Table:
-    R_0 = resistance.resistance(ship)
+    R_0 = hulls.resistance(ship)
     numbers = hulls.mmg(ship, R_0) if hull == "mmg" else hulls.cross_flow(ship, R_0)
     return Table("[hull]", "hull", {"model": hull, **numbers})
 

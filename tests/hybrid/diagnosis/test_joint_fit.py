@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.gap import UnseenWindows, unseen_windows
-from hybrid.diagnosis.joint_fit import about_likeliest, compatible_effects
-from hybrid.diagnosis.linear_tracks import LinearTracks, linear_tracks
+from hybrid.diagnosis.gap import LinearTracks, UnseenWindows, linear_tracks, unseen_windows
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import fitted_coordinates

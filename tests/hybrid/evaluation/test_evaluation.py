@@ -16,8 +16,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from hybrid.calibrators.calibrator import Calibrator
-from hybrid.evaluation.study import Study, study
-from hybrid.evaluation.summary import Evaluation, evaluation_of
+from hybrid.evaluation.study import Evaluation, Study, evaluation_of, study
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances, score

@@ -8,8 +8,7 @@ import pytest
 
 from acquisition.tables.import_table import import_table
 from hybrid.evaluation.splits import draws_of, shared_seconds
-from hybrid.evaluation.study import study
-from hybrid.evaluation.summary import evaluation_of
+from hybrid.evaluation.study import evaluation_of, study
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.plant import Plant

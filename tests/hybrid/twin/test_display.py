@@ -12,8 +12,7 @@ import pandas as pd
 from rich.console import Console
 
 from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_coverage import RegionFactor
-from hybrid.twin.running_error import RunningError, TrackError
+from hybrid.twin.running_error import RegionFactor, RunningError, TrackError
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import Display
 

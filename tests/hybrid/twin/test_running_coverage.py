@@ -10,8 +10,7 @@ import pytest
 
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_coverage import LARGEST_FACTOR, STEP, RegionFactor, step
-from hybrid.twin.running_error import TrackError
+from hybrid.twin.running_error import LARGEST_FACTOR, STEP, RegionFactor, TrackError, step
 
 HORIZON_S = 30
 NANO = 1_000_000_000

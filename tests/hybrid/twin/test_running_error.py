@@ -12,8 +12,7 @@ from acquisition.core.actuators import DEFAULT
 from acquisition.core.angles import wrap_180
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.predict import Prediction
-from hybrid.twin.running_coverage import RegionFactor
-from hybrid.twin.running_error import FILTER_REACH_S, RunningError, as_planned, track_error
+from hybrid.twin.running_error import FILTER_REACH_S, RegionFactor, RunningError, as_planned, track_error
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import summary_of
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table

@@ -25,9 +25,8 @@ from acquisition.recording.schemas import PREDICTION_TOPIC
 from hybrid.calibrators.predictor import Predictor
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.twin import twin as twin_module
-from hybrid.twin.plan import PlanFile
-from hybrid.twin.running_coverage import LARGEST_FACTOR, step
-from hybrid.twin.twin import Twin
+from hybrid.twin.running_error import LARGEST_FACTOR, step
+from hybrid.twin.twin import PlanFile, Twin
 from hybrid.twin.watch import watch
 from hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
