@@ -66,19 +66,20 @@ def find_pull_outs(
         values = pull_out_indices(motion, times)
         if values and times[2] - half >= _LEAST_HELD_S:
             name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
-            found.append(_test(motion, helm, "pull_out", name, side, last.level, times, pull_out_indices))
+            scale_s = 4.0 * max(values["time_to_half_rate_s"], motion.step_s)
+            found.append(_test(motion, helm, "pull_out", name, side, last.level, times, pull_out_indices, scale_s))
     return found
 
 
 def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
-    """Twice as long after ``half`` as a smoothed rate takes to what it is in the end [s], up to ``end``."""
+    """Three times as long after ``half`` as a smoothed rate takes to what it is in the end [s], up to ``end``."""
     first, last = np.searchsorted(motion.time_s, [half, end])
     after = rate[first : last + 1]
     if after.size < 2:
         return end
     off = np.abs(after - np.median(after[-max(after.size // 4, 1) :]))
     unsettled = np.flatnonzero(off > _SETTLED_SHARE * off[0])
-    return min(end, half + max(2.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
+    return min(end, half + max(3.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
 
 
 def _put_amidships(motion: Motion, helm: Floats, last: Plateau, each: Plateau) -> bool:
@@ -97,6 +98,8 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
     ``times`` are when the helm began to go amidships, was half way, and the end [s]. Nothing where the rate has
     not settled.
     """
+    from scipy.optimize import isotonic_regression
+
     begun, half, end = map(float, times)
     quarter_s = 0.25 * (end - half)
     before, third, last = (mean_between(motion, "yaw_rate_dps", *span) for span in (
@@ -104,7 +107,10 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
     if not abs(last - third) < _SETTLED_SHARE * abs(before):
         return {}
     side, off = np.sign(before), abs(before - last)
-    fallen_s = crossing_s(motion.time_s, np.abs(motion.yaw_rate_dps - before), 0.5 * off, begun, end)
+    # Noise makes the first crossing of a level early; a curve that only rises has one.
+    falling = motion.between(begun, end)
+    fallen = np.asarray(isotonic_regression(np.abs(falling.yaw_rate_dps - before)).x, dtype=float)
+    fallen_s = crossing_s(falling.time_s, fallen, 0.5 * off, begun, end)
     return {
         "turning_yaw_rate_dps": abs(before), "residual_yaw_rate_dps": float(side * last),
         "time_to_half_rate_s": fallen_s - half,
@@ -162,7 +168,7 @@ def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
     """The direct spiral of its steps, with its indices."""
     times = motion.time_s[[steps[0].first, *(row for each in steps for row in (each.first, each.end - 1))]]
     sign = -1.0 if motion.steers_by_thrust else 1.0
-    levels = sign * np.array([each.level for each in steps])
+    levels = sign * np.array([helm[(each.first + each.end) // 2 : each.end].mean() for each in steps])
 
     def measure(part: Motion, spans: Floats) -> dict[str, float]:
         return spiral_indices(part, levels, spans[1:].reshape(-1, 2))
@@ -350,10 +356,12 @@ def _test(
     helm_deg: float,
     times: Floats,
     measure: Measure,
+    scale_s: float = np.inf,
 ) -> Manoeuvre:
-    """A test with its indices; ``times`` are the first change of the helm, the execute, others and the end [s]."""
+    """A test with its indices; ``times`` are the first change of the helm, the execute, others and the end [s];
+    what it does takes ``scale_s`` or less."""
     part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
-    width = half_width_s(part, float(times[-1] - times[1]) / (times.size - 1))
+    width = half_width_s(part, min(scale_s, float(times[-1] - times[1]) / (times.size - 1)))
     found = bootstrap_indices(part, times, width, measure, executes_unsure_s(motion, helm, helm_deg, times))
     return Manoeuvre(
         kind=kind, name=name, side=side_of(side),

@@ -123,13 +123,13 @@ def truths(sailed: Sailed, motion: Motion) -> Iterator[tuple[int, str, float, di
     steps = next(place for place, each in enumerate(sailed.parts) if each.kind == "spiral")
     for place, each in enumerate(sailed.parts):
         begin, end = sailed.begun_s[place], sailed.begun_s[place + 1]
-        if each.kind == "acceleration":
-            yield place, each.kind, begin, acceleration_indices(motion, np.array([begin, end]))
-        if each.kind == "stopping":
-            yield place, each.kind, begin, stopping_indices(motion, np.array([begin, end]))
+        if each.kind in ("acceleration", "stopping"):
+            span = np.array([_changed_s(sailed.exact, begin), end])
+            measure = acceleration_indices if each.kind == "acceleration" else stopping_indices
+            yield place, each.kind, float(span[0]), measure(motion, span)
         if each.kind == "pull_out":
-            half = begin + _half_s(motion, begin)
-            yield place, each.kind, half, pull_out_indices(motion, np.array([begin, half, end]))
+            left, half = (_back_s(motion, begin, share) for share in (0.02, 0.5))
+            yield place, each.kind, half, pull_out_indices(motion, np.array([left, half, end]))
         if each.kind == "spiral":
             legs = pairwise(sailed.begun_s[steps : steps + len(HELMS) + 1])
             spans = np.array([(start + _reached_s(motion, start, stop), stop) for start, stop in legs])
@@ -138,10 +138,19 @@ def truths(sailed: Sailed, motion: Motion) -> Iterator[tuple[int, str, float, di
             yield place, each.kind, begin, {}
 
 
-def _half_s(motion: Motion, begin: float) -> float:
-    after = motion.between(begin, begin + 60.0)
-    off = -np.abs(after.helm_deg)
-    return crossing_s(after.time_s, off, 0.5 * off[0], begin, begin + 60.0) - begin
+def _changed_s(exact: pd.DataFrame, near: float) -> float:
+    """When the shaft began to change, about a nominal time, which is some rows off after many legs."""
+    shaft = exact.filter(regex="_rpm$").to_numpy()[:, 0]
+    first = round(10.0 * near) - 10
+    changes = np.flatnonzero(np.abs(np.diff(shaft[first : first + 20])) > 1e-6)
+    return 0.1 * (first + int(changes[0]))
+
+
+def _back_s(motion: Motion, near: float, share: float) -> float:
+    """When a helm has gone that share of its way back to the middle, about a nominal time."""
+    about = motion.between(near - 2.0, near + 60.0)
+    off = -np.abs(about.helm_deg)
+    return crossing_s(about.time_s, off, (1.0 - share) * off[0], near - 2.0, near + 60.0)
 
 
 def _reached_s(motion: Motion, start: float, stop: float) -> float:
