@@ -151,7 +151,7 @@ def speed_power(
 def analyse_runs(
     runs: Sequence[PowerRun], conditions: Conditions | None = None, left_out: Sequence[LeftOut] = ()
 ) -> SpeedPower:
-    """Speed and power from double runs. Raises :class:`DataShortageError` where there are none."""
+    """Speed and power from double runs. Raises :class:`DataShortageError` where there are none, or no curve."""
     if not runs:
         why = "; ".join(sorted({each.why for each in left_out})) or "no steady straight stretch of half a minute"
         raise DataShortageError(
@@ -181,7 +181,7 @@ def analyse_runs(
         trial.groups, by_means, by_curve, strict=True))  # fmt: skip
     return SpeedPower(
         _corrected(runs, best), settings, best.curve, tuple(band), best.terms, runs[0].heading_deg, corrections,
-        warnings_of(given, runs, trial.groups, len(best.terms)), tuple(left_out), software_version(),
+        warnings_of(given, runs, trial.applied, trial.groups, len(best.terms)), tuple(left_out), software_version(),
     )  # fmt: skip
 
 
@@ -266,7 +266,8 @@ def _uncertainty(
         moved[place] += errors[place]
         square += change(_solve(trial, moved[:, 0], moved[:, 1])) ** 2
     expected = np.hypot(errors[:, 0], errors[:, 1] / best.curve.slope(best.through_mps))
-    scatter = float(np.sum((best.misfit_mps / expected) ** 2)) / best.free if best.free > 0 else 1.0
+    known = best.free > 0 and bool(expected.all())
+    scatter = float(np.sum((best.misfit_mps / expected) ** 2)) / best.free if known else 1.0
     return np.sqrt(square * max(1.0, scatter))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from analysis.speed_power.runs import RUN_MINUTES, PowerRun
 FOUR = 4  # runs: with fewer the mean of means leaves of a changing current what nobody knows
 _LEAST_LENGTH_M, _LEAST_SETTINGS, _LEAST_DOUBLE_RUNS = 100.0, 3, 4
 _MOST_DISPLACEMENT_SHARE = 0.02
+_LIGHT_MPS = 3.3  # the upper end of Beaufort 2, which the standard takes for none
 _WINDS_MPS = {True: 10.7, False: 13.8}  # the upper ends of Beaufort 5, for up to 100 m, and 6
 RAVEN = (
     "form_factor", "wetted_area_m2", "waterplane_area_m2", "displacement_m3", "draught_m", "length_m",
@@ -33,6 +34,9 @@ _METHODS = {
     "displacement": "admiralty coefficient",
 }
 _TERMS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
+
+
+Groups = Sequence[Sequence[int]]
 
 
 def corrections_of(given: Conditions, runs: Sequence[PowerRun]) -> tuple[Correction, ...]:
@@ -58,11 +62,27 @@ def _correction(name: str, given: Conditions, runs: Sequence[PowerRun]) -> Corre
 
 
 def warnings_of(
-    given: Conditions, runs: Sequence[PowerRun], groups: Sequence[Sequence[int]], terms: int
+    given: Conditions, runs: Sequence[PowerRun], applied: Collection[str], groups: Groups, terms: int
 ) -> tuple[str, ...]:
-    """Where the standard does not apply or asks for more; ``terms`` of the current were found, ``groups`` are the
-    places of the runs of each power setting."""
-    return (*_of_ship(given), *_of_runs(runs), *_of_programme(runs, groups, terms), *_of_sea(given, runs))
+    """Where the standard does not apply or asks for more.
+
+    Corrections are ``applied`` by name, ``groups`` are the places of the runs of each power setting, and so many
+    ``terms`` of the current were found.
+    """
+    return (
+        *_of_ship(given), *_of_runs(runs), *_of_programme(runs, groups, terms), *_of_sea(given, runs),
+        *_left_in(given, runs, applied),
+    )  # fmt: skip
+
+
+def _left_in(given: Conditions, runs: Sequence[PowerRun], applied: Collection[str]) -> Iterator[str]:
+    """What is known to have been there and was not corrected for; no interval holds it."""
+    wind = max(each.wind_mps for each in runs)
+    if "wind" not in applied and not wind <= _LIGHT_MPS:
+        much = f"wind of up to {wind:.1f} m/s" if np.isfinite(wind) else "whatever wind there was"
+        yield f"{much} is not corrected for: what it takes is in the result, and in no interval"
+    if "waves" not in applied and given.wave_height_m:
+        yield f"waves of {given.wave_height_m:g} m are not corrected for: what they take is in the result"
 
 
 def _of_ship(given: Conditions) -> Iterator[str]:
@@ -91,7 +111,7 @@ def _of_runs(runs: Sequence[PowerRun]) -> Iterator[str]:
         yield f"courses differ by up to {across:.0f} deg: only the current along the first is removed"
 
 
-def _of_programme(runs: Sequence[PowerRun], groups: Sequence[Sequence[int]], terms: int) -> Iterator[str]:
+def _of_programme(runs: Sequence[PowerRun], groups: Groups, terms: int) -> Iterator[str]:
     pairs = max(each.double_run for each in runs)
     if len(groups) < _LEAST_SETTINGS or pairs < _LEAST_DOUBLE_RUNS:
         yield (

@@ -15,6 +15,7 @@ from math import comb
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 
 TIDE_S = 0.51753 * 86_400.0
 """T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
@@ -117,12 +118,18 @@ def iterate_current(
     """The curve and the current that agree with all runs, found in turn until the speeds stand still.
 
     ``time_s`` are the middles of the runs, ``along`` 1 or -1 for runs with or against the course that the current
-    is counted along, ``start_mps`` first speeds through the water: the mean of each double run.
+    is counted along, ``start_mps`` first speeds through the water: the mean of each double run. Raises
+    :class:`DataShortageError` where more power goes with less speed.
     """
     design = current_design(time_s, terms_of_current(time_s.size, settings)) * along[:, np.newaxis]
     speed = start_mps
     for _ in range(_ITERATIONS):
         curve = fit_curve(speed, power_kw, settings)
+        if not (curve.b > 0.0 and speed.min() > 0.0):
+            raise DataShortageError(
+                "the power of the runs does not grow with their speed", why="no curve and no current explain them",
+                fix="look at speeds and powers of the runs, and whether the channel is the power of the shafts",
+            )  # fmt: skip
         # The speed at which the curve has the run's power, by the slope where the run is: it need not reach it.
         by_power = speed + (power_kw - curve.power_kw(speed)) / curve.slope(speed)
         terms = np.linalg.lstsq(design, over_ground_mps - by_power, rcond=None)[0]

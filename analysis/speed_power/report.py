@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Group
 
-_RUNS = ("pair", "start", "min", "heading", "ground", "power", "current", "water", "corrected")
+_RUNS = ("pair", "start", "min", "heading", "ground", "power", "current", "water", "ideal")
 _SETTINGS = ("power", "runs", "iterative", "95 % interval", "mean of means", "95 % interval")
 
 

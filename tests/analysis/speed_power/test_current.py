@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 from analysis.speed_power.current import TIDE_S, iterate_current, mean_of_means
 
 SPEEDS = np.repeat([6.0, 7.0, 7.6, 8.3], 2)
@@ -57,6 +58,11 @@ def test_iterative_method_agrees_with_a_fit_of_all_at_once(seed: int) -> None:
     over_ground = SPEEDS + COURSE * tide_mps(TIMES_S) + 0.01 * random.standard_normal(8)
     power = true_power_kw(SPEEDS) * (1.0 + 0.002 * random.standard_normal(8))
     assert through_water(over_ground, power) == pytest.approx(fit_all_at_once(over_ground, power), abs=0.02)
+
+
+def test_power_that_falls_with_the_speed_is_refused() -> None:
+    with pytest.raises(DataShortageError, match="does not grow with their speed"):
+        through_water(SPEEDS, true_power_kw(SPEEDS)[::-1])
 
 
 def test_power_that_differs_between_the_courses_is_no_current() -> None:

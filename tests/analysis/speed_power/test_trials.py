@@ -93,6 +93,8 @@ def test_without_the_wind_s_curve_the_wind_stays_in_the_power(table: pd.DataFram
     as_it_was = speed_power([table])
     assert {each.name for each in found.corrections if each.applied} == {"wind"}
     assert not any(each.applied for each in as_it_was.corrections)
+    assert any("wind of up to 7.0 m/s is not corrected for" in each for each in as_it_was.warnings)
+    assert not any("not corrected for" in each for each in found.warnings)
     powers = [[run.power_kw for run in each.runs[:2]] for each in (as_it_was, found)]
     assert np.ptp(powers[0]) < 20.0 < np.ptp(powers[1])  # kW, against and with the wind
 
