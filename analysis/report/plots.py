@@ -296,7 +296,8 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
 Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
 """What fills a figure, its size [in], and its caption."""
 _TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
-_TRACK_INCH = (3.5, 8.0)
+_LEAST_INCH, _MOST_INCH = (5.0, 3.5), (8.0, 6.4)  # width and height of a track's picture
+_AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
 _MOST_TICKS = 10  # times of day along a track; more would lie on each other
 _PANEL_INCH, _EDGES_INCH = 1.05, 1.1
 _MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
@@ -304,12 +305,11 @@ _WIND = ("wind_speed_mps", "wind_direction_deg")
 
 
 def _track_size_inch(table: pd.DataFrame) -> tuple[float, float]:
-    """Width and height that fit a track to scale."""
+    """Width and height that fit a track to scale, on a page with other things."""
     east, north = (max(float(table[name].max() - table[name].min()), 1e-3) for name in ("east_m", "north_m"))
-    longest = _TRACK_INCH[1] - 1.0
-    sides = np.array([east, north]) / max(east, north) * longest + np.array([0.8, 1.2])
-    width, height = np.clip(sides, _TRACK_INCH[0], _TRACK_INCH[1])
-    return max(float(width), 5.0), float(height)
+    (width, height), (beside, below) = _MOST_INCH, _AXES_INCH
+    scale = min((width - beside) / east, (height - below) / north)
+    return max(scale * east + beside, _LEAST_INCH[0]), max(scale * north + below, _LEAST_INCH[1])
 
 
 def tick_every_s(table: pd.DataFrame) -> float:

@@ -170,16 +170,22 @@ def prediction_fans(figure: Figure, case: Case, name: str) -> None:
     fans["along"].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     fans["across"].set_xlabel("prediction time [s]")
     error = distances(judged.tracks[best], judged.windows.track)
-    ranked = chosen[np.argsort(error.mean(axis=1)[chosen], kind="stable")]
-    picked = [int(ranked[int(share * (len(ranked) - 1))]) for share in _CLOSE.values()]
-    for place, (words, number) in enumerate(zip(_CLOSE, picked, strict=True)):
+    ranked = chosen[np.argsort(error[chosen, -1], kind="stable")]
+    picked: dict[int, str] = {}
+    for words, share in _CLOSE.items():
+        picked.setdefault(int(ranked[int(share * (len(ranked) - 1))]), words)
+    places = [panels[place] for place in "012"]
+    for axes in places[len(picked) :]:
+        axes.set_axis_off()
+    for place, (number, words) in enumerate(picked.items()):
         tracks = {method: judged.tracks[method][number] for method in dict.fromkeys((best, "reference"))}
         region_m = None if judged.region_m is None else judged.region_m[number]
-        plots.prediction_end(panels[str(place)], judged.windows.track[number], tracks, region_m)
-        panels[str(place)].set_title(f"{place + 1}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
-    ends = judged.windows.track[picked, -1, 1::-1]
+        plots.prediction_end(places[place], judged.windows.track[number], tracks, region_m)
+        places[place].set_title(f"{place + 1}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
+    ends = judged.windows.track[list(picked), -1, 1::-1]
     path = case.products[name].one_hz[["east_m", "north_m"]].to_numpy(dtype=float)
-    label_points(track, [(x, y) for x, y in ends], ["1", "2", "3"], path, color=PALETTE[4], weight="bold")
+    numbers = [str(place + 1) for place in range(len(picked))]
+    label_points(track, [(x, y) for x, y in ends], numbers, path, color=PALETTE[4], weight="bold")
     handles = {text: each for axes in (track, panels["0"])
                for each, text in zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
     figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6)
