@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,10 +13,11 @@ from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints, Series
 from acquisition.core.channels import BY_NAME, channels_of_table, known_channels
 from acquisition.core.frames import Quality
+from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
 from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, count_flags, find_spikes
-from analysis.quality.commands import check_orders, check_thruster_feedback
+from analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
 from analysis.quality.findings import (
     ALL,
     WORDING,
@@ -25,14 +26,13 @@ from analysis.quality.findings import (
     Finding,
     clock_jump_finding,
     findings_of,
+    initial_flags,
     merge_flags,
     other_convention_finding,
     time_outlier_finding,
 )
 from analysis.quality.heading_wrap import check_heading_wrap
-from analysis.quality.helm import check_helm_sign
 from analysis.quality.motion.checks import check_motion
-from analysis.quality.own import own_check
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
@@ -286,3 +286,35 @@ def _is_about(findings: tuple[Finding, ...], name: str) -> bool:
 def _severity(finding: Finding) -> tuple[int, pd.Timestamp, str]:
     rank = SEVERITY.index(finding.code) if finding.code in SEVERITY else len(SEVERITY)
     return rank, finding.start, finding.channel
+
+
+def own_check(name: str) -> Check:
+    """The check of that name: ``FILE.py:FUNCTION``, or an entry point of ``seatrial.checks``.
+
+    The function takes the joined table (UTC index, a column a channel, impossible values taken out) and returns
+    :class:`Finding`s, or a :class:`CheckResult` with flags. One that fails is a finding itself, ``check_failed``.
+    Raises :class:`ConfigurationError` for what is not there or no such function.
+    """
+    function = load(name, "checks")
+    require_call(function, name, "table")
+
+    def check(table: pd.DataFrame) -> CheckResult:
+        index = utc_index(table)
+        try:
+            with own_code(name, file_of(function)):
+                return _result(function(table.copy()), table)
+        except OwnCodeError as error:
+            return CheckResult(
+                initial_flags(table), (Finding("check_failed", "", index[0], index[-1], str(error)),)
+            )
+
+    return check
+
+
+def _result(found: object, table: pd.DataFrame) -> CheckResult:
+    if isinstance(found, CheckResult):
+        return found
+    findings = tuple(found) if isinstance(found, Iterable) else (found,)
+    if not all(isinstance(each, Finding) for each in findings):
+        raise TypeError(f"it returned a {type(found).__name__}, not a list of analysis.quality.findings.Finding")
+    return CheckResult(initial_flags(table), findings)

@@ -1,4 +1,4 @@
-"""Checks of command channels: orders interpolated between events, frozen feedback, per cent recorded as rpm.
+"""Checks of command channels: interpolated orders, frozen feedback, per cent recorded as rpm, the sign of a helm.
 
 Some orders are recorded when they change. A lever that stands still sends nothing; the value it was left at holds
 until the next event. Interpolated linearly, the order creeps towards its next value for minutes, which no drive
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import kind_of_control, part_of_control
+from acquisition.core.actuators import KINDS, Actuator, kind_of_control, part_of_control
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME
@@ -303,3 +303,74 @@ def _stops_at_100(value: Floats) -> bool:
     beyond = bool((np.abs(value) > _PER_CENT).any())
     repeats = float(np.mean(np.diff(value[~at_limit]) == 0.0)) if np.count_nonzero(~at_limit) > 1 else 1.0
     return not beyond and occasions >= 2 and float(at_limit.mean()) > 0.01 and repeats < _REPEATS
+
+
+_LEAST_DEG, _HELD_SHARE = 3.0, 0.3
+_LEAST_S, _LEAST_TURN_DEG = 5.0, 10.0
+_UNDER_WAY = 0.3
+_FEWEST_DEG = 60.0
+_CLEARLY = -0.8
+_NEEDED = ("heading_deg", "surge_mps")
+
+
+def check_helm_sign(table: pd.DataFrame) -> CheckResult:
+    """Find rudders and nozzles that count to the other side (``helm_sign``).
+
+    ``estimate``: the ``agreement`` of turns with the helm, the sum of those to its side less those to the other,
+    over all, from -1 to 1; below -0.8 of 60 deg and more it is found. A rudder that is held over turns a ship that
+    goes ahead, once she has answered: in the second half of every stretch of one side her heading goes that way.
+    Somebody who keeps a course puts the rudder against the turn, and so the first half, and what turns her little,
+    say nothing. Azimuth thrusters are not judged: they may pull, or look aft. Without heading or surge nothing is
+    said.
+    """
+    judged = [each for each in table_actuators(table) if _is_judged(each, table)]
+    flags = initial_flags(table, ())
+    if not all(name in table and table[name].notna().any() for name in _NEEDED):
+        return CheckResult(flags)
+    return CheckResult(flags, tuple(filter(None, (_finding(table, each) for each in judged))))
+
+
+def _is_judged(actuator: Actuator, table: pd.DataFrame) -> bool:
+    angle = actuator.angle
+    return angle is not None and KINDS[actuator.kind].parts[-1] in ("rudder", "nozzle") and angle.name in table
+
+
+def _finding(table: pd.DataFrame, actuator: Actuator) -> Finding | None:
+    name = actuator.angle.name if actuator.angle else ""
+    turned = KINDS[actuator.kind].turns * turns_with_helm(table, name)
+    total = float(np.abs(turned).sum())
+    agreement = float(turned.sum()) / total if total else 0.0
+    if total < _FEWEST_DEG or agreement > _CLEARLY:
+        return None
+    index, rows = utc_index(table), samples_of(table, name).rows
+    text = (
+        f"{name} counts to the wrong side: while it was held over, the ship turned by {total:.0f} deg in all, "
+        f"{(1.0 - agreement) / 2.0:.0%} of it to the other side"
+    )
+    return Finding(
+        "helm_sign", name, index[rows[0]], index[rows[-1]], text,
+        "Turn its sign, with scale = -1.0 in the column map, unless it is the heading's that is wrong",
+        {"agreement": agreement},
+    )  # fmt: skip
+
+
+def turns_with_helm(table: pd.DataFrame, name: str) -> Floats:
+    """How far the heading goes to the side of an angle's sign in the second half of each stretch of one side [deg].
+
+    Turns of less than 10 deg are left out.
+    """
+    angle, heading, surge = (samples_of(table, each) for each in (name, *_NEEDED))
+    if angle.value.size < 2:
+        return np.zeros(0)
+    at = angle.time_s
+    course = np.interp(at, heading.time_s, unwrap(heading.value))
+    ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
+    over = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
+    found = []
+    for side in (1.0, -1.0):
+        for first, stop in zip(*runs((side * angle.value > over) & ahead), strict=True):
+            if at[stop - 1] - at[first] >= _LEAST_S:
+                middle = int(np.searchsorted(at, 0.5 * (at[first] + at[stop - 1])))
+                found.append(side * (course[stop - 1] - course[middle]))
+    turned = np.array(found)
+    return turned[np.abs(turned) >= _LEAST_TURN_DEG] if turned.size else turned

@@ -95,9 +95,8 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     others = tuple(each for each in names if each != name)
     together, without = evidence.fit(names), evidence.fit(others)
     gain = together.gain - without.gain
-    own, rest, every = (np.array(evidence.columns(some), dtype=int) for some in ([name], others, names))
-    spread = max(1.0, float(overdispersion(evidence.equations, own, rest, every).max()))
-    p_value = evidence.chance(gain / spread, len(own))
+    spread = score_spread(evidence, names, name)
+    p_value = evidence.chance(gain / spread, len(evidence.columns([name])))
     said = _noncentrality(evidence, together, name)
     gains, telling = unseen_gains(evidence, others, names), _informative_legs(said)
     p_unseen = chance_of_gains(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
@@ -135,6 +134,13 @@ def _large_enough(evidence: Evidence, fit: Fit, name: str) -> bool:
     places = evidence.places(fit, name)
     reach = np.abs(fit.values[places]) + 1.96 * np.sqrt(np.diag(fit.covariance)[places])
     return bool((reach >= np.array(effect.smallest_free)).any())
+
+
+def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
+    """The :func:`overdispersion` of the score of one of the effects ``names``, at least 1."""
+    rest = tuple(each for each in names if each != name)
+    own, others, every = (np.array(evidence.columns(some), dtype=int) for some in ([name], rest, names))
+    return max(1.0, float(overdispersion(evidence.equations, own, others, every).max()))
 
 
 def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, every: Ints) -> Floats:

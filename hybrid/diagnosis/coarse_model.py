@@ -29,9 +29,8 @@ from hybrid.diagnosis.acceptance import (
     lack_of_fit,
     lack_of_fit_that_matters,
 )
-from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, marginalise, normal_equations
+from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, marginalise
 from hybrid.diagnosis.gap import LinearTracks, UnseenWindows, evidence_within, evidence_without, linear_tracks
-from hybrid.diagnosis.linearise import linearise
 from hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import Replication
 from hybrid.diagnosis.select_effects import (
@@ -103,10 +102,8 @@ def name_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
-    looks, bare = (
-        list[tuple[_Unseen, Evidence, tuple[str, ...], LinearTracks]](),
-        _linear_about_nothing(first.evidence),
-    )
+    looks = list[tuple[_Unseen, Evidence, tuple[str, ...], LinearTracks]]()
+    bare = linear_about(first.evidence, {}, number=FEW)
     for number, look in enumerate(_looks(_expecting_few(bare), windows), 1):
         looks.append((_Unseen(windows, evidence_without(windows, look[0])), *look))
         progress(number / (2.0 * _ROUNDS + 2.0))
@@ -175,12 +172,6 @@ def _expecting_few(evidence: Evidence) -> Evidence:
     share = min(1.0, MOST / len(evidence.names))
     layout = replace(equations.layout, prior=np.sqrt(share) * equations.layout.prior)
     return replace(evidence, equations=replace(equations, layout=layout))
-
-
-def _linear_about_nothing(evidence: Evidence) -> Evidence:
-    equations = evidence.equations
-    bare = linearise(equations.log, replace(equations.model, at={}), equations.tolerance)
-    return evidence_of(normal_equations(bare, equations.noise, number=FEW))
 
 
 def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:

@@ -164,7 +164,10 @@ def gap_on_unseen_legs(
 ) -> HeldOutGap:
     """The gap for what is named: ``final`` is what all legs give, ``without`` what all but each fold's give."""
     after, best = windows.by_other_folds(without), windows.predicted(final)
-    lacking = [windows.by_other_folds({fold: _less(at, name) for fold, at in without.items()}) for name in names]
+    lacking = [
+        windows.by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
+        for name in names
+    ]
     log, starts = windows.log, windows.starts
     present = present_motion_held(log.nominal[starts], HORIZON_S)
     every = (windows.before, after, best, present, *lacking)
@@ -184,10 +187,6 @@ def _controls(log: Log, starts: Ints) -> dict[str, Floats]:
     rows = starts[:, None] + np.arange(HORIZON_S + 1)
     recorded = log.controls[rows, 0] / control_units(log.actuators)
     return {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
-
-
-def _less(at: Coordinates, name: str) -> Coordinates:
-    return {other: free for other, free in at.items() if other != name}
 
 
 def named_without(

@@ -14,17 +14,16 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from math import inf, sqrt
 
 import numpy as np
-from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from analysis.compiling import threads_for
 from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
@@ -211,23 +210,12 @@ def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence
     return replace(linear, defect=defect, observed=observed)
 
 
-@contextmanager
-def one_core() -> Iterator[None]:
-    """Compiled batches on one core: those of a stage are so short that threads cost more than they save."""
-    cores = get_num_threads()
-    set_num_threads(1)
-    try:
-        yield
-    finally:
-        set_num_threads(cores)
-
-
 def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
     """What ``of`` a log, a plant and parts of ``arrays`` [T, ...] comes to in each stage of a model, [T, ...]."""
     stages = model.stages(log)
     if len(stages) == 1:
         return of(log, stages[0][1].plant(), *arrays)
-    with one_core():
+    with threads_for(0):  # batches of a stage are so short that threads cost more than they save
         parts = [of(log.subset(rows), each.plant(), *(some[rows] for some in arrays)) for rows, each in stages]
     return _joined([rows for rows, _ in stages], parts)
 
@@ -243,7 +231,7 @@ def _linear_by_stages(log: Log, model: Model) -> LinearModel:
     stages = model.stages(log)
     if len(stages) == 1:
         return linear_model(log, stages[0][1].plant())
-    with one_core():
+    with threads_for(0):
         parts = [linear_model(log.subset(rows), each.plant()) for rows, each in stages]
     rows = [rows for rows, _ in stages]
     names = [each.name for each in fields(LinearModel)]

@@ -28,6 +28,7 @@ from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, VELOCITY, is_
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
+from analysis.quality.samples import runs
 from analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.channels import STATE_UNITS
@@ -167,9 +168,8 @@ def _one(table: pd.DataFrame) -> Log:
 def _blocks(usable: NDArray[np.bool_]) -> Ints:
     """Number of the block of each second, -1 outside: usable stretches in even blocks of about :data:`BLOCK_S`."""
     block = np.full(len(usable), -1, dtype=np.int64)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
     number = 0
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in zip(*runs(usable), strict=True):
         if last - first < _SHORTEST_BLOCK_S:
             continue
         pieces = max(1, round((last - first) / BLOCK_S))

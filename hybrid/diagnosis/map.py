@@ -26,6 +26,7 @@ from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
 from hybrid.diagnosis.result import FORCES, Map, Place
+from hybrid.effects.regime import ANGLES
 from hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
@@ -44,9 +45,6 @@ _FINEST = {
     "nozzle_deg": 1.0,
     "pitch_percent": 5.0,
 }
-ANGLES = {"azimuth": "azimuth_deg", "rudder": "rudder_deg", "waterjet": "nozzle_deg"}
-"""What the mean angle of a kind of actuator is called."""
-
 _FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
 """Steps below which a cell would part what no sensor or drive tells apart."""
 

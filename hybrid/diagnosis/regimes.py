@@ -18,15 +18,15 @@ from typing import TypeAlias
 import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.acceptance import overdispersion
+from hybrid.diagnosis.acceptance import score_spread
 from hybrid.diagnosis.coarse_model import MOST_PARTS, replications, sizes_without, worth_it
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
-from hybrid.diagnosis.linearise import Linearisation, linearise, signatures
+from hybrid.diagnosis.linearise import Linearisation, signatures
 from hybrid.diagnosis.map import map_of, round_edges
 from hybrid.diagnosis.nuisance_basis import AXES, FEW
 from hybrid.diagnosis.result import Replication
-from hybrid.diagnosis.select_effects import fitted_coordinates
+from hybrid.diagnosis.select_effects import fitted_coordinates, linear_about
 from hybrid.effects import Effect
 from hybrid.effects.regime import Regime, quantities_along, regime_effect
 
@@ -215,7 +215,7 @@ class _Fitted:
     @classmethod
     def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
         """``names`` fitted, the equations linear about them."""
-        linear = _linear_with(evidence, names)
+        linear = linear_about(evidence, fitted_coordinates(evidence, names), number=FEW)
         return cls(names, linear, _off_m(windows, linear, names))
 
     def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:
@@ -252,9 +252,7 @@ def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
     evidence, names = fitted.evidence, fitted.names
     fit = evidence.fit(names, prior=True)
     (place,) = evidence.places(fit, name)
-    rest = tuple(each for each in names if each != name)
-    own, others, every = (np.array(evidence.columns(some), dtype=int) for some in ([name], rest, names))
-    spread = max(1.0, float(overdispersion(evidence.equations, own, others, every).max()))
+    spread = score_spread(evidence, names, name)
     return float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
 
 
@@ -263,14 +261,6 @@ def _lacking(evidence: Evidence) -> list[tuple[Regime, float, float]]:
     log, linear = evidence.equations.log, evidence.equations.linear
     seen = quantities_along(log.actuators, linear.origin, log.controls.mean(axis=1), log.wind)
     return find_regimes(seen, map_of(evidence.equations, with_effects=True).force, fold_of(log))
-
-
-def _linear_with(evidence: Evidence, names: Sequence[str]) -> Evidence:
-    """The evidence with the equations linear about ``names`` at their sizes."""
-    equations = evidence.equations
-    model = replace(equations.model, at=fitted_coordinates(evidence, names))
-    linearisation = linearise(equations.log, model, equations.tolerance)
-    return evidence_of(normal_equations(linearisation, equations.noise, number=FEW))
 
 
 def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:

@@ -162,14 +162,16 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
     return replace(selection, names=names, evidence=evidence, at=at, looks=number)
 
 
-def linear_about(evidence: Evidence, at: Coordinates, known: Sequence[Signature] | None = None) -> Evidence:
+def linear_about(
+    evidence: Evidence, at: Coordinates, known: Sequence[Signature] | None = None, number: int | None = None
+) -> Evidence:
     """The evidence of the same data with the equations linear about effects ``at`` these free coordinates.
 
-    ``known`` are signatures that are at hand.
+    ``known`` are signatures that are at hand; the tolerance has ``number`` features, by default as before.
     """
     before = evidence.equations
     linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known)
-    equations = normal_equations(linearisation, before.noise, number=before.layout.features)
+    equations = normal_equations(linearisation, before.noise, number=number or before.layout.features)
     return evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 

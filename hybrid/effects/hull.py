@@ -51,18 +51,13 @@ def _with_skeg(plant: Plant, values: Values) -> Plant:
 LATERAL_AREA_M2_PER_M = 4.0
 
 
-def _order(name: str) -> int:
-    """How often the yaw rate stands in a coefficient's name: each is a lever arm."""
-    return name.count("r")
-
-
 def _lengthened(plant: Plant, values: Values) -> Plant:
     added_m = values["length_m"]
     s = (plant.length_between_perpendiculars_m + added_m) / plant.length_between_perpendiculars_m
     power = {"mass_kg": 1.0, "Xud": 1.0, "Yvd": 1.0, "Yrd": 2.0, "yaw_inertia_kgm2": 3.0, "Nrd": 3.0}
     hull = plant.hull_model
-    for name in hull.numbers:  # those without dimension grow with the length that they are multiplied with
-        lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + _order(name)
+    for name in hull.numbers:  # those without dimension grow with their units; each r is a lever arm
+        lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + name.count("r")
         power[name] = lever - 0.2 if name in hull.resistance else lever
     plant = plant.replaced(**{name: s**each * plant.number(name) for name, each in power.items()})
     places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft

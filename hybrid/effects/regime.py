@@ -34,7 +34,9 @@ MOST = 4
 """Regimes in one model."""
 
 _LINEAR, _ANGLE, _ALWAYS = float(len(MOTION)), float(len(MOTION) + 1), -1.0
-_ANGLES = {"azimuth": "azimuth_deg", "rudder": "rudder_deg", "waterjet": "nozzle_deg"}
+ANGLES = {"azimuth": "azimuth_deg", "rudder": "rudder_deg", "waterjet": "nozzle_deg"}
+"""What the mean angle of a kind of actuator is called."""
+
 _CONDITIONS = 2
 _MOVING_MPS, _WIND_MPS = 0.3, 1.0  # below, a drift angle and a direction of the wind mean nothing
 
@@ -62,7 +64,7 @@ def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
     names, units = list(control_names(actuators)), control_units(actuators)
     groups = {"rpm": ("rpm", shafts(actuators))}
     groups |= {f"{name}_rpm": ("rpm", (name,)) for name in names_of(actuators, "tunnel")}
-    groups |= {name: ("angle_deg", names_of(actuators, kind)) for kind, name in _ANGLES.items()}
+    groups |= {name: ("angle_deg", names_of(actuators, kind)) for kind, name in ANGLES.items()}
     result = {}
     for quantity, (control, members) in groups.items():
         weights = np.zeros(len(names))

@@ -25,7 +25,7 @@ from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
 from analysis.kinematics import to_ship
 from analysis.tables.table import NANO, index_of, trial_channels
-from hybrid.diagnosis.map import ANGLES
+from hybrid.effects.regime import ANGLES
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.prediction.regions import equal_area_radius, relative_distances
 from hybrid.prediction.scores import LegBootstrap, distances

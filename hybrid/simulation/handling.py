@@ -25,6 +25,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError, ModelRangeError
 from hybrid.vessel.actuators import control_units
+from hybrid.vessel.channels import in_words
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 from hybrid.vessel.simulate import simulate
@@ -97,7 +98,7 @@ def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
     if not any(each.drives for each in vessel.actuators):
         raise ConfigurationError(
             f"{vessel.name} has nothing that drives her",
-            why=f"she has {in_words(vessel)}",
+            why=f"she has {in_words(vessel.actuators)}",
             fix="give her a propeller",
         )
     return [
@@ -105,11 +106,6 @@ def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
         for entry, actuator in zip(vessel.actuator, vessel.actuators, strict=True)
         for channel in actuator.channels
     ]
-
-
-def in_words(vessel: Vessel) -> str:
-    """A ship's actuators by name and kind."""
-    return ", ".join(f"{each.name} ({each.kind})" for each in vessel.actuators)
 
 
 def handling_of(vessel: Vessel) -> Handling:

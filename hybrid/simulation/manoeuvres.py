@@ -20,8 +20,9 @@ from acquisition.core.actuators import DEFAULT, Actuators, control_names, names_
 from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from hybrid.simulation.handling import CRUISE_RPM, Handling, Pace, handling_of, in_words, pace_of
+from hybrid.simulation.handling import CRUISE_RPM, Handling, Pace, handling_of, pace_of
 from hybrid.vessel.actuators import control_units
+from hybrid.vessel.channels import in_words
 from hybrid.vessel.parameters import Vessel
 
 SETTLE_S = 60.0
@@ -96,7 +97,7 @@ def _refuse_unsteered(manoeuvre: Manoeuvre, vessel: Vessel, handling: Handling) 
     if steered and not handling.helm.any():
         raise ConfigurationError(
             f"{vessel.name} cannot be steered",
-            why=f"she has {in_words(vessel)}",
+            why=f"she has {in_words(vessel.actuators)}",
             fix="give her a rudder, an azimuth thruster, or propellers to either side",
         )
 

@@ -23,12 +23,13 @@ def check_ship(recorded: Actuators, plant: Plant) -> None:
     """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
     if recorded != plant.layout:
         raise InputError(
-            f"the recording is of a ship with {_listed(recorded)}, the model of one with {_listed(plant.layout)}",
+            f"the recording is of a ship with {in_words(recorded)}, the model of one with {in_words(plant.layout)}",
             fix="give the file of the ship that was recorded with --vessel",
         )
 
 
-def _listed(actuators: Actuators) -> str:
+def in_words(actuators: Actuators) -> str:
+    """Actuators by name and kind."""
     return ", ".join(f"{each.name} ({each.kind})" for each in actuators)
 
 

@@ -18,11 +18,11 @@ from analysis.compiling import Record, compiled
 from hybrid.vessel.actuators.effects import (
     FRACTION,
     WAKE,
+    angle_offset,
     astern_thrust,
     backlash,
     for_each_and_all,
     loss,
-    offset,
 )
 from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
 from hybrid.vessel.effect import Effect, Parameter, scaling
@@ -148,14 +148,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
             source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
         ),
-        *for_each_and_all(
-            "azimuth_offset", names, offset, "angle_offset_rad",
-            family="alignment",
-            what="The {names} azimuth points elsewhere: true angle = reported + offset",
-            source="Zero of the azimuth feedback",
-            parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.5, 0.5, tolerance=0.1),
-            like=("sway_asymmetry", "yaw_asymmetry"),
-        ),
+        *angle_offset("azimuth", names, "azimuth points", 2.5),
         Effect(
             "azimuth_scale",
             family="alignment",

@@ -58,6 +58,18 @@ def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s")
     )  # fmt: skip
 
 
+def angle_offset(part: str, names: tuple[str, ...], points: str, typical_deg: float) -> tuple[Effect, ...]:
+    """``PART_offset_NAME`` of each actuator and that of all: the slot ``angle_offset_rad``."""
+    return for_each_and_all(
+        f"{part}_offset", names, offset, "angle_offset_rad",
+        family="alignment",
+        what=f"The {{names}} {points} elsewhere: true angle = reported + offset",
+        source=f"Zero of the {part} feedback",
+        parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, typical_deg, 0.5, tolerance=0.1),
+        like=("sway_asymmetry", "yaw_asymmetry"),
+    )  # fmt: skip
+
+
 def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[Effect, ...]:
     """``backlash_NAME`` of each actuator and that of all: the true angle follows the reported one with play.
 

@@ -16,7 +16,16 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, more, named, offset
+from hybrid.vessel.actuators.effects import (
+    FRACTION,
+    angle_offset,
+    backlash,
+    for_each_and_all,
+    lag,
+    loss,
+    more,
+    named,
+)
 from hybrid.vessel.actuators.kind import PLAY, Drive, Kind, columns
 from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 from hybrid.vessel.effect import Effect, Parameter
@@ -178,14 +187,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
             like=("drift_moment", "yaw_damping"),
         ),
-        *for_each_and_all(
-            "rudder_offset", names, offset, "angle_offset_rad",
-            family="alignment",
-            what="The {names} stands elsewhere: true angle = reported + offset",
-            source="Zero of the rudder feedback",
-            parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.0, 0.5, tolerance=0.1),
-            like=("sway_asymmetry", "yaw_asymmetry"),
-        ),
+        *angle_offset("rudder", names, "stands", 2.0),
         *backlash(names, "angle", "_rudders"),
         *lag(names, "rudders", "angle", "response_lag_s"),
     )  # fmt: skip

@@ -15,9 +15,9 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import FRACTION, backlash, for_each_and_all, lag, loss, offset
+from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
 from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
-from hybrid.vessel.effect import Effect, Parameter
+from hybrid.vessel.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,14 +81,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             parameter=FRACTION,
             all_are_like=("hull_fouling", "towed_load"),
         ),
-        *for_each_and_all(
-            "nozzle_offset", names, offset, "angle_offset_rad",
-            family="alignment",
-            what="The {names} nozzle points elsewhere: true angle = reported + offset",
-            source="Zero of the nozzle feedback",
-            parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.5, 0.5, tolerance=0.1),
-            like=("sway_asymmetry", "yaw_asymmetry"),
-        ),
+        *angle_offset("nozzle", names, "nozzle points", 2.5),
         *backlash(names, "nozzle", "_jets"),
         *lag(names, "jets", "shaft and nozzle"),
     )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.actuators import Actuator, as_text
-from analysis.quality.helm import check_helm_sign
+from analysis.quality.commands import check_helm_sign
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.rudder_ships import MODEL, TWIN, Orders, Ship, sail, turn, zigzag
 
