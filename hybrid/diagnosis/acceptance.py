@@ -30,6 +30,7 @@ from hybrid.diagnosis.evidence import (
     Fit,
     NormalEquations,
     evidence_of,
+    explained_by,
     fit_columns,
     marginalise,
     normal_equations,
@@ -394,13 +395,8 @@ def _tried_together(evidence: Evidence, one: str, other: str) -> bool:
 def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     own, others = np.array(evidence.columns([name])), np.array(evidence.columns(by))
-    block = evidence.inner[np.ix_(own, own)]
-    cross, inner = evidence.inner[np.ix_(others, own)], evidence.inner[np.ix_(others, others)]
-    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    inner = inner / np.outer(scale, scale) + 1e-9 * np.eye(len(others))
-    explained = (cross / scale[:, None]).T @ np.linalg.solve(inner, cross / scale[:, None])
-    size = np.sqrt(np.maximum(np.diag(block), 1e-300))
-    return float(np.linalg.eigvalsh(explained / np.outer(size, size))[0])
+    size = np.sqrt(np.maximum(np.diag(evidence.inner)[own], 1e-300))
+    return float(np.linalg.eigvalsh(explained_by(evidence.inner, own, others) / np.outer(size, size))[0])
 
 
 @dataclass(frozen=True, slots=True)

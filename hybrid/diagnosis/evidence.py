@@ -57,6 +57,14 @@ def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tupl
     return gram[np.ix_(kept, kept)] - half.T @ half, determinant
 
 
+def explained_by(inner: Floats, own: Ints, others: Ints) -> Floats:
+    """What columns ``others`` at any size explain of the products of columns ``own`` [d, d]."""
+    scale = np.sqrt(np.maximum(np.diag(inner)[others], 1e-300))
+    cross = inner[np.ix_(others, own)] / scale[:, None]
+    among = inner[np.ix_(others, others)] / np.outer(scale, scale)
+    return np.asarray(cross.T @ np.linalg.solve(among + 1e-9 * np.eye(len(others)), cross))
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A joint fit of some columns: values and covariance, and how much of z' V^-1 z they explain."""

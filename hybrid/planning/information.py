@@ -19,7 +19,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import FALSE_ALARM, UNSEEN
-from hybrid.diagnosis.evidence import NormalEquations, marginalise
+from hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise
 from hybrid.effects import Catalogue, Effect
 
 POWER = 0.9
@@ -42,20 +42,9 @@ class Information:
 
     def of(self, name: str, given: Sequence[str] = ()) -> Floats:
         """The information of an effect's coordinates [d, d] when those of ``given`` may be anything at all."""
-        own, others = self.columns[name], _together(self, given)
-        block = self.matrix[np.ix_(own, own)]
-        if not others.size:
-            return block
-        cross = self.matrix[np.ix_(others, own)]
-        scale = np.sqrt(np.maximum(np.diag(self.matrix)[others], 1e-300))
-        inner = self.matrix[np.ix_(others, others)] / np.outer(scale, scale)
-        inner[np.diag_indices_from(inner)] += 1e-9
-        cross = cross / scale[:, None]
-        return np.asarray(block - cross.T @ np.linalg.solve(inner, cross))
-
-
-def _together(information: Information, names: Sequence[str]) -> Ints:
-    return np.concatenate([np.zeros(0, dtype=np.int64), *(information.columns[name] for name in names)])
+        none, own = np.zeros(0, dtype=np.int64), self.columns[name]
+        others = np.concatenate([none, *(self.columns[each] for each in given)])
+        return np.asarray(self.matrix[np.ix_(own, own)] - explained_by(self.matrix, own, others))
 
 
 def information_of(equations: NormalEquations) -> Information:
