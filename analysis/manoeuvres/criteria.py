@@ -24,8 +24,8 @@ CALM_BEAUFORT = 5
 
 CRITERIA = {
     "advance_m": "advance", "tactical_diameter_m": "tactical diameter",
-    "initial_turning_m": "initial turning (10° helm)", "overshoot_1_deg": "first overshoot",
-    "overshoot_2_deg": "second overshoot", "track_reach_m": "track reach of a full-astern stop",
+    "initial_turning_m": "initial turning", "overshoot_1_deg": "first overshoot",
+    "overshoot_2_deg": "second overshoot", "track_reach_m": "track reach",
 }  # fmt: skip
 """What the standards limit (MSC.137(76), 5.3), by the name of the index."""
 
@@ -99,8 +99,8 @@ class Conditions:
             return _NO_LENGTH
         if self.length_m < LEAST_LENGTH_M:
             return (
-                f"the standards are for ships of {LEAST_LENGTH_M:.0f} m and more and for tankers of chemicals and "
-                f"gas; this one has {self.length_m:g} m between perpendiculars"
+                f"the standards are for ships of {LEAST_LENGTH_M:.0f} m and more (tankers of chemicals and gas: of "
+                f"any length), and this one has {self.length_m:g} m between perpendiculars"
             )
         if self.beaufort is not None and self.beaufort > CALM_BEAUFORT:
             return f"the wind was of force {self.beaufort}, above {CALM_BEAUFORT}"
@@ -158,7 +158,7 @@ def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
 def test_name(test: Sequence[Manoeuvre]) -> str:
     """What like runs are: the name of the test and the mean speed of the approach."""
     speeds = [each.settings["approach_mps"] for each in test if "approach_mps" in each.settings]
-    at = f", from {np.mean(speeds):.2f} m/s" if speeds and test[0].kind not in _SINGLE else ""
+    at = f" at {np.mean(speeds):.2f} m/s" if speeds and test[0].kind not in _SINGLE else ""
     return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
 
 
@@ -224,29 +224,33 @@ def untested(rows: Iterable[IndexRow]) -> list[str]:
 
 def verdict(rows: Sequence[IndexRow]) -> str:
     """The result of a trial in one sentence."""
-    if not rows:
-        return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
-    results = {name: [row for row in rows if row.result == name] for name in ("pass", "fail", "not judged")}
-    judged, left = len(results["pass"]) + len(results["fail"]), results["not judged"]
-    if not judged and not left:
-        tests = len({row.place for row in rows})
-        return f"None of the tests of IMO MSC.137(76) was made; {_counted(tests, 'other test')} measured."
-    if not judged:
-        below = all(row.limit is not None and not _exceeds(row) for row in left)
-        said = f", {'all ' * (len(left) > 1)}below the limit" if below else ""
-        return (
-            f"Not judged: {left[0].why}. {_counted(len(left), 'value')} measured that IMO MSC.137(76) limits{said}."
-        )
+    passed, failed, left = ([row for row in rows if row.result == name] for name in ("pass", "fail", "not judged"))
     others = f"; {len(left)} not judged" if left else ""
-    if results["fail"]:
-        failed = [f"{criterion_of(row.name)} ({row.test})" for row in results["fail"]]
-        return f"The trial does not meet IMO MSC.137(76) in {', '.join(failed)}{others}."
-    every = "the one value" if judged == 1 else f"all {judged} values"
-    return f"The trial meets IMO MSC.137(76) in {every} judged{others}."
+    if failed:
+        which = ", ".join(f"{criterion_of(row.name)} ({row.test})" for row in failed)
+        return f"The trial does not meet IMO MSC.137(76) in {which}{others}."
+    if passed:
+        every = "the one value" if len(passed) == 1 else f"all {len(passed)} values"
+        return f"The trial meets IMO MSC.137(76) in {every} judged{others}."
+    if left:
+        return _without_judgement(left)
+    if rows:
+        tests = len({row.place for row in rows})
+        made = f"{tests} other tests were" if tests > 1 else "one other was"
+        return f"None of the tests of IMO MSC.137(76) was made; {made} measured."
+    return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
 
 
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what} was" if number == 1 else f"{number} {what}s were"
+def _without_judgement(left: Sequence[IndexRow]) -> str:
+    """What was measured of limited values, none of which is judged, and why not."""
+    below = all(row.limit is not None and not _exceeds(row) for row in left)
+    if len(left) == 1:
+        lies = " and lies below its limit" if below else ""
+        return f"One value that IMO MSC.137(76) limits was measured{lies}; it is not judged, since {left[0].why}."
+    lie = " and lie below their limits" if below else ""
+    return (
+        f"{len(left)} values that IMO MSC.137(76) limits were measured{lie}; none is judged, since {left[0].why}."
+    )
 
 
 def _exceeds(row: IndexRow) -> bool:

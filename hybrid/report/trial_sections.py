@@ -11,7 +11,7 @@ import pandas as pd
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.kinematics import mean_wind
-from analysis.manoeuvres.criteria import Conditions, IndexRow, Mean, index_rows, untested, verdict
+from analysis.manoeuvres.criteria import CRITERIA, Conditions, IndexRow, Mean, index_rows, untested, verdict
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
 from analysis.manoeuvres.turning_circle import REMOVED
@@ -107,7 +107,8 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     A test without sides has its mean under ``""``.
     """
     unit = next(iter(row.sides.values())).index.unit
-    name = plain_name(row.name.removesuffix(REMOVED)) + (f" [{unit}]" if unit else "")
+    plain_index = row.name.removesuffix(REMOVED)
+    name = (CRITERIA.get(plain_index) or plain_name(plain_index)) + (f" [{unit}]" if unit else "")
     limit = index_cells(row.limit)[3].replace(f" {unit}", "") if row.limit is not None else ""
     return {
         "name": name + (" \u2020" if row.name.endswith(REMOVED) else ""),
@@ -119,7 +120,13 @@ def index_line(row: IndexRow) -> dict[str, Any]:
 def _mean_cells(each: Mean) -> tuple[str, str]:
     value, interval, lengths, _ = index_cells(each.index)
     value = value.removesuffix(f" {each.index.unit}") + (f" ({lengths} L)" if lengths else "")
-    return value + (f", {each.runs} runs" if each.runs > 1 else ""), interval
+    dashed = interval if "-" in interval else interval.replace(" to ", "\u2013")
+    return value + (f", {each.runs} runs" if each.runs > 1 else ""), dashed
+
+
+def has_removed(rows: Sequence[IndexRow]) -> bool:
+    """Whether the current is removed from any of the values."""
+    return any(row.name.endswith(REMOVED) for row in rows)
 
 
 def reasons(rows: Sequence[IndexRow]) -> list[str]:
@@ -129,7 +136,7 @@ def reasons(rows: Sequence[IndexRow]) -> list[str]:
 
 def pictured(products: Products, rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[Manoeuvre]:
     """The manoeuvres that have a picture: the first of each name and side, those with limits before others."""
-    limited = {row.test.split(",")[0].lower() for row in rows if row.result}
+    limited = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
     first = {(each.name, each.side): each for each in reversed(products.manoeuvres) if each.kind in PICTURED}
     found = sorted(first.values(), key=lambda each: (each.name.lower() not in limited, each.start))
     return sorted(found[:most], key=lambda each: each.start)
@@ -173,7 +180,8 @@ def headline(case: Case) -> dict[str, str]:
 
 def model_words(case: Case) -> str:
     """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
-    words = f"The reference is the model {case.model.name}; the recordings name {ship_name(case)}."
+    whose = f"not of {ship_name(case)}" if case.model.doubt else "of this ship"
+    words = f"The reference model is {case.model.name}, {whose}."
     if case.trained is None:
         return words
     trained, count = case.trained, len(case.trained.sources)
@@ -258,11 +266,17 @@ def baseline_words(case: Case) -> str:
     """On what the table of methods rests."""
     judged = case.validation
     legs = len(np.unique(judged.windows.leg))
+    words = (
+        f"Mean errors over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} "
+        f"leg{'s' * (legs != 1)}, one every {case.stride_s} s. A causal start is the state by what was measured "
+        "before it, a two-sided one by what came after as well, for comparison only. Constant velocity keeps "
+        f"surge, sway and yaw rate. {_dropped(case)}"
+    )
+    if case.trained is None:
+        return words
     return (
-        f"Means over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} legs, one "
-        f"every {case.stride_s} s; seconds 1 to {judged.windows.horizon_s}. Constant velocity is dead reckoning, "
-        "data driven the network without a model. Networks learn no heading: it is the reference's, for data "
-        f"driven the present turn held. {_OVERLAP[case.training_overlap]} {_dropped(case)}"
+        f"{words} {_OVERLAP[case.training_overlap]} Data driven is the network without a model. Networks learn no "
+        "heading: it is the reference's, for data driven the present turn held."
     )
 
 
@@ -270,7 +284,7 @@ def _dropped(case: Case) -> str:
     """How many windows were tried, and why the others are not judged."""
     dataset = case.dataset
     reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in dataset.dropped.items() if count)
-    return f"Of {dataset.candidates:,} windows tried others were left out: {reasons}." if reasons else ""
+    return f"Left out of {dataset.candidates:,} windows: {reasons}." if reasons else ""
 
 
 def seconds_up_to(horizon_s: int) -> list[int]:
