@@ -50,7 +50,7 @@ class Prediction(ModelResult):
     planned: Mapping[str, Floats] = field(default_factory=dict)
     view = "hybrid.report.tables:prediction_table"
     drawing = "hybrid.report.plots:draw_prediction"
-    size_inch = (7.0, 6.0)
+    size_inch = (9.0, 5.0)
 
     @property
     def band_m(self) -> Floats | None:

@@ -6,20 +6,15 @@ With them what all of these share: a colour a method, the frame of a start, axes
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-from scipy.spatial import ConvexHull
 
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_ship
@@ -34,6 +29,7 @@ if TYPE_CHECKING:
     from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.evaluation.validate import Validation
 
+_ELLIPSES = 6  # of a track's regions; more would lie on each other
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
 
@@ -114,21 +110,24 @@ def _north_up(axes: Axes) -> None:
     axes.set_ylabel(label("north_m"))
 
 
-def prediction_end(axes: Axes, measured: Floats, tracks: Mapping[str, Floats], region_m: Floats | None) -> None:
+def prediction_end(
+    axes: Axes, measured: Floats | None, tracks: Mapping[str, Floats], region_m: Floats | None
+) -> None:
     """The last metres of predicted tracks [H+1, 3] by method, and where the ship really was; north up.
 
     About the end of the first stand the ellipses of its region of semi-axes ``region_m`` [H, 2].
     """
     best, *_ = tracks
-    points = [measured[-1:, :2], *(track[-1:, :2] for track in tracks.values())]
+    shown = {} if measured is None else {"measured": (measured, INK)}
+    shown |= {plain(name): (track, COLOUR.get(name, COLOUR["reference"])) for name, track in tracks.items()}
+    points = [track[-1:, :2] for track, _ in shown.values()]
     if region_m is not None:
         border = outlines(tracks[best], region_m)[-1]
-        middle = tracks[best][-1, :2]
         points.append(border)
+        middle, colour = tracks[best][-1, :2], shown[plain(best)][1]
         for share, alpha, words in ((1.0, 0.2, "95 % region"), (HALF_OF_95, 0.35, "50 % region")):
             north, east = (middle + share * (border - middle)).T
-            axes.fill(east, north, color=COLOUR[best], alpha=alpha, label=words)
-    shown = {"measured": (measured, INK)} | {plain(name): (track, COLOUR[name]) for name, track in tracks.items()}
+            axes.fill(east, north, color=colour, alpha=alpha, label=words)
     for name, (track, colour) in shown.items():
         axes.plot(track[:, 1], track[:, 0], color=colour, label=name)
         axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
@@ -136,20 +135,10 @@ def prediction_end(axes: Axes, measured: Floats, tracks: Mapping[str, Floats], r
     axes.set_aspect("equal", adjustable="box")
     every = np.concatenate(points)
     middle = 0.5 * (every.max(axis=0) + every.min(axis=0))
-    reach_m = 0.75 * max(float(np.ptp(every, axis=0).max()), 1e-3)
+    reach_m = max(0.75 * float(np.ptp(every, axis=0).max()), _LEAST)
     axes.set_xlim(middle[1] - reach_m, middle[1] + reach_m)
     axes.set_ylim(middle[0] - reach_m, middle[0] + reach_m)
     axes.locator_params(nbins=4)
-
-
-def _swept(track: Floats, region_m: Floats) -> PathPatch:
-    """The area that regions of semi-axes [H, 2] sweep along a track [H+1, 3], east to the right."""
-    hulls = []
-    for one, other in pairwise(outlines(track, region_m)[..., ::-1]):
-        points = np.concatenate([one, other])
-        corners = points[ConvexHull(points).vertices]
-        hulls.append(Path(np.vstack([corners, corners[:1]])))
-    return PathPatch(Path.make_compound_path(*hulls))
 
 
 def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> None:
@@ -269,18 +258,24 @@ def draw_validation(figure: Figure, validation: Validation) -> None:
 
 
 def draw_prediction(figure: Figure, prediction: Prediction) -> None:
-    """The predicted track with its 95 % region, and the measured one where it is known; north up and to scale."""
-    axes, colour = figure.subplots(), COLOUR.get(prediction.method, COLOUR["reference"])
-    north, east = prediction.track[:, 0], prediction.track[:, 1]
-    if prediction.measured is not None:
-        axes.plot(prediction.measured[:, 1], prediction.measured[:, 0], color=INK, label="measured")
-    if prediction.region_m is not None:
-        area = _swept(prediction.track, prediction.region_m[1:])
-        axes.add_collection(PatchCollection([area], facecolor=colour, alpha=0.2, linewidths=0, label="95 %"))
-    axes.plot(east, north, color=colour, label=plain(prediction.method))
-    axes.plot(east[0], north[0], "o", color=INK, markersize=4)
-    _north_up(axes)
-    axes.legend(loc="best")
+    """The predicted track with some of its 95 % regions, and its end large; the measured one where it is known."""
+    whole, end = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
+    track, measured = prediction.track, prediction.measured
+    region_m = None if prediction.region_m is None else prediction.region_m[1:]
+    colour = COLOUR.get(prediction.method, COLOUR["reference"])
+    if measured is not None:
+        whole.plot(measured[:, 1], measured[:, 0], color=INK)
+    if region_m is not None:
+        every = max(1, len(region_m) // _ELLIPSES)
+        for border in outlines(track, region_m)[::-1][::every]:
+            whole.fill(border[:, 1], border[:, 0], facecolor=colour, alpha=0.2)
+    whole.plot(track[:, 1], track[:, 0], color=colour)
+    whole.plot(track[0, 1], track[0, 0], "o", color=INK, markersize=4)
+    _north_up(whole)
+    whole.set_title(f"{len(track) - 1} s from {prediction.at:%H:%M:%S} UTC", loc="left")
+    prediction_end(end, measured, {prediction.method: track}, region_m)
+    end.set_title("the end, large", loc="left")
+    figure.legend(*end.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def draw_regions(figure: Figure, trained: TrainedCalibrator) -> None:
