@@ -19,16 +19,7 @@ from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.progress import Progress
 from acquisition.recording.parts import whole_recordings
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
-from analysis.batch.workers import (
-    LOCK,
-    MARKS,
-    Job,
-    Task,
-    attempt,
-    check_address,
-    exclusive_folder,
-    run_jobs,
-)
+from analysis.batch.workers import LOCK, MARKS, Job, Task, attempt, check_address, exclusive_folder, run_jobs
 from analysis.products import Options
 from analysis.report.pages import index_page
 from analysis.tables.files import read_parquet, write_parquet

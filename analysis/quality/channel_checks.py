@@ -18,13 +18,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality, iso
 from analysis.quality.findings import Flags
 from analysis.quality.repeated_values import find_stuck, quantisation_step
-from analysis.quality.samples import (
-    Stretch,
-    interval_ns,
-    judged_as,
-    sort_by_time,
-    stretches_of,
-)
+from analysis.quality.samples import Stretch, interval_ns, judged_as, sort_by_time, stretches_of
 from analysis.quality.time_checks import ClockJump, jitter_s
 from analysis.tables.table import NANO, TimedValues, valid_values
 

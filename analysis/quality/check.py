@@ -140,10 +140,7 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame, own: Sequence[str
 
 
 def _check_stretch(
-    series: Mapping[str, Series],
-    joined: pd.DataFrame,
-    known: tuple[Finding, ...] = (),
-    own: Sequence[str] = (),
+    series: Mapping[str, Series], joined: pd.DataFrame, known: tuple[Finding, ...] = (), own: Sequence[str] = ()
 ) -> DataQuality:
     """All checks of one stretch of time. ``known`` are findings already made, ``own`` a user's checks by name."""
     stamps = times_ns(joined)

@@ -102,12 +102,7 @@ class HeldWindows(Result):
 
 
 def held_windows(
-    table: pd.DataFrame,
-    horizon_s: int = 15,
-    stride_s: int = 5,
-    trial: str = "trial",
-    *,
-    keep_moving: bool = False,
+    table: pd.DataFrame, horizon_s: int = 15, stride_s: int = 5, trial: str = "trial", *, keep_moving: bool = False
 ) -> HeldWindows:
     """The held windows of a table of one row a second, as :func:`analysis.tables.resample.resample` gives it.
 
@@ -154,8 +149,7 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     row = (time_ns - time_ns[0]) // NANO
     if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
         raise InputError(
-            "the table is not one row a second, in order and on whole seconds",
-            fix="resample it to 1 Hz first",
+            "the table is not one row a second, in order and on whole seconds", fix="resample it to 1 Hz first"
         )
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)

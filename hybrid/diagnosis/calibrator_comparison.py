@@ -156,11 +156,7 @@ def _rungs(
 
 
 def _together(
-    windows: PredictionWindows,
-    draws: Sequence[Draw],
-    rungs: Sequence[Mapping[str, Errors]],
-    method: str,
-    seed: int,
+    windows: PredictionWindows, draws: Sequence[Draw], rungs: Sequence[Mapping[str, Errors]], method: str, seed: int
 ) -> Ladder:
     """The means over all windows judged, and the ratios that the ladder is made for, with intervals by legs."""
     result = pool_draws("leg", windows, draws, rungs)

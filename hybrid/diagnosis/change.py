@@ -20,13 +20,7 @@ from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import Acceptance
 from hybrid.diagnosis.coarse_model import is_coarse
 from hybrid.diagnosis.course import Course, Shape, Varied, courses, varied
-from hybrid.diagnosis.evidence import (
-    Evidence,
-    NormalEquations,
-    log_evidence,
-    normal_equations,
-    restored_data,
-)
+from hybrid.diagnosis.evidence import Evidence, NormalEquations, log_evidence, normal_equations, restored_data
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import CLOSE, search_effects

@@ -233,10 +233,7 @@ def _thinned(table: pd.DataFrame) -> pd.DataFrame:
     half = times_ns(motion) // (NANO // 2)
     if np.unique(half).size > 0.7 * len(motion):
         return motion
-    columns = {
-        "time": times_ns(motion),
-        **{name: motion[name].to_numpy(dtype=float, copy=True) for name in MOTION},
-    }
+    columns = {"time": times_ns(motion), **{name: motion[name].to_numpy(dtype=float, copy=True) for name in MOTION}}
     for name in CIRCULAR.intersection(MOTION):
         known = np.isfinite(columns[name])
         columns[name][known] = unwrap(columns[name][known])

@@ -53,11 +53,7 @@ _EDGES = (0.25, 0.5, 0.75)  # of the largest azimuth that is used
 _FAINT = 0.1  # of a basis's largest singular value: a shape that is so faint is the difference of two alike
 _STAYS = 0.01  # of its usual range: what changes less says nothing of a change
 _SEED = 20260902
-_VARYING = {
-    "ocean_current": ("place", "time"),
-    "heading_bias": ("heading", "time"),
-    "yaw_rate_bias": ("time",),
-}
+_VARYING = {"ocean_current": ("place", "time"), "heading_bias": ("heading", "time"), "yaw_rate_bias": ("time",)}
 """Effects of the catalogue that, varying, are none of it: a sheared current, a thrust that fades."""
 
 

@@ -34,14 +34,7 @@ from hybrid.diagnosis.gap import (
 from hybrid.diagnosis.map import map_of
 from hybrid.diagnosis.regimes import FoundRegime, largest_regimes
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
-from hybrid.diagnosis.select_effects import (
-    CLOSE,
-    SEEN,
-    Coordinates,
-    fitted_coordinates,
-    linear_about,
-    rivals_of,
-)
+from hybrid.diagnosis.select_effects import CLOSE, SEEN, Coordinates, fitted_coordinates, linear_about, rivals_of
 from hybrid.diagnosis.sensor_consistency import find_contradictions
 from hybrid.effects import Effect
 from hybrid.planning.information import limits

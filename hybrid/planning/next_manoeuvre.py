@@ -25,14 +25,7 @@ from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import apply_effects
 from hybrid.planning.information import Design, Information, design_of, separation
-from hybrid.planning.repertoire import (
-    Candidate,
-    append_rehearsals,
-    as_one_leg,
-    rehearse,
-    repertoire,
-    shafts_of,
-)
+from hybrid.planning.repertoire import Candidate, append_rehearsals, as_one_leg, rehearse, repertoire, shafts_of
 from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.actuators.kind import RPM_PER_RPS
 from hybrid.vessel.effect import Values

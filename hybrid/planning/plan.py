@@ -41,14 +41,7 @@ from hybrid.planning.information import (
     noncentrality,
 )
 from hybrid.planning.next_manoeuvre import rehearsals
-from hybrid.planning.repertoire import (
-    Candidate,
-    append_rehearsals,
-    as_one_leg,
-    rehearse,
-    repertoire,
-    shafts_of,
-)
+from hybrid.planning.repertoire import Candidate, append_rehearsals, as_one_leg, rehearse, repertoire, shafts_of
 from hybrid.simulation.handling import usual_rpm
 from hybrid.simulation.manoeuvres import Manoeuvre, for_ship, manoeuvre_named
 from hybrid.simulation.sea_state import SeaState
@@ -258,10 +251,7 @@ def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> Noise:
     """The noise that a diagnosis would find in such a sea, from ten simulated minutes with sensors."""
-    every = {
-        **catalogue_of(vessel),
-        **catalogue,
-    }  # what is ruled out as missing may be known to be there
+    every = {**catalogue_of(vessel), **catalogue}  # what is ruled out as missing may be known to be there
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
     model = Model(vessel_plant(vessel, every), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise

@@ -204,11 +204,7 @@ def _si(channels: Floats, actuators: Actuators) -> Floats:
 
 
 def _past(
-    now: Floats,
-    trial: NDArray[np.str_],
-    start_ns: Ints,
-    tables: Mapping[str, SecondBySecond],
-    actuators: Actuators,
+    now: Floats, trial: NDArray[np.str_], start_ns: Ints, tables: Mapping[str, SecondBySecond], actuators: Actuators
 ) -> Floats:
     """What was measured at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
     past = np.full((len(now), PAST_S + 1, now.shape[1]), np.nan)

@@ -85,11 +85,7 @@ class Campaign:
 
 
 def paper_campaign(
-    sea_state: str,
-    seed: int = 0,
-    vessel: str = TRUTH,
-    sequences: int = SEQUENCES,
-    horizon_s: int = HORIZON_S,
+    sea_state: str, seed: int = 0, vessel: str = TRUTH, sequences: int = SEQUENCES, horizon_s: int = HORIZON_S
 ) -> Campaign:
     """The campaign in a sea state of ``trials/sea_states.toml``; the same seed gives the same campaign.
 

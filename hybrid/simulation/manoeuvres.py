@@ -157,11 +157,7 @@ def settle(course_deg: float, rpm: float = CRUISE_RPM) -> Leg:
 
 
 def zigzag(
-    helm_deg: float = 20.0,
-    switch_deg: float = 20.0,
-    rpm: float = CRUISE_RPM,
-    hold_s: float = 0.0,
-    swings: int = 6,
+    helm_deg: float = 20.0, switch_deg: float = 20.0, rpm: float = CRUISE_RPM, hold_s: float = 0.0, swings: int = 6
 ) -> Manoeuvre:
     """Helm to one side until the heading is off by ``switch_deg``, then to the other (IMO MSC.137(76)).
 

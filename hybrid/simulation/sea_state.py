@@ -206,13 +206,7 @@ def with_waves(states: Floats, motion: Floats) -> Floats:
 
 
 def _motion(
-    times_s: Floats,
-    pose: Floats,
-    sea: SeaState,
-    plant: Plant,
-    amplitude: Floats,
-    frequency: Floats,
-    phases: Floats,
+    times_s: Floats, pose: Floats, sea: SeaState, plant: Plant, amplitude: Floats, frequency: Floats, phases: Floats
 ) -> Floats:
     number = frequency**2 / GRAVITY_MPS2
     to_rad, length = np.deg2rad(sea.direction_to_deg), plant.length_overall_m

@@ -27,14 +27,7 @@ from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.handling import handling_of, steady_speed_mps
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
-from hybrid.simulation.sea_state import (
-    SeaState,
-    drift_series,
-    sea_for,
-    wave_motion,
-    wind_series,
-    with_waves,
-)
+from hybrid.simulation.sea_state import SeaState, drift_series, sea_for, wave_motion, wind_series, with_waves
 from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.channels import as_table
 from hybrid.vessel.effect import growth, scale_of

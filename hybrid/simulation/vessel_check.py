@@ -39,12 +39,7 @@ from analysis.manoeuvres.turning_circle import circle_indices
 from analysis.manoeuvres.zigzag import zigzag_indices
 from hybrid.effects import vessel_plant
 from hybrid.simulation.autopilot import drives_of
-from hybrid.simulation.handling import (
-    handling_of,
-    pace_of,
-    shaft_limit_rpm,
-    steady_speed_mps,
-)
+from hybrid.simulation.handling import handling_of, pace_of, shaft_limit_rpm, steady_speed_mps
 from hybrid.simulation.manoeuvres import Leg, helm, steer, zigzag
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import sail_through

@@ -23,12 +23,7 @@ from acquisition.core.arrays import Bools, Floats
 from analysis.quality.findings import Finding
 from analysis.quality.motion.jumps import PositionErrors, position_errors
 from analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile
-from analysis.quality.motion.series import (
-    GROUPS,
-    group_samples,
-    rotate,
-    turn_model,
-)
+from analysis.quality.motion.series import GROUPS, group_samples, rotate, turn_model
 from analysis.quality.samples import jackknife_error, ratios_without_each
 
 SMALLEST_POSITION_JITTER_S = 0.15

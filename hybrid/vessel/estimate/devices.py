@@ -159,10 +159,9 @@ class Driven:
 
 def named(given: Sequence[Any], kind: str) -> list[Any]:
     """Names for the devices that have none: their kind, with the side of a pair, or a number."""
-    usual = {
-        1: [kind],
-        2: [f"port_{kind}", f"starboard_{kind}"],
-    }.get(len(given), [f"{kind}_{number + 1}" for number in range(len(given))])
+    usual = {1: [kind], 2: [f"port_{kind}", f"starboard_{kind}"]}.get(
+        len(given), [f"{kind}_{number + 1}" for number in range(len(given))]
+    )
     return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=True)]
 
 

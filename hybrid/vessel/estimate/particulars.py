@@ -108,10 +108,7 @@ _SAMPLES = {
         ("beam by draught", 2.0, 5.0),
         ("Froude number", 0.0, 0.35),
     ),
-    "resistance": (
-        ("length by beam", 3.9, 15.0),
-        ("beam by draught", 2.1, 4.0),
-    ),
+    "resistance": (("length by beam", 3.9, 15.0), ("beam by draught", 2.1, 4.0)),
 }
 """The ships that each group of regressions comes from: merchant ships and fishing vessels; Holtrop's own limits."""
 
