@@ -57,9 +57,7 @@ def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]
 
 EFFECTS = (
     Effect(
-        "ocean_current",
-        family="environment",
-        kind="physics",
+        "ocean_current", family="environment", kind="physics",
         what="Steady uniform current: hull and pods feel the velocity relative to the moving water",
         source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
         parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 3.0, 0.2, 0.03), DIRECTION),
@@ -69,9 +67,7 @@ EFFECTS = (
         scope="day",
     ),
     Effect(
-        "wave_drift",
-        family="environment",
-        kind="physics",
+        "wave_drift", family="environment", kind="physics",
         what="Mean second-order wave force: 0.35 F cos b ahead, F sin b abeam, 0.06 Loa F sin 2b in yaw",
         source="Form of the mean drift force over the wave angle, after Faltinsen, Sea Loads (1990), ch. 5",
         parameters=(Parameter("force_n", "N", 0.0, 0.0, 60e3, 2e3, 500.0), DIRECTION),
@@ -81,31 +77,21 @@ EFFECTS = (
         scope="day",
     ),
     scaling(
-        "wind_load",
-        "environment",
-        ("wind_load_factor",),
-        (1.5, 0.2),
+        "wind_load", "environment", ("wind_load_factor",), (1.5, 0.2),
         what="All wind coefficients times a factor: more or less windage than the tables say",
         source="Blendermann, Parameter identification of wind loads on ships, J. Wind Eng. Ind. Aerodyn. 51 (1994)",
         confused_with=(
-            "wave_drift",
-            "wind_direction_bias",
-            "wind_drag",
-            "wind_side_load",
-            "wind_speed_scale",
-            "wind_yaw_load",
+            "wave_drift", "wind_direction_bias", "wind_drag", "wind_side_load", "wind_speed_scale", "wind_yaw_load",
         ),
     ),
     _wind("wind_drag", "CX", "Wind force along the ship"),
     _wind("wind_side_load", "CY", "Wind force across the ship"),
     _wind("wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias",)),
-)
+)  # fmt: skip
 """Current, waves and wind."""
 
 STEADY_WIND = Effect(
-    "steady_wind",
-    family="environment",
-    kind="physics",
+    "steady_wind", family="environment", kind="physics",
     what="A steady wind, in a trial of which none was recorded: hull and house feel the air that moves",
     source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
     parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 40.0, 5.0, 0.5), DIRECTION),
@@ -113,5 +99,5 @@ STEADY_WIND = Effect(
     chart="polar",
     confused_with=("ocean_current", "wave_drift"),
     scope="day",
-)
+)  # fmt: skip
 """Of no ship and no plan: only a diagnosis without a record of the wind looks for it."""

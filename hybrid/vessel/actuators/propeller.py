@@ -243,31 +243,13 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
 PROPELLER = Kind(
     entry=Propeller,
     numbers=NUMBERS,
-    labels=("rps",),
-    units=(1.0 / RPM_PER_RPS,),
-    angles=(False,),
-    work=2,
-    hold=hold,
-    force=force,
-    still=(0.05,),
+    labels=("rps",), units=(1.0 / RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force, still=(0.05,),
     alike=(0.3,),
     drives=drives,
-    effects=effects,
-    slots=SLOTS,
-    lag="lag_s",
-    shared=frozenset(SHARED),
-    keeps_sign=("k_0", "k_1", "astern_0"),
-    adapted=("wake_0",),
-    numbers_of=numbers_of,
-    positive=("diameter_m", "limit_rpm"),
-)
+    effects=effects, slots=SLOTS, lag="lag_s", shared=frozenset(SHARED), keeps_sign=("k_0", "k_1", "astern_0"),
+    adapted=("wake_0",), numbers_of=numbers_of, positive=("diameter_m", "limit_rpm"),
+)  # fmt: skip
 CONTROLLABLE_PROPELLER = replace(
-    PROPELLER,
-    entry=ControllablePropeller,
-    labels=("rps", "pitch"),
-    units=(1.0 / RPM_PER_RPS, 0.01),
-    angles=(False, False),
-    hold=hold_with_pitch,
-    still=(0.05, 0.02),
-    alike=(0.3, 0.05),
-)
+    PROPELLER, entry=ControllablePropeller, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
+    angles=(False, False), hold=hold_with_pitch, still=(0.05, 0.02), alike=(0.3, 0.05),
+)  # fmt: skip

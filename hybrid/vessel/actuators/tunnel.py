@@ -91,17 +91,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
 TUNNEL = Kind(
     entry=Tunnel,
     numbers=NUMBERS,
-    labels=("rpm",),
-    units=(1.0,),
-    angles=(False,),
-    work=1,
-    hold=hold,
-    force=force,
-    still=(10.0,),
-    alike=(10.0,),
+    labels=("rpm",), units=(1.0,), angles=(False,), work=1, hold=hold, force=force, still=(10.0,), alike=(10.0,),
     drives=drives,
-    effects=effects,
-    slots=SLOTS,
-    adapted=("cubic_n", "quadratic_n", "linear_n"),
-    positive=("limit_rpm",),
-)
+    effects=effects, slots=SLOTS, adapted=("cubic_n", "quadratic_n", "linear_n"), positive=("limit_rpm",),
+)  # fmt: skip

@@ -90,18 +90,9 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
 WATERJET = Kind(
     entry=Waterjet,
     numbers=NUMBERS,
-    labels=("rps", "angle"),
-    units=(1.0 / RPM_PER_RPS, pi / 180.0),
-    angles=(False, True),
-    work=3,
-    hold=hold,
-    force=force,
-    still=(0.05, 0.026),
-    alike=(0.3, 0.0),
+    labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3, hold=hold,
+    force=force, still=(0.05, 0.026), alike=(0.3, 0.0),
     drives=drives,
-    effects=effects,
-    slots=SLOTS,
-    lag="lag_s",
-    adapted=("thrust_nn", "thrust_nu"),
+    effects=effects, slots=SLOTS, lag="lag_s", adapted=("thrust_nn", "thrust_nu"),
     positive=("limit_rpm", "limit_deg", "rate_limit_dps"),
-)
+)  # fmt: skip

@@ -78,15 +78,7 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
 CROSS_FLOW = HullModel(
     entry=CrossFlow,
     numbers=NUMBERS,
-    force=force,
-    linear=("Y_v", "Y_r", "N_v", "N_r"),
-    resistance=("X_0F", "X_0A"),
-    cross_flow_drag=("C_D",),
-    drift_force=("Y_v",),
-    drift_moment=("N_v",),
-    turning_force=("Y_r",),
-    turning_drag=("X_vr",),
-    yaw_damping=("N_r",),
-    keeps_sign=("X_0F", "X_0A", "C_D", "C_rY", "C_rN"),
-    primed=True,
-)
+    force=force, linear=("Y_v", "Y_r", "N_v", "N_r"), resistance=("X_0F", "X_0A"), cross_flow_drag=("C_D",),
+    drift_force=("Y_v",), drift_moment=("N_v",), turning_force=("Y_r",), turning_drag=("X_vr",),
+    yaw_damping=("N_r",), keeps_sign=("X_0F", "X_0A", "C_D", "C_rY", "C_rN"), primed=True,
+)  # fmt: skip

@@ -75,15 +75,7 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
 MMG = HullModel(
     entry=Mmg,
     numbers=NUMBERS,
-    force=force,
-    linear=("Y_v", "Y_r", "N_v", "N_r"),
-    resistance=("R_0",),
-    cross_flow_drag=("Y_vvv", "N_vvv"),
-    drift_force=("Y_v",),
-    drift_moment=("N_v",),
-    turning_force=("Y_r", "Y_rrr"),
-    turning_drag=("X_vr", "X_rr"),
-    yaw_damping=("N_r", "N_rrr"),
-    keeps_sign=("R_0",),
-    primed=True,
-)
+    force=force, linear=("Y_v", "Y_r", "N_v", "N_r"), resistance=("R_0",), cross_flow_drag=("Y_vvv", "N_vvv"),
+    drift_force=("Y_v",), drift_moment=("N_v",), turning_force=("Y_r", "Y_rrr"), turning_drag=("X_vr", "X_rr"),
+    yaw_damping=("N_r", "N_rrr"), keeps_sign=("R_0",), primed=True,
+)  # fmt: skip

@@ -76,48 +76,20 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
     au, av, ar = abs(u), abs(v), abs(r)
     uu, vv, rr, uv, ur, rv = u * u, v * v, r * r, u * v, u * r, r * v
     X = (
-        -p.Yvd * rv
-        - p.Yrd * rr
-        + h[XUU] * u * au
-        + h[XVV] * vv
-        + h[XRR] * rr
-        + h[XRV] * rv
-        + h[XUVV] * u * vv
-        + h[XRVU] * rv * u
-        + h[XURR] * u * rr
-        + h[XU_ABSV] * u * av
-    )
+        -p.Yvd * rv - p.Yrd * rr + h[XUU] * u * au + h[XVV] * vv + h[XRR] * rr + h[XRV] * rv
+        + h[XUVV] * u * vv + h[XRVU] * rv * u + h[XURR] * u * rr + h[XU_ABSV] * u * av
+    )  # fmt: skip
     Y = (
-        p.Xud * ur
-        + h[YUV] * uv
-        + h[YUR] * ur
-        + h[YUUR] * uu * r
-        + h[YUUV] * uu * v
-        + h[YVVV] * vv * v
-        + h[YRRR] * rr * r
-        + h[YRRV] * rr * v
-        + h[YVVR] * vv * r
-        + h[Y_ABSR_V] * ar * v
-        + h[Y_ABSV_V] * av * v
-        + h[Y_ABSR_R] * ar * r
-        + h[Y_ABSV_R] * av * r
-    )
+        p.Xud * ur + h[YUV] * uv + h[YUR] * ur + h[YUUR] * uu * r + h[YUUV] * uu * v
+        + h[YVVV] * vv * v + h[YRRR] * rr * r + h[YRRV] * rr * v + h[YVVR] * vv * r
+        + h[Y_ABSR_V] * ar * v + h[Y_ABSV_V] * av * v + h[Y_ABSR_R] * ar * r + h[Y_ABSV_R] * av * r
+    )  # fmt: skip
     N = (
-        (p.Yvd - p.Xud) * uv
-        + p.Yrd * ur
-        + h[NUV] * uv
-        + h[NUR] * ur
-        + h[NUUR] * uu * r
-        + h[NUUV] * uu * v
-        + h[NVVV] * vv * v
-        + h[NRRR] * rr * r
-        + h[NRRV] * rr * v
-        + h[NVVR] * vv * r
-        + h[N_ABSR_V] * ar * v
-        + h[N_ABSV_V] * av * v
-        + h[N_ABSR_R] * ar * r
+        (p.Yvd - p.Xud) * uv + p.Yrd * ur + h[NUV] * uv + h[NUR] * ur + h[NUUR] * uu * r
+        + h[NUUV] * uu * v + h[NVVV] * vv * v + h[NRRR] * rr * r + h[NRRV] * rr * v
+        + h[NVVR] * vv * r + h[N_ABSR_V] * ar * v + h[N_ABSV_V] * av * v + h[N_ABSR_R] * ar * r
         + h[N_ABSV_R] * av * r
-    )
+    )  # fmt: skip
     return X, Y, N
 
 
@@ -139,16 +111,9 @@ def in_si(entry: Polynomial, water_density_kgpm3: float, length_m: float, draugh
 POLYNOMIAL = HullModel(
     entry=Polynomial,
     numbers=NUMBERS,
-    force=force,
-    in_si=in_si,
-    linear=("Yuv", "Yur", "Nuv", "Nur"),
-    resistance=("Xuu",),
-    cross_flow_drag=("Y_absv_v", "N_absv_v"),
-    drift_force=("Yuv", "Yuuv", "Yvvv"),
-    drift_moment=("Nuv", "Nuuv", "Nvvv"),
-    turning_force=("Yur", "Yuur", "Yrrr", "Y_absr_r"),
-    turning_drag=("Xrr", "Xurr", "Xrv", "Xrvu"),
-    yaw_damping=("Nur", "Nuur", "Nrrr", "N_absr_r"),
-    keeps_sign=("Xuu",),
-    munk=True,
-)
+    force=force, in_si=in_si, linear=("Yuv", "Yur", "Nuv", "Nur"), resistance=("Xuu",),
+    cross_flow_drag=("Y_absv_v", "N_absv_v"), drift_force=("Yuv", "Yuuv", "Yvvv"),
+    drift_moment=("Nuv", "Nuuv", "Nvvv"), turning_force=("Yur", "Yuur", "Yrrr", "Y_absr_r"),
+    turning_drag=("Xrr", "Xurr", "Xrv", "Xrvu"), yaw_damping=("Nur", "Nuur", "Nrrr", "N_absr_r"),
+    keeps_sign=("Xuu",), munk=True,
+)  # fmt: skip
