@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import secrets
+import socket
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -75,14 +76,15 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
     """
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     try:
-        server = make_server(ADDRESS, port, app, threaded=True, request_handler=_Quiet)
-    except (OSError, SystemExit) as error:  # werkzeug ends the program where the port is taken
+        listening = socket.create_server((ADDRESS, port))
+    except OSError as error:
         raise SourceError(
-            f"cannot listen on {ADDRESS}:{port}", why="the port is taken",
-            fix="end the program that uses it, or say --port",
+            f"cannot listen on {ADDRESS}:{port}", why=error.strerror or str(error),
+            fix="end the program that uses the port, or say --port",
         ) from error  # fmt: skip
-    ready(f"http://{ADDRESS}:{server.server_port}/")
-    with server:
+    port = listening.getsockname()[1]
+    with listening, make_server(ADDRESS, port, app, True, request_handler=_Quiet, fd=listening.fileno()) as server:
+        ready(f"http://{ADDRESS}:{port}/")
         server.serve_forever()
 
 

@@ -40,6 +40,7 @@ SETTLED_S = 20.0
 DIAGNOSIS = "diagnosis.json"
 _KEPT = ".season.sqlite"
 _NICENESS = 10
+_REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
 _DIED = "its worker died over it; too little memory, or a fault in native code"
 
 
@@ -69,8 +70,10 @@ class Season:
         self._wishes: PriorityQueue[tuple[int, int, str]] = PriorityQueue()
         self._wished: set[tuple[int, str]] = set()
         self._number, self._lock, self._worker = count(), threading.RLock(), _Worker()
+        self._ended = False
 
     def __enter__(self) -> Season:
+        recordings_below(self.folder, self.out)  # which says what is no folder
         make_folder(self.out)
         self._store = sqlite3.connect(self.out / _KEPT, check_same_thread=False)
         self._store.execute("CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)")
@@ -81,10 +84,11 @@ class Season:
         return self
 
     def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._ended = True
+            self._store.close()
         self._wishes.put((-1, 0, ""))
         self._worker.stop()
-        with self._lock:
-            self._store.close()
 
     def rows(self) -> list[Row]:
         """A row each recording as in the index of a batch; of one not analysed what a first look tells, if that."""
@@ -167,13 +171,13 @@ class Season:
             first, *later = map(str, files)
             job = Job(name, first, str(self.out), self._options, later=tuple(later))
             row = self._worker.row_of(_look if urgency == LOOK else result_of, job)
-            self._keep(name, stamp, row)
-
-    def _keep(self, name: str, stamp: str, row: Row) -> None:
-        with self._lock, suppress(sqlite3.ProgrammingError):  # the season has ended
-            self._kept[name] = stamp, row
-            self._store.execute("INSERT OR REPLACE INTO season VALUES (?, ?, ?)", (name, stamp, json.dumps(row)))
-            self._store.commit()
+            with self._lock:
+                if self._ended:
+                    return
+                self._kept[name] = stamp, failed_row(job, _DIED) if row is None else row
+                if row is not None:  # one that killed its worker is tried again after the next start
+                    self._store.execute(_REPLACE, (name, stamp, json.dumps(row)))
+                    self._store.commit()
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -218,8 +222,8 @@ class _Worker:
     def __init__(self) -> None:
         self._process: SpawnProcess | None = None
 
-    def row_of(self, work: Callable[[Job], Row], job: Job) -> Row:
-        """The row that ``work`` makes of a job, or that of its failure."""
+    def row_of(self, work: Callable[[Job], Row], job: Job) -> Row | None:
+        """The row that ``work`` makes of a job, or that of its failure; None where it kills the process."""
         if self._process is None:
             context = get_context("spawn")
             self._pipe, theirs = context.Pipe()
@@ -231,11 +235,11 @@ class _Worker:
             row: Row = self._pipe.recv()
         except (EOFError, OSError):
             self._process = None
-            return failed_row(job, _DIED)
+            return None
         return row
 
     def stop(self) -> None:
-        if self._process is not None:
+        if self._process is not None and self._process.is_alive():
             self._process.kill()
 
 
