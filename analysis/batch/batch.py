@@ -33,7 +33,7 @@ GONE = "gone"
 TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
 MEASURES = {"duration_s": "s", "distance_m": "m"}
 COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
-NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres")
+NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out")
 _NUMBER = re.compile(r"\d[\d,.]*\d|\d")
 _RESERVED = {"index.html", "index.parquet", MARKS, LOCK}
 

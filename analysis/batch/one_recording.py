@@ -181,6 +181,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "findings_by_code": dict(Counter(each.code for each in products.quality.findings)),
         "repairs": len(products.repairs),
         "manoeuvres": dict(Counter(each.kind for each in products.manoeuvres)),
+        "left_out": dict(Counter(each.kind for each in products.left_out)),
         "indices": key_indices(products.manoeuvres),
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,

@@ -6,7 +6,8 @@ did after it: rates of turn count where they have settled, and a Williamson turn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.indices import Index, Manoeuvre, indices_of, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     APPROACH_S,
     Measure,
@@ -175,7 +176,20 @@ def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
 
     largest = max(steps, key=lambda each: abs(each.level)).level
     name = f"direct spiral {nominal_deg(largest):.0f} deg"
-    return _test(motion, helm, "spiral", name, float(levels[0]), largest, times, measure)
+    found = _test(motion, helm, "spiral", name, float(levels[0]), largest, times, measure)
+    helm_error = noise_of(helm) / np.sqrt(0.5 * min(each.end - each.first for each in steps))
+    return replace(found, indices=_with_helm_error(found.indices, 1.96 * float(helm_error)))
+
+
+def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str, Index]:
+    """The indices of a spiral with what the mean helm of a step is off by in those that hang on it."""
+    slope = abs(indices["yaw_rate_per_helm_dps"].value) if "yaw_rate_per_helm_dps" in indices else 0.0
+    more = {"neutral_helm_deg": within_deg, "yaw_rate_at_no_helm_dps": slope * within_deg}
+    wider = {}
+    for name, each in indices.items():
+        within = float(np.hypot(0.5 * (each.high - each.low), more.get(name, 0.0)))
+        wider[name] = replace(each, low=each.value - within, high=each.value + within)
+    return wider
 
 
 def spiral_indices(motion: Motion, levels: Floats, spans: Floats) -> dict[str, float]:

@@ -318,7 +318,7 @@ _COLUMNS = {
     "verdict": "diagnosis",
 }  # fmt: skip
 _OTHERS = ("track", "trial", "vessel", "place", "cause", "report", "missing")
-_COUNTS = ("findings_by_code", "manoeuvres")
+_COUNTS = ("findings_by_code", "manoeuvres", "left_out")
 _BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
 _GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
 _STATUSES = {

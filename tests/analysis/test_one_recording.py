@@ -43,6 +43,24 @@ def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_what_only_began_like_a_manoeuvre_is_said_with_the_reason(tmp_path: Path) -> None:
+    """Four minutes of a turn so slow that every stretch of it seems straight."""
+    seconds = np.arange(240.0)
+    turning = table_at(seconds, {name: np.zeros(240) for name in NAMES}).assign(
+        heading_deg=seconds / 9.0, yaw_rate_dps=1.0 / 9.0, surge_mps=4.0, port_rpm=120.0, starboard_rpm=120.0,
+        north_m=np.cumsum(4.0 * np.cos(np.deg2rad(seconds / 9.0))),
+        east_m=np.cumsum(4.0 * np.sin(np.deg2rad(seconds / 9.0))),
+    )  # fmt: skip
+    write_table(turning, tmp_path / "turn.mcap", Trial(name="turn"))
+    process_recording(tmp_path / "turn.mcap", tmp_path / "turn", QUICK)
+    found = json.loads((tmp_path / "turn" / "manoeuvres.json").read_text())
+    assert [(each["kind"], each["why"]) for each in found["left_out"]] == [
+        ("speed_run", "the ship turned by 27 deg")
+    ]
+    assert json.loads((tmp_path / "turn" / SUMMARY).read_text())["left_out"] == {"speed_run": 1}
+    assert "left out, no speed run: the ship turned by 27 deg" in (tmp_path / "turn" / "page.html").read_text()
+
+
 def test_a_result_is_a_folder_of_products_that_say_where_they_come_from(recording: Path, result: Path) -> None:
     row = json.loads((result / SUMMARY).read_text())
     table, metadata = read_parquet(result / "table.parquet")

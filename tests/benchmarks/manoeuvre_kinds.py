@@ -1,4 +1,4 @@
-"""Are runs, stops, pull-outs, spirals and thruster tests of simulated ships found, and none invented?
+"""Are runs, stops, pull-outs, spirals, thruster and crabbing tests of simulated ships found, and none invented?
 
     python -m tests.benchmarks.manoeuvre_kinds [--trials 40] [--first 0]
 
@@ -75,6 +75,7 @@ def programme(case: Case) -> tuple[Leg0, ...]:
         Leg0(steer(180.0, 8 * straight, rpm), "acceleration"),
         Leg0(Leg(rpm=-0.7 * rpm, slower_mps=0.0, at_most_s=20.0 * straight), "stopping"),
         Leg0(Leg(rpm=0.0, at_least_s=straight, at_most_s=straight)),
+        *(crabbing(case) if case.ship == "gunnerus_short" and not case.current else ()),
         Leg0(steer(180.0, 8 * straight, rpm)),  # she lay across, and turns while she gathers way
         Leg0(held(-20.0, 80.0)),
         Leg0(held(0.0, 120.0), "pull_out"),
@@ -86,7 +87,23 @@ def programme(case: Case) -> tuple[Leg0, ...]:
         for name in drives:
             single = replace(alone(name, rpm, drives), course_deg=180.0, at_least_s=60.0, at_most_s=60.0)
             parts += [Leg0(single, "thruster_test"), Leg0(steer(180.0, 3 * straight, rpm))]
+    for name in (each.name for each in vessel.actuators if each.kind == "tunnel"):
+        parts.append(Leg0(steer(180.0, 6 * straight, 0.3 * rpm)))
+        for push in (300.0, -300.0):
+            aside = Leg(rpm=0.3 * rpm, orders={f"{name}_rpm": push}, at_least_s=40.0, at_most_s=40.0)
+            parts += [Leg0(aside, "thruster_test"), Leg0(steer(180.0, 3 * straight, 0.3 * rpm))]
     return tuple(parts)
+
+
+def crabbing(case: Case) -> tuple[Leg0, ...]:
+    """R/V Gunnerus turns her thrusters at rest, goes aside at speeds that hardly turn her, and turns them back."""
+    aside, seconds = {"port_angle_deg": 90.0, "starboard_angle_deg": 90.0}, 10.0 + 90.0 / case.rate_dps
+    crab = {**aside, "tunnel_rpm": 280.0}
+    return (
+        Leg0(Leg(rpm=0.0, orders=aside, at_least_s=seconds, at_most_s=seconds)),
+        Leg0(Leg(rpm=45.0, orders=crab, at_least_s=60.0, at_most_s=60.0), "crabbing"),
+        Leg0(Leg(rpm=0.0, at_least_s=seconds, at_most_s=seconds)),
+    )
 
 
 def sail(case: Case) -> Sailed:
@@ -134,7 +151,7 @@ def truths(sailed: Sailed, motion: Motion) -> Iterator[tuple[int, str, float, di
             legs = pairwise(sailed.begun_s[steps : steps + len(HELMS) + 1])
             spans = np.array([(start + _reached_s(motion, start, stop), stop) for start, stop in legs])
             yield place, each.kind, float(spans[0, 0]), spiral_indices(motion, np.array(HELMS), spans)
-        if each.kind in ("speed_run", "thruster_test"):
+        if each.kind in ("speed_run", "thruster_test", "crabbing"):
             yield place, each.kind, begin, {}
 
 
@@ -196,7 +213,7 @@ def _is_it(sailed: Sailed, each: Manoeuvre, start: float, end: float, kind: str)
     began = _seconds(sailed, each)
     if kind == "speed_run":
         return began < end and began + (each.end - each.start).total_seconds() > start + 0.3 * (end - start)
-    slack = 10.0 if kind == "thruster_test" else 0.1 * (end - start)
+    slack = 10.0 if kind in ("thruster_test", "crabbing") else 0.1 * (end - start)
     return abs(began - start) < max(3.0, slack)
 
 
@@ -204,7 +221,7 @@ def _of_its_own_span(sailed: Sailed, motion: Motion, each: Manoeuvre) -> dict[st
     """The true means over the span that was found, of runs whose ends are theirs to choose."""
     span = _seconds(sailed, each) + np.array([0.0, (each.end - each.start).total_seconds()])
     part = motion.between(*span)
-    if each.kind == "thruster_test":
+    if each.kind != "speed_run":
         return drift_indices(motion, span)
     ahead = np.deg2rad(each.settings["heading_deg"])
     along = sailed.current_mps[0] * np.cos(ahead) + sailed.current_mps[1] * np.sin(ahead)

@@ -18,5 +18,5 @@ def test_every_manoeuvre_is_found_none_invented_and_intervals_hold_the_truth() -
     assert score.found == score.true > 8 * len(NUMBERS)
     assert score.coverage > 0.88
     kinds = {name.partition(":")[0] for name in score.inside}
-    assert kinds == {"speed_run", "acceleration", "stopping", "pull_out", "spiral", "thruster_test"}
+    assert kinds == {"speed_run", "acceleration", "stopping", "pull_out", "spiral", "thruster_test", "crabbing"}
     assert np.mean(score.inside["speed_run: speed_through_water_mps"]) > 0.7
