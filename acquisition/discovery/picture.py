@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.channels import channel_unit
+from acquisition.core.text import printable
 from acquisition.discovery.discover import Discovery
 from acquisition.discovery.places import KNOWN_FORMS
 from acquisition.logger.missing import by_reason
@@ -93,6 +94,6 @@ def _table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
         right = title in ("frames", "rate Hz", "value")
         table.add_column(title, justify="right" if right else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(Text("".join(each if each.isprintable() else "?" for each in cell)) for cell in row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     table.add_section()
     return table

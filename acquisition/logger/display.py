@@ -19,6 +19,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from acquisition.core.frames import NANO
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
 from acquisition.logger.requests import Mark
@@ -67,7 +68,7 @@ def _header(health: Health, now_ns: int) -> Text:
         state = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
     return _one_line(
         state,
-        (_clock((now_ns - health.started_ns) // 1_000_000_000), "bold"),
+        (_clock((now_ns - health.started_ns) // NANO), "bold"),
         f"  {health.samples:,} samples  {health.part}",
     )
 
@@ -197,8 +198,9 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
     dropped = sum(source.dropped for source in health.sources.values())
     frames = sum(source.frames for source in health.sources.values())
     name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
+    ended_ns = time.monotonic_ns() if health.ended_ns is None else health.ended_ns
     return (
-        f"{name}: {_clock((time.monotonic_ns() - health.started_ns) // 1_000_000_000)}, {frames:,} frames, "
+        f"{name}: {_clock((ended_ns - health.started_ns) // NANO)}, {frames:,} frames, "
         f"{health.samples:,} samples, {seen} of {len(health.names)} channels, {dropped:,} dropped"
     )
 

@@ -142,6 +142,7 @@ class Health:
     channels: dict[str, ChannelHealth] = field(default_factory=dict)
     events: deque[tuple[int, str, str]] = field(default_factory=lambda: deque(maxlen=8))
     started_ns: int = field(default_factory=time.monotonic_ns)
+    ended_ns: int | None = None  # by the clock of the start; of logs both are by the logs' own
     samples: int = 0
     marks: int = 0
     predictions: int = 0  # recorded for another program

@@ -255,11 +255,13 @@ class _Reading:
             self.now_ns = frame.received_ns
             if number == 0:
                 until_ns = self.now_ns + duration_ns
+                self._health.started_ns = self.now_ns
                 self.tell("info", "recording started, from log files")
                 for name in self._untimed:
                     self.tell("warning", f"{name}: {_WITHOUT_TIMES}")
             if self.now_ns > until_ns or self._stop.is_set():
                 break
+            self._health.ended_ns = max(self.now_ns, self._health.started_ns)
             self._processing.process(frame)
             if abs(self.now_ns - self._reported_ns) >= NANO:
                 self.report_sources()

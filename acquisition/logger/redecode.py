@@ -104,7 +104,9 @@ def _decode_all(
     for number, entry in enumerate(_entries(paths, progress), start=1):
         if number % _FLUSH_EVERY == 0:
             writer.flush()
-        last_ns = max(last_ns, entry.log_ns)
+        if number == 1:
+            result.health.started_ns = entry.log_ns
+        result.health.ended_ns = last_ns = max(last_ns, entry.log_ns)
         if entry.topic.startswith(RAW_PREFIX):
             frame = _frame(entry, paths)
             if frame.origin in result.health.sources:

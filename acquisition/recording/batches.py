@@ -1,11 +1,13 @@
 """The messages of chunks all at once: a recording of a day has more than twenty million of them.
 
 A compiled loop (:mod:`acquisition.recording.walk`) finds the records and puts samples of fixed layout in order.
-What another serialiser wrote, and what was recorded as JSON before, is decoded message by message.
+What another serialiser wrote, what was recorded as JSON before, and what is so little that loading the compiler
+takes longer than reading it, is decoded message by message.
 """
 
 from __future__ import annotations
 
+import sys
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,17 +25,18 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Series
 from acquisition.core.text import printable
 from acquisition.recording.messages import SOURCE_AT, Topic, decode
-from acquisition.recording.records import HEAD, RecordError, parse
+from acquisition.recording.records import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_SHORT, RecordError, parse
 from acquisition.recording.schemas import SAMPLE
 
-_FAULTS = {1: "a message too short", 2: "a chunk with a cut record"}
+_FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
+_LITTLE_BYTES = 2_000_000  # some 25,000 samples: message by message as long as loading numba, a third of a second
 
 
 @dataclass(frozen=True, slots=True)
 class Batch:
     """Messages that follow each other, in file order: their heads [n], and the bytes in which their data are.
 
-    What a head says is in ``HEAD`` of :mod:`acquisition.recording.walk`.
+    What a head says is in :data:`MESSAGE_HEAD`.
     """
 
     heads: NDArray[np.void]
@@ -42,11 +45,9 @@ class Batch:
     @classmethod
     def of_message(cls, message: mcap.Message) -> Batch:
         """A message that stands outside of all chunks."""
-        from acquisition.recording.walk import HEAD
-
         times = message.log_time, message.publish_time
         head = (message.channel_id, message.sequence, *times, 0, len(message.data))
-        return cls(np.array([head], HEAD), message.data)
+        return cls(np.array([head], MESSAGE_HEAD), message.data)
 
     def __len__(self) -> int:
         return int(self.heads.size)
@@ -57,11 +58,9 @@ class Batch:
         return [self.plain[start:end] for start, end in places]
 
     def counts(self) -> dict[int, int]:
-        """How many messages there are of each channel number, in the order in which they come first."""
-        from acquisition.recording.walk import CHANNELS, first_of_each
-
-        counts = np.bincount(self.heads["channel"], minlength=CHANNELS)
-        return {number: int(counts[number]) for number in first_of_each(self.heads).tolist()}
+        """How many messages there are of each channel number."""
+        counts = np.bincount(self.heads["channel"])
+        return {number: int(counts[number]) for number in np.flatnonzero(counts).tolist()}
 
     def messages(self) -> Iterator[mcap.Message]:
         """Each message by itself, as the library has them."""
@@ -78,24 +77,51 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
 
     Raises :class:`RecordError` where a record is not what it should be, after all that stands before it.
     """
-    from acquisition.recording.walk import count_records
-
     ends = list(accumulate(len(chunk.data) for chunk in chunks))
     plain = chunks[0].data if len(chunks) == 1 else b"".join(chunk.data for chunk in chunks)
-    messages, others, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
-    yield from _in_order(*_read(plain, size, messages, others))
+    heads, others, size, fault = (_walk if _is_worth_loading(plain) else _walk_little)(plain, ends)
+    yield from _in_order(Batch(heads, plain), others)
     if fault:
         raise RecordError(_FAULTS[fault], bisect_right(ends, size))
 
 
-def _read(plain: bytes, size: int, messages: int, others: int) -> tuple[Batch, list[int]]:
-    """The messages of the first ``size`` bytes, and where the other records begin."""
-    from acquisition.recording.walk import HEAD as OF_MESSAGE
-    from acquisition.recording.walk import read_heads
+def _is_worth_loading(plain: bytes) -> bool:
+    """Whether the compiled loop is there already, or so much is to be read that it pays to load it."""
+    return len(plain) >= _LITTLE_BYTES or "acquisition.recording.walk" in sys.modules
 
-    heads, places = np.empty(messages, OF_MESSAGE), np.empty(others, np.int64)
+
+_Walked: TypeAlias = tuple[NDArray[np.void], list[int], int, int]
+"""The heads of messages, where other records begin, where the last good record ends, what is wrong behind it."""
+
+
+def _walk(plain: bytes, ends: list[int]) -> _Walked:
+    from acquisition.recording.walk import count_records, read_heads
+
+    messages, others, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
+    heads, places = np.empty(messages, MESSAGE_HEAD), np.empty(others, np.int64)
     read_heads(np.frombuffer(plain, np.uint8, size), heads, places)
-    return Batch(heads, plain), places.tolist()
+    return heads, places.tolist(), size, fault
+
+
+def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
+    """The same without the compiler."""
+    heads: list[tuple[int, ...]] = []
+    others: list[int] = []
+    place = fault = 0
+    for end in ends:
+        while place < end and not fault:
+            opcode, length = HEAD.unpack_from(plain, place) if end - place >= HEAD.size else (0, end)
+            start, after = place + HEAD.size, place + HEAD.size + length
+            if after > end:
+                fault = CUT
+            elif opcode != Opcode.MESSAGE:
+                others.append(place)
+            elif length < MESSAGE.size:
+                fault = TOO_SHORT
+            else:
+                heads.append((*MESSAGE.unpack_from(plain, start), start + MESSAGE.size, after))
+            place = place if fault else after
+    return np.array(heads, MESSAGE_HEAD), others, place, fault
 
 
 def _in_order(batch: Batch, others: list[int]) -> Iterator[Batch | mcap.McapRecord]:
@@ -174,7 +200,7 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
     counts = {number: each for number, each in batch.counts().items() if topics[number].is_channel}
     if not counts:
         return
-    fixed = all(topics[number].has_fixed_places for number in counts)
+    fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_places for number in counts)
     found = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
     for topic, samples in found.items():
         (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(*samples)
@@ -182,10 +208,10 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
 
 def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Samples] | None:
     """Samples with their numbers in fixed places, by topic; None if there is one of another layout."""
-    from acquisition.recording.walk import CHANNELS, sort_samples
+    from acquisition.recording.walk import sort_samples
 
     ranks = {topic: rank for rank, topic in enumerate(dict.fromkeys(topics[number].name for number in counts))}
-    rank, sizes = np.full(CHANNELS, -1, np.int32), np.zeros(len(ranks), np.int64)
+    rank, sizes = np.full(2**16, -1, np.int32), np.zeros(len(ranks), np.int64)
     for number, count in counts.items():  # two of them may have one topic
         rank[number] = ranks[topics[number].name]
         sizes[rank[number]] += count

@@ -13,11 +13,15 @@ import zlib
 from collections.abc import Callable
 
 import lz4.frame  # type: ignore[import-untyped]
+import numpy as np
 import zstandard
 from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
+
+TOO_SHORT, CUT = 1, 2
+"""What may be wrong with a record in a chunk."""
 
 LARGEST_BYTES = 64 * 1024 * 1024
 """A record, or a chunk once decompressed, beyond this is damage, not data."""
@@ -28,7 +32,18 @@ HEAD = struct.Struct("<BQ")
 CHUNK_HEAD_BYTES = 44
 """So many bytes of a chunk's content tell whether it can be a chunk at all."""
 
-_MESSAGE = struct.Struct("<HIQQ")
+MESSAGE = struct.Struct("<HIQQ")
+"""What a message's data stand behind: the numbers of its channel and sequence, its times of logging and publishing."""
+
+MESSAGE_HEAD = np.dtype(
+    [
+        ("channel", np.uint16), ("sequence", np.uint32), ("log_ns", np.uint64), ("publish_ns", np.uint64),
+        ("start", np.int64), ("end", np.int64),
+    ],
+    align=True,
+)  # fmt: skip
+"""The same in an array, and where in some bytes the data start and end."""
+
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, checksum, and the length of the compression's name
 _INDEX = struct.Struct("<HI")
 _COMPRESSIONS = (b"", b"lz4", b"zstd")
@@ -103,10 +118,10 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
     These are private records and the index of a chunk's messages. Raises :class:`RecordError`.
     """
     if opcode == Opcode.MESSAGE:
-        if len(content) < _MESSAGE.size:
+        if len(content) < MESSAGE.size:
             raise RecordError("a message too short")
-        channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(content)
-        return mcap.Message(channel_id, log_ns, content[_MESSAGE.size :], publish_ns, sequence)
+        channel_id, sequence, log_ns, publish_ns = MESSAGE.unpack_from(content)
+        return mcap.Message(channel_id, log_ns, content[MESSAGE.size :], publish_ns, sequence)
     if opcode == Opcode.MESSAGE_INDEX:
         if len(content) < _INDEX.size or _INDEX.unpack_from(content)[1] + _INDEX.size != len(content):
             raise RecordError("a record of a wrong length")

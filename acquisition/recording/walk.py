@@ -14,19 +14,10 @@ from mcap.opcode import Opcode
 from numba import njit
 
 from acquisition.recording.messages import QUALITY_AT, SAMPLE_TAGS, SOURCE_AT, VALUE_AT
+from acquisition.recording.records import CUT, HEAD, MESSAGE, TOO_SHORT
 
 _MESSAGE = int(Opcode.MESSAGE)
-_HEAD_BYTES, _FIXED_BYTES = 9, 22
-CHANNELS = 1 << 16
-HEAD = np.dtype(
-    [
-        ("channel", np.uint16), ("sequence", np.uint32), ("log_ns", np.uint64), ("publish_ns", np.uint64),
-        ("start", np.int64), ("end", np.int64),
-    ],
-    align=True,
-)  # fmt: skip
-"""A message: the numbers of its channel and sequence, its times [ns], and where its data start and end."""
-TOO_SHORT, CUT = 1, 2
+_HEAD_BYTES, _FIXED_BYTES = HEAD.size, MESSAGE.size
 _LATEST = np.uint64(2**63 - 1)
 _TAGS = np.frombuffer(bytes(tag for _, tag in SAMPLE_TAGS), np.uint8)
 _TAGS_AT = np.array([place for place, _ in SAMPLE_TAGS])
@@ -69,7 +60,7 @@ def count_records(data: Any, ends: Any) -> tuple[int, int, Any, int]:
 
 @njit(cache=True, nogil=True)
 def read_heads(data: Any, heads: Any, others: Any) -> None:
-    """Fill in the :data:`HEAD` of all messages, and where other records begin."""
+    """Fill in the head of all messages, and where other records begin."""
     index = other = 0
     place = np.int64(0)
     while place < data.size:
@@ -85,20 +76,6 @@ def read_heads(data: Any, heads: Any, others: Any) -> None:
             others[other] = place
             other += 1
         place = after
-
-
-@njit(cache=True, nogil=True)
-def first_of_each(heads: Any) -> Any:
-    """The channel numbers that occur, in the order in which they come first."""
-    seen = np.zeros(CHANNELS, np.bool_)
-    order = np.empty(min(heads.size, CHANNELS), np.uint16)
-    count = 0
-    for head in heads:
-        if not seen[head.channel]:
-            seen[head.channel] = True
-            order[count] = head.channel
-            count += 1
-    return order[:count]
 
 
 @njit(inline="always")

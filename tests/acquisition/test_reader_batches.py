@@ -1,7 +1,11 @@
-"""Reading by the chunk gives what reading message by message gives, and refuses what that refuses."""
+"""Reading by the chunk gives what reading message by message gives, and refuses what that refuses.
+
+All of it twice: by the compiled loop, and without it, as small recordings are read.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +17,7 @@ from mcap.writer import Writer
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, Quality, Sample
 from acquisition.core.trial import Trial
-from acquisition.recording import reader
+from acquisition.recording import batches, reader
 from acquisition.recording.descriptors import Kind
 from acquisition.recording.messages import encode_sample
 from acquisition.recording.reader import MessageStream, Recording, read_recording
@@ -32,6 +36,13 @@ SAMPLES = st.builds(
     st.just("gps"),
     st.sampled_from(list(Quality)),
 )
+@pytest.fixture(autouse=True, scope="module", params=[True, False], ids=["compiled", "little"])
+def compiled(request: pytest.FixtureRequest) -> Iterator[bool]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batches, "_is_worth_loading", lambda plain: request.param)
+        yield request.param
+
+
 SAID = st.lists(SAMPLES | st.just("raw") | st.just("event"), min_size=1, max_size=60)
 
 
