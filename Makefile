@@ -97,8 +97,8 @@ soak: $(STAMP)   ## a week at sea through the recorder, in some ten minutes: mem
 
 fuzz: $(STAMP)   ## every decoder and recovery against bytes found by coverage, ten minutes each
 	$(BIN)/python -m pip install --quiet atheris
-	for name in nmea2000 dbc nmea0183 gateways mavlink mqtt declared recover; do \
-	  $(BIN)/python tests/fuzz/fuzz_$$name.py -max_total_time=600 -rss_limit_mb=300 || exit 1; done
+	for name in nmea2000 dbc nmea0183 gateways mavlink mqtt declared discover recover; do \
+	  $(BIN)/python -m tests.fuzz.fuzz_$$name -max_total_time=600 -rss_limit_mb=300 || exit 1; done
 
 check: lint types docs test pages ## what CI runs
 

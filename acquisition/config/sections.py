@@ -480,7 +480,7 @@ class MavlinkFileSource(_Mavlink):
 
 
 _ONE_TOPIC = r"^[^+#\x00]+$"
-_TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]+)$"
+_TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
 """Topics that may have wildcards: ``+`` stands for a whole level, ``#`` for all that follow."""
 
 
@@ -519,7 +519,7 @@ class _Mqtt(_Sentences):
     "receiver".
     """
 
-    topics: tuple[Annotated[str, StringConstraints(pattern=_TOPICS)], ...] = ()
+    topics: tuple[Annotated[str, StringConstraints(pattern=_TOPICS, min_length=1)], ...] = ()
     values: dict[ChannelName, TopicValue] = field(default_factory=dict)
     clock: Clock = "source"
 

@@ -75,13 +75,26 @@ def discover(
         load_dbc(dbc)
     _check_vessel(vessel, folder or Path())
     heard = listen(places, duration_s, stop, part_of(progress, 0, 2))
+    return discovery_of(heard, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
+
+
+def discovery_of(
+    heard: list[Heard],
+    name: str = "discovered",
+    vessel: str = "",
+    dbc: Path | None = None,
+    folder: Path | None = None,
+    stop: threading.Event | None = None,
+    progress: Progress | None = None,
+) -> Discovery:
+    """What has been heard, understood; as :func:`discover`."""
     found = [each for each in heard if each.count and not each.problem]
     if not found:
         return Discovery(heard)
     config = everything(found, vessel, dbc, (folder or Path()) / f"{name}.toml")
     until = stop if any(each.expected for each in found) else None  # what has been heard live is looked at
     expected = sum(each.expected or each.count for each in found)
-    survey = survey_of(config, _counted(_merged(found), expected, until, part_of(progress, 1, 2)))
+    survey = survey_of(config, _counted(_merged(found), expected, until, progress or (lambda share: None)))
     for each in found:
         each.count = survey.health.sources[each.place.name].frames
     missing = missing_channels(survey)

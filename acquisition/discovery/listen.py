@@ -209,12 +209,16 @@ _SILENT = "nothing comes"
 
 
 def topics_of_sentences(received: Iterable[Frame]) -> list[str]:
-    """The MQTT topics on which sentences come, or where there are many what they all begin with."""
+    """The MQTT topics on which sentences come, or what many begin with; all, where one cannot be written down."""
     topics = set()
     for frame in received:
         topic, _, text = frame.payload.partition(b"\0")
         if any(SENTENCE_BEHIND.fullmatch(line.strip()) for line in text.decode("latin-1").splitlines()):
             topics.add(topic.decode("utf-8", "replace"))
+    if not all(
+        each and each.isprintable() and each == each.strip() and not set("+#") & set(each) for each in topics
+    ):
+        return ["#"]  # what a configuration cannot name
     if len(topics) <= _MOST_TOPICS:
         return sorted(topics)
     first, last = (each.split("/") for each in (min(topics), max(topics)))

@@ -33,7 +33,7 @@ CHUNK_HEAD_BYTES = 44
 """So many bytes of a chunk's content tell whether it can be a chunk at all."""
 
 MESSAGE = struct.Struct("<HIQQ")
-"""What a message's data stand behind: the numbers of its channel and sequence, its times of logging and publishing."""
+"""What a message's data stand behind: the numbers of its channel and sequence, its two times [ns]."""
 
 MESSAGE_HEAD = np.dtype(
     [

@@ -17,11 +17,12 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
 from acquisition.config.configuration import load_config, parse_config
+from acquisition.config.sections import MqttSource
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame
 from acquisition.decoders.nmea0183 import split_sentence
-from acquisition.discovery.discover import Discovery, discover
+from acquisition.discovery.discover import Discovery, discover, discovery_of
 from acquisition.discovery.listen import find_baud_rate, form_of, interpret
 from acquisition.discovery.places import Place, parse_places
 from acquisition.emulator import NullModem, emulate
@@ -174,6 +175,20 @@ def test_a_log_of_mqtt_messages_is_recorded_and_topics_of_values_are_named(tmp_p
     assert recorded(found, tmp_path) == set(found.channels)
     assert {"heading_deg", "surge_mps", "sway_mps"} <= set(found.channels)
     assert '# channel = { topic = "ship/mru/Heading", unit = "" }' in found.configuration
+
+
+@pytest.mark.parametrize(
+    ("topic", "topics"), [("ship/", ["ship/"]), ("ship/ ", ["#"]), ("a\x1b[2J", ["#"]), ("", ["#"])]
+)
+def test_an_odd_topic_of_sentences_is_recorded(topic: str, topics: list[str], tmp_path: Path) -> None:
+    """One that ends in a slash, or that a file cannot say."""
+    line = sentence("HEHDT,12.5,T").strip()
+    frames = [Frame("broker", "mqtt", topic.encode() + b"\0" + line, at, at) for at in range(10**18, 10**18 + 10)]
+    found = discovery_of([interpret(Place("broker", "mqtt"), frames)], folder=tmp_path)
+    assert list(found.channels) == ["heading_deg"]
+    (section,) = parse_config(found.configuration, tmp_path / "found.toml").sources
+    assert isinstance(section, MqttSource)
+    assert list(section.topics) == topics
 
 
 @pytest.mark.slow

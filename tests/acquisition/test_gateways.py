@@ -27,6 +27,7 @@ from acquisition.config.configuration import load_config
 from acquisition.config.sections import CanFileSource, FileSource, Form, SerialSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
+from acquisition.logger.display import summary
 from acquisition.logger.pipeline import Recorder
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
@@ -93,6 +94,16 @@ def recorded(folder: Path, source: str) -> Recording:
     (path,), health = record(load_config(folder / "trial.toml"), folder / "out")
     assert health.sources["gate"].rejected == 0
     return read_recording(path)
+
+
+def test_the_summary_tells_how_long_the_log_lasts(tmp_path: Path) -> None:
+    """Not how long it took to read; of decoding it anew, too."""
+    path = written(tmp_path, bus_logs.candump_log())
+    (tmp_path / "trial.toml").write_text(config_text(f'type = "file"\npath = "{path}"\n'))
+    paths, health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
+    assert ": 0:02:29, " in summary(health, paths)
+    again = redecode(paths, tmp_path / "again.mcap")
+    assert ": 0:02:29, " in summary(again.health, [tmp_path / "again.mcap"])
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,8 @@ SAMPLES = st.builds(
     st.just("gps"),
     st.sampled_from(list(Quality)),
 )
+
+
 @pytest.fixture(autouse=True, scope="module", params=[True, False], ids=["compiled", "little"])
 def compiled(request: pytest.FixtureRequest) -> Iterator[bool]:
     with pytest.MonkeyPatch.context() as patch:

@@ -1,19 +1,15 @@
 """Coverage-guided fuzzing of a vessel's own CAN frames, by a DBC file with signals of every kind.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_dbc.py -max_total_time=600 -rss_limit_mb=300``.
-
 Nothing may raise, every value must be finite, and every channel sample must be one that its channel can hold.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Signal
     from acquisition.core.frames import Frame, FrameFlag
@@ -22,6 +18,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.decoders.dbc import DbcDecoder
     from acquisition.logger.derive import Derivation
     from tests.fuzz.decoding import check_frame
+    from tests.fuzz.running import fuzz
 
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
 PLAIN, MIXED, MANY, REAL = 0x100, 0x18EFFF21, 0x18FF1021, 0x18FF1121
@@ -83,19 +80,5 @@ def one_input(data: bytes) -> None:
         check_frame(DECODER, derivation, Frame("bus", "can", payload, 0, 0, identifier, flags))
 
 
-def corpus() -> Path:
-    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_dbc"
-    folder.mkdir(exist_ok=True)
-    for place in range(4):
-        (folder / f"seed_{place}").write_bytes(bytes([place, 12, 1]) + bytes(range(11)))
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=300", str(corpus())], one_input)
-    atheris.Fuzz()
-
-
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, [bytes([place, 12, 1]) + bytes(range(11)) for place in range(4)], 300)

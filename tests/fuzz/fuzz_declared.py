@@ -1,7 +1,5 @@
 """Coverage-guided fuzzing of declared channels: sentences, parameter groups and MAVLink messages, by all the packs.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_declared.py -max_total_time=600 -rss_limit_mb=300``.
-
 The first byte chooses the protocol, the second the group or the message. Sentences get sound checksums, frames are
 whole messages as a gateway hands them on, MAVLink payloads get a sound header and checksum. Nothing may raise,
 every value must be finite, and every channel sample must be one that its channel can hold.
@@ -10,13 +8,10 @@ every value must be finite, and every channel sample must be one that its channe
 from __future__ import annotations
 
 import json
-import sys
-import tempfile
 from pathlib import Path
 
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.configuration import TrialConfig, parse_config
     from acquisition.config.declarations import GroupField, MavlinkField, SentenceField, Transducer, carried_by
@@ -28,6 +23,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.logger.derive import Derivation
     from tests.acquisition.can_frames import identifier_of
     from tests.fuzz.decoding import check_frame
+    from tests.fuzz.running import fuzz
 
 TRIAL = Path(__file__).parents[2] / "trials" / "survey_and_engines.toml"
 HEAD = TRIAL.read_text(encoding="utf-8").partition("[[source]]")[0]
@@ -90,19 +86,5 @@ def one_input(data: bytes) -> None:
         check_frame(decoder, derivation, frame, channels_known_to(config.trial))
 
 
-def corpus() -> Path:
-    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_declared"
-    folder.mkdir(exist_ok=True)
-    for number, seed in enumerate(SEEDS):
-        (folder / f"seed_{number}").write_bytes(seed)
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=400", str(corpus())], one_input)
-    atheris.Fuzz()
-
-
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, SEEDS, 400)

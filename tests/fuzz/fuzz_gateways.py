@@ -1,7 +1,5 @@
 """Coverage-guided fuzzing of what gateways send and logs hold, from bytes to frames with their times.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_gateways.py -max_total_time=600 -rss_limit_mb=300``.
-
 The first byte chooses: a live line, lines of a log, or one of the binary files. Nothing may raise but what says
 that a file is broken, times must be possible, and memory must stay bounded.
 """
@@ -9,15 +7,12 @@ that a file is broken, times must be possible, and memory must stay bounded.
 from __future__ import annotations
 
 import struct
-import sys
-import tempfile
+from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
-from pathlib import Path
 
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.sources.file_forms import FILE_FORMS, read_lines
     from acquisition.sources.line_forms import LineReader
@@ -25,6 +20,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.sources.looks import looks_like
     from acquisition.sources.streams import LineAssembler
     from tests.acquisition.bus_logs import FORMS
+    from tests.fuzz.running import fuzz
 
 READERS = (read_lines, *(form.read for form in FILE_FORMS.values()))
 NOW_NS = 1_786_096_800_000_000_000
@@ -50,20 +46,12 @@ def one_input(data: bytes) -> None:
     assert looks_like(stream)
 
 
-def corpus() -> Path:
-    """A folder with the beginnings of every form, where libFuzzer also keeps what reached new code."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_gateways"
-    folder.mkdir(exist_ok=True)
-    for number, form in enumerate(FORMS.values()):
-        for choice in (0, len(READERS), *range(1, len(READERS))):
-            (folder / f"seed_{number}_{choice}").write_bytes(bytes([choice]) + form.write()[:500])
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=700", str(corpus())], one_input)
-    atheris.Fuzz()
+def seeds() -> Iterator[bytes]:
+    """The beginnings of every form, for every reader."""
+    for form in FORMS.values():
+        for choice in range(len(READERS) + 1):
+            yield bytes([choice]) + form.write()[:500]
 
 
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, seeds(), 700)

@@ -1,7 +1,5 @@
 """Coverage-guided fuzzing of MAVLink, from the bytes of a link to channel samples.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_mavlink.py -max_total_time=600 -rss_limit_mb=300``.
-
 The bytes are tried as they are, in two pieces, and once more as packets with right checksums, which chance would
 never find. Nothing may raise, every value must be finite, every channel sample must be one that its channel can
 hold, and no more than two packets may be kept waiting.
@@ -9,13 +7,8 @@ hold, and no more than two packets may be kept waiting.
 
 from __future__ import annotations
 
-import sys
-import tempfile
-from pathlib import Path
-
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import MavlinkSource
     from acquisition.core.frames import Frame
@@ -24,6 +17,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.decoders.mavlink_packets import LONGEST_BYTES, checksum
     from acquisition.logger.derive import Derivation
     from tests.fuzz.decoding import check_frame
+    from tests.fuzz.running import fuzz
 
 SECOND = 1_000_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -74,23 +68,12 @@ def one_input(data: bytes) -> None:
     assert not {"bad data", "unknown message", "undecodable"} & {each for each, n in decoder.refused.items() if n}
 
 
-def corpus() -> Path:
-    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_mavlink"
-    folder.mkdir(exist_ok=True)
-    bodies = {"zeros": bytes(40), "ones": b"\xff" * 40, "rising": bytes(range(40))}
-    for number, name in enumerate(NAMES):
-        for kind, body in bodies.items():
-            (folder / f"{name}_{kind}").write_bytes(bytes((number, 40)) + body)
-    stream = b"".join(bytes((number, 40)) + bodies["rising"] for number in range(len(NAMES)))
-    (folder / "stream").write_bytes(b"".join(packets(stream)))
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=800", str(corpus())], one_input)
-    atheris.Fuzz()
+def seeds() -> list[bytes]:
+    """Every message with bodies that are easy to change, and all of them one after the other."""
+    bodies = bytes(40), b"\xff" * 40, bytes(range(40))
+    each = [bytes((number, 40)) + body for number in range(len(NAMES)) for body in bodies]
+    return [*each, b"".join(packets(b"".join(each[2::3])))]
 
 
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, seeds(), 800)

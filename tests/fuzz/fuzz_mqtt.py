@@ -1,20 +1,13 @@
 """Coverage-guided fuzzing of MQTT messages, from a payload to channel samples.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_mqtt.py -max_total_time=600 -rss_limit_mb=300``.
-
 The first byte chooses the topic: sentences, a number, degrees and minutes, JSON. Nothing may raise, every value is
 finite, and every channel sample is one that its channel can hold.
 """
 
 from __future__ import annotations
 
-import sys
-import tempfile
-from pathlib import Path
-
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import MqttSource, TopicValue
     from acquisition.core.frames import Frame, FrameFlag
@@ -22,6 +15,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.decoders import make_decoders
     from acquisition.logger.derive import Derivation
     from tests.fuzz.decoding import check_frame
+    from tests.fuzz.running import fuzz
 
 START_NS = 1_779_019_200_000_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -53,19 +47,5 @@ def one_input(data: bytes) -> None:
         check_frame(decoder, derivation, Frame("line", "mqtt", topic + b"\0" + message, at_ns, at_ns, flags=flags))
 
 
-def corpus() -> Path:
-    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_mqtt"
-    folder.mkdir(exist_ok=True)
-    for number, seed in enumerate(SEEDS):
-        (folder / f"seed_{number}").write_bytes(seed)
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=600", str(corpus())], one_input)
-    atheris.Fuzz()
-
-
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, SEEDS, 600)

@@ -1,23 +1,17 @@
 """Coverage-guided fuzzing of NMEA 0183, from the bytes of a line to channel samples.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_nmea0183.py -max_total_time=600 -rss_limit_mb=300``.
-
 Every line is tried as it is, and once more with sound checksums, which chance would never find. Nothing may
 raise, every value must be finite, and every channel sample must be one that its channel can hold.
 """
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Literal
 
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Thrusters
     from acquisition.core.actuators import DEFAULT, Actuator, as_text
@@ -27,6 +21,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.logger.derive import Derivation
     from acquisition.sources.streams import LineAssembler
     from tests.fuzz.decoding import check_frame
+    from tests.fuzz.running import fuzz
 
 SECOND = 1_000_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -74,19 +69,5 @@ def one_input(data: bytes) -> None:
             check_frame(decoder, derivation, Frame("line", "nmea0183", payload, at_ns, at_ns))
 
 
-def corpus() -> Path:
-    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_nmea0183"
-    folder.mkdir(exist_ok=True)
-    for number, seed in enumerate(SEEDS):
-        (folder / f"seed_{number}").write_bytes(seed)
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=600", str(corpus())], one_input)
-    atheris.Fuzz()
-
-
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, SEEDS, 600)

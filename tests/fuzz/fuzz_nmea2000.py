@@ -1,7 +1,5 @@
 """Coverage-guided fuzzing of NMEA 2000, from frames to channel samples.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_nmea2000.py -max_total_time=600 -rss_limit_mb=300``.
-
 The bytes are taken for single frames of the groups that we listen to, address claims among them, and for whole
 messages that are cut into parts, which chance would seldom put together. Nothing may raise, every value must be
 finite, and every channel sample must be one that its channel can hold.
@@ -9,14 +7,10 @@ finite, and every channel sample must be one that its channel can hold.
 
 from __future__ import annotations
 
-import sys
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Device
     from acquisition.core.actuators import Actuator, as_text
@@ -27,6 +21,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.logger.derive import Derivation
     from tests.acquisition.can_frames import fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame
+    from tests.fuzz.running import fuzz
 
 MILLISECOND = 1_000_000
 NUMBERS = [*sorted(FIELDS), ADDRESS_CLAIM]
@@ -74,19 +69,5 @@ def seeds() -> list[bytes]:
     return [*each, b"".join(claims), b"".join(each)]
 
 
-def corpus() -> Path:
-    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
-    folder = Path(tempfile.gettempdir()) / "fuzz_nmea2000"
-    folder.mkdir(exist_ok=True)
-    for number, seed in enumerate(seeds()):
-        (folder / f"seed_{number}").write_bytes(seed)
-    return folder
-
-
-def main() -> None:
-    atheris.Setup([*sys.argv, "-max_len=800", str(corpus())], one_input)
-    atheris.Fuzz()
-
-
 if __name__ == "__main__":
-    main()
+    fuzz(one_input, seeds(), 800)

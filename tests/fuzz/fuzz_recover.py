@@ -1,6 +1,5 @@
 """Coverage-guided fuzzing of recovery: damage to a small recording, and files that are nothing but damage.
 
-``pip install atheris``, then ``python tests/fuzz/fuzz_recover.py -max_total_time=600 -rss_limit_mb=300``;
 ``-len_control=0 -max_len=400`` makes it try long inputs at once.
 
 The bytes are edits to a valid recording: where, how much is cut out, what is put in. An edit may also repair the
@@ -21,7 +20,6 @@ from pathlib import Path
 
 import atheris
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition", "mcap"]):
     from mcap.reader import make_reader
 

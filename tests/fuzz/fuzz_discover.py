@@ -1,0 +1,72 @@
+"""Coverage-guided fuzzing of discovery: whatever comes off a line, the configuration that is written is sound.
+
+The first byte chooses the kind of place, the rest is what came there. Nothing may raise, no terminal is told to do
+anything, and every channel that is promised is one that the written configuration lists.
+"""
+
+from __future__ import annotations
+
+from io import StringIO
+
+import atheris
+
+with atheris.instrument_imports(include=["acquisition"]):
+    from rich.console import Console
+
+    from acquisition.config.configuration import parse_config
+    from acquisition.core.frames import Frame, FrameFlag
+    from acquisition.discovery.discover import discovery_of
+    from acquisition.discovery.listen import interpret
+    from acquisition.discovery.picture import nothing_found, tables
+    from acquisition.discovery.places import Place
+    from tests.acquisition.bus_logs import FORMS
+    from tests.acquisition.can_frames import identifier_of
+    from tests.fuzz.running import fuzz
+
+PLACES = (
+    Place("line", "serial", {"device": "/dev/ttyUSB0", "baud_rate": 4800}, "/dev/ttyUSB0"),
+    Place("port", "udp", {"address": "127.0.0.1", "port": 10110}, "udp:10110"),
+    Place("gateway", "tcp", {"address": "127.0.0.1", "port": 2000}, "tcp:127.0.0.1:2000"),
+    Place("bus", "can", {"interface": "socketcan", "channel": "can0"}, "can0"),
+    Place("broker", "mqtt", {"address": "127.0.0.1", "topics": ["#"]}, "mqtt:127.0.0.1"),
+)
+SEEDS = (
+    *(bytes([place]) + form.write()[:300] for form in FORMS.values() for place in range(3)),
+    b"\x00$GPGGA,085118.40,5327.60,N,01002.89,E,1,07,1.1,7.2,M,4.6,M,,*54\n$HEHDT,12.5,T*2B\n",
+    b"\x03\x00\x01" + bytes(8) + b"\x05\x02" + bytes.fromhex("05a0be1c00a0a0c0"),
+    b"\x04ship/NMEA\x002023-11-03T09:41:02Z $HEHDT,12.5,T*2B\x00\x00ship/x\x001.5,2023-11-03T09:41:02Z",
+)  # fmt: skip
+GROUPS = (60928, 126996, 127250, 127245, 127488, 128006, 129029, 130306, 65280)
+
+
+def frames_of(place: Place, data: bytes) -> list[Frame]:
+    """What came, as the kind of place delivers it, 0.1 s after each other."""
+    times = [(1_780_000_000_000_000_000 + n * 10**8, n * 10**8) for n in range(len(data) + 1)]
+    if place.type == "can":
+        parts = [data[at : at + 10] for at in range(0, len(data), 10)]
+        return [
+            Frame("bus", "can", each[2:], *at, identifier_of(GROUPS[each[0] % len(GROUPS)], each[-1] & 3),
+                  FrameFlag(each[1] >> 5 & 7))
+            for each, at in zip(parts, times, strict=False) if len(each) > 1
+        ]  # fmt: skip
+    parts = data.split(b"\0\0") if place.type == "mqtt" else [data[:40], data[40:]]
+    protocol = "mqtt" if place.type == "mqtt" else "mavlink"
+    return [Frame(place.name, protocol, each, *at) for each, at in zip(parts, times, strict=False) if each]  # type: ignore[arg-type]
+
+
+def one_input(data: bytes) -> None:
+    place = PLACES[data[0] % len(PLACES)] if data else PLACES[0]
+    found = discovery_of([interpret(place, frames_of(place, data[1:]))])
+    if found.survey is None:
+        assert nothing_found(found).isprintable()
+        return
+    shown = StringIO()
+    for table in tables(found):
+        Console(file=shown, width=200).print(table)
+    assert "\x1b" not in shown.getvalue()
+    config = parse_config(found.configuration, "written.toml")
+    assert set(found.channels) <= config.expected_channels
+
+
+if __name__ == "__main__":
+    fuzz(one_input, SEEDS, 600)
