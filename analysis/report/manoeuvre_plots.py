@@ -225,9 +225,7 @@ _OTHER_INCH = (9.0, 5.5)
 
 def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:
     """Runs, each with its name, over each other: tracks in the frame of each approach, heading and speed."""
-    named = len(runs) <= _MOST_IN_LEGEND
-    margins = _MARGINS | {"bottom": 0.1 + (0.03 + 0.034 * np.ceil(len(runs) / 2) if named else 0.0)}
-    grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1), **margins)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.2, 1))
     left, above, below = (figure.add_subplot(grid[place]) for place in ((slice(None), 0), (0, 1), (1, 1)))
     for number, (name, motion, manoeuvre) in enumerate(runs):
         start, end = seconds_of(motion, manoeuvre)
@@ -244,8 +242,8 @@ def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]])
     above.set_ylabel("heading off the approach [deg]")
     below.set_ylabel("speed over ground [m/s]")
     below.set_xlabel("time since the execute [s]")
-    if named:
-        figure.legend(*left.get_legend_handles_labels(), loc="lower left", ncols=2, fontsize=8)
+    if len(runs) <= _MOST_IN_LEGEND:
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8)
 
 
 def size_inch_of(manoeuvre: Manoeuvre) -> tuple[float, float]:

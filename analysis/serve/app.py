@@ -26,7 +26,7 @@ from analysis.batch.batch import failures_of
 from analysis.batch.one_recording import WAITING, Row
 from analysis.prepare import Preparation, prepare
 from analysis.report.pages import index_page
-from analysis.report.rendering import render
+from analysis.report.rendering import environment, render
 from analysis.serve.runs import compared, index_table, motions_of, runs_in
 from analysis.serve.season import Season
 from analysis.serve.upload import receive
@@ -62,6 +62,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
     app.register_error_handler(HTTPException, _explained)
     pages = _Pages(season, upload_mb, token)
+    environment()  # what pages are drawn with, before anybody waits
     for path, page in pages.addresses().items():
         app.add_url_rule(path, path, page)
     if upload_mb is not None:
