@@ -133,7 +133,7 @@ class _Pages:
         return page.replace(LINKS, links, 1)
 
     def diagnosis(self, name: str) -> str:
-        folder = self._season.diagnosis_of(self._known(name))
+        _, folder = self._season.diagnosis_of(self._known(name))
         return _read_page(folder / "report.html" if folder else None)
 
     def export(self, name: str, kind: str) -> Response:

@@ -17,7 +17,6 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from itertools import count
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -41,6 +40,8 @@ DIAGNOSIS = "diagnosis.json"
 _KEPT = ".season.sqlite"
 _NICENESS = 10
 _REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
+_Diagnosis = tuple[tuple[int, int], str, frozenset[str]]
+"""The file's size and time, the verdict, the hashes of the recordings."""
 _DIED = "its worker died over it; too little memory, or a fault in native code"
 
 
@@ -116,18 +117,20 @@ class Season:
                 self._kept.pop(name, None)
             self._wish(ASKED, name)
 
-    def diagnosis_of(self, row: Row) -> Path | None:
-        """The folder of the newest diagnosis that a recording took part in."""
-        return max(self._diagnoses_of(row), default=_NO_DIAGNOSIS).folder
-
-    def _diagnoses_of(self, row: Row) -> list[_Diagnosis]:
+    def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
+        """Verdict and folder of the newest diagnosis that a recording took part in."""
         digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
-        return [each for each in self._diagnoses.values() if each.of & digests]
+        found = [
+            (state[1], verdict, path.parent)
+            for path, (state, verdict, of) in self._diagnoses.items() if of & digests
+        ]  # fmt: skip
+        _, verdict, folder = max(found, default=(0, "", None))
+        return verdict, folder
 
     def _diagnosis_in(self, path: Path) -> _Diagnosis:
         """What a file says, read again if it has changed."""
         known, state = self._diagnoses.get(path), _state_of(path)
-        return known if known is not None and known.state == state else _read_diagnosis(path, state)
+        return known if known is not None and known[0] == state else (state, *_read_diagnosis(path))
 
     def _row(self, name: str) -> Row:
         stamp, row = self._kept.get(name, ("", None))
@@ -137,8 +140,7 @@ class Season:
         elif row["status"] == WAITING and self._eager and self._is_settled(name):
             self._wish(REST, name)
         path = self._files[name][0].relative_to(self.folder).as_posix()
-        verdict = max(self._diagnoses_of(row), default=_NO_DIAGNOSIS).verdict
-        return {**row, "name": name, "path": path, "verdict": verdict}
+        return {**row, "name": name, "path": path, "verdict": self.diagnosis_of(row)[0]}
 
     def _stamp(self, name: str) -> str:
         """What a row hangs on: the files' names, sizes and times, the options and the version."""
@@ -180,28 +182,13 @@ class Season:
                     self._store.commit()
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class _Diagnosis:
-    """A diagnosis that lies in a folder: when it was written, its verdict and the hashes of its recordings."""
-
-    written_ns: int
-    state: tuple[int, int] = field(compare=False)
-    verdict: str = field(compare=False)
-    of: frozenset[str] = field(compare=False)
-    folder: Path | None = field(compare=False)
-
-
-_NO_DIAGNOSIS = _Diagnosis(0, (0, 0), "", frozenset(), None)
-
-
-def _read_diagnosis(path: Path, state: tuple[int, int]) -> _Diagnosis:
-    """The diagnosis in a file; of what is none, that of no recording."""
+def _read_diagnosis(path: Path) -> tuple[str, frozenset[str]]:
+    """Verdict and hashes of the recordings of a diagnosis; nothing of what is none."""
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
-        verdict, hashes = str(said["verdict"]), str(said["provenance"]["recordings_sha256"])
+        return str(said["verdict"]), frozenset(str(said["provenance"]["recordings_sha256"]).split(", "))
     except (OSError, ValueError, KeyError, TypeError):
-        verdict, hashes = "", ""
-    return _Diagnosis(state[1], state, verdict, frozenset(hashes.split(", ")), path.parent)
+        return "", frozenset()
 
 
 def _state_of(path: Path) -> tuple[int, int]:
