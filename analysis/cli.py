@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import RECORDINGS, AsJson, Output
-from analysis.tables.files import expect_suffix
+from acquisition.core.files import expect_suffix
 
 RebuildPositions = Annotated[
     bool,
@@ -57,6 +57,8 @@ def check(
     elif rebuild_positions:
         raise typer.BadParameter("--rebuild-positions needs --repair")
     recording = read_recording(file)
+    if not recording.closed:
+        typer.echo(f"warning: {file} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:

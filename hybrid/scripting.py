@@ -194,10 +194,12 @@ def simulate(
     ``hidden`` maps names of effects to their parameters; what was hidden goes to ``PATH.truth.json`` and into
     nothing else.
     """
+    from acquisition.core.files import expect_suffix
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.simulation.trial import record_trial, simulate_trial
     from hybrid.vessel.files import load_vessel
 
+    expect_suffix(path, ".mcap")
     target, ship = Path(path), load_vessel(vessel)
     known = catalogue_with(vessel=ship) if catalogue is None else catalogue
     table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)

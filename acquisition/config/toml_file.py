@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,7 +27,8 @@ def read_text(path: Path | str) -> str:
     except FileNotFoundError as error:
         raise ConfigurationError("does not exist", where=str(path), fix="check the path") from error
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError("cannot be read as text", where=str(path), why=str(error)) from error
+        why = "it is no text" if isinstance(error, UnicodeDecodeError) else error.strerror or str(error)
+        raise ConfigurationError("cannot be read", where=str(path), why=why, fix="give a TOML file") from error
 
 
 def load_toml(path: Path | str, model: type[Model]) -> Model:
@@ -43,7 +45,9 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError("is not valid TOML", where=str(path), why=str(error)) from error
+        raise ConfigurationError(
+            "is not valid TOML", where=str(path), why=str(error), fix="correct it there"
+        ) from error
 
 
 def validate(
@@ -57,11 +61,19 @@ def validate(
         keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]
         if first["type"].startswith("union_tag"):
             keys.append("type")
+        more = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
+        near = get_close_matches(str(keys[-1]), _keys_of(model), n=1) if first["type"] in _UNKNOWN_KEY else []
         raise ConfigurationError(
             f"{'.'.join(map(str, keys)) or 'file'}: {_explain(first)}",
             where=f"{path}, line {line_of(text, keys)}",
-            fix=f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else "",
+            fix="; ".join(filter(None, [f"did you mean {near[0]}?" if near else "", more])),
         ) from error
+
+
+def _keys_of(model: type[Model]) -> set[str]:
+    """Every key that a model of a file has, in whichever of its tables."""
+    every = TypeAdapter(model).json_schema()
+    return {key for each in (every, *every.get("$defs", {}).values()) for key in each.get("properties", ())}
 
 
 def line_of(text: str, keys: Sequence[str | int]) -> int:

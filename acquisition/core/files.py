@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from acquisition.core.errors import StorageError, storage_error
+from acquisition.core.errors import InputError, StorageError, storage_error
 
 
 @contextmanager
@@ -36,3 +36,20 @@ def write_text(path: Path | str, text: str) -> Path:
     with atomic_file(path) as partial:
         partial.write_text(text, encoding="utf-8")
     return Path(path)
+
+
+def expect_suffix(path: Path | str, *suffixes: str) -> str:
+    """The suffix of ``path`` in small letters, which has to be one of ``suffixes``.
+
+    A name without suffix is taken where there is only one kind to write. Raises :class:`InputError` for another
+    suffix: a file should hold what its name says.
+    """
+    path = Path(path)
+    kind = path.suffix.lower() or (suffixes[0] if len(suffixes) == 1 else "")
+    if kind not in suffixes:
+        *others, last = suffixes
+        named = f"{', '.join(others)} or {last}" if others else last
+        raise InputError(
+            f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {named}"
+        )
+    return kind

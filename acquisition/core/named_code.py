@@ -137,10 +137,9 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
     try:
         inspect.signature(called).bind(*([code] if method else []), *arguments)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
-        why = str(error) if callable(called) else "it has none" if method else "it is no function"
-        raise ConfigurationError(
-            "cannot be called as it has to be", where=name, why=why, fix=f"define {wanted}"
-        ) from error
+        what = f"has no {method}" if method else "is no function"
+        what, why = ("takes other arguments", str(error)) if callable(called) else (what, "")
+        raise ConfigurationError(what, where=name, why=why, fix=f"define {wanted}") from error
 
 
 def _entries(group: str) -> dict[str, EntryPoint]:

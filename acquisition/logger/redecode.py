@@ -15,7 +15,7 @@ from acquisition.config.configuration import CONFIGURATION, PACK_ENDING, TrialCo
 from acquisition.config.sections import Carried
 from acquisition.core.actuators import from_text
 from acquisition.core.errors import InputError, StorageError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial
@@ -51,6 +51,7 @@ def redecode(
     Without ``config`` the recording's own serves: the same decoding with today's software. Raises
     :class:`InputError` for recordings without raw input or configuration, :class:`StorageError`.
     """
+    expect_suffix(target, ".mcap")
     if target.exists():
         raise StorageError("exists already", where=str(target), fix="name a file that does not, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:

@@ -27,7 +27,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from acquisition.core.errors import InputError, StorageError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
@@ -375,6 +375,7 @@ def copy_intact(
     Raises :class:`InputError`, and :class:`StorageError` when ``target`` exists or cannot be written, or does not
     read back as what was saved.
     """
+    expect_suffix(target, ".mcap")
     with open_recording(source, whatever_it_is=True) as stream:
         _refuse_existing(source, target)
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))

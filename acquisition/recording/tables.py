@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.channels import channels_of_trial
 from acquisition.core.errors import InputError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.frames import Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.recording.writer import RecordingWriter
@@ -35,6 +35,7 @@ def write_table(
     name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
     is no channel, :class:`StorageError` when the file cannot be written.
     """
+    expect_suffix(path, ".mcap")
     known = channels_of_trial(trial)
     unknown = [name for name in table.columns if name not in known]
     if unknown:

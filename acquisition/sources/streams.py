@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import ipaddress
+import os
 import socket
 import struct
 import termios
@@ -129,7 +130,7 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
         raise SourceError(
             f"serial line {config.device} cannot be opened",
             where=f"source {config.name!r}",
-            why=str(error),
+            why=os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error),
             fix="connect it, end the program that uses it, or correct `device`",
         ) from error
 

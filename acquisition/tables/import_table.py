@@ -124,7 +124,8 @@ def import_proposed(
     if proposal.unanswered:
         raise InputError(f"{proposal.unanswered[0]}", where=str(raw.path))
     refuse_overwriting(output, force)
-    refuse_overwriting(map_path, force)
+    if not _holds(Path(map_path), proposal.text):
+        refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
     columns, declared = column_map_of(proposal.text, map_path)
     ship = None if vessel is None else load_actuators(vessel)
     summary = _record(_through_map(raw, columns, declared, map_path, ship, vessel), output)
@@ -153,10 +154,15 @@ def is_standard(raw: RawTable) -> bool:
     return bool(raw.trial.actuators) or ("time" in given and 2 * len(ours) > len(given))
 
 
-def refuse_overwriting(path: Path | str, force: bool) -> None:
+def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
     """Raise :class:`InputError` where a file is there already that ``force`` does not give up."""
     if not force and Path(path).exists():
-        raise InputError("is there already", where=str(path), fix="name another file, or say --force to replace it")
+        raise InputError("is there already", where=str(path), fix=f"{fix}, or say --force to replace it")
+
+
+def _holds(path: Path, text: str) -> bool:
+    """Whether a file holds that very text."""
+    return path.is_file() and path.read_bytes() == text.encode()
 
 
 def _record(file: TableFile, output: Path | str) -> ImportSummary:

@@ -434,8 +434,14 @@ class _Motion:
         if self.north is None or self.east is None or "heading_deg" not in self.values or self.grid.size < 3:
             return
         steps = [increments(self.t, each, self.grid) for each in (self.north, self.east)]
-        along = agreement(steps[0], steps[1], means(self.t, unwrap(self.values["heading_deg"]), self.grid))
-        if along < -0.5:
+        heading = means(self.t, unwrap(self.values["heading_deg"]), self.grid)
+        along = agreement(steps[0], steps[1], heading)
+        mirrored = agreement(steps[1], steps[0], heading)  # of a straight run to the north-east both may be high
+        if along < 0.5 and mirrored > 0.8:
+            self.draft.warnings.append(
+                "the track runs along the heading with its axes exchanged: latitude for longitude?"
+            )
+        elif along < -0.5:
             self.draft.warnings.append(
                 "the ship moves astern most of the time by position and heading: heading of the stern?"
             )

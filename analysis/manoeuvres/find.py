@@ -49,6 +49,7 @@ _WIDEST_HELM_DEG = 75.0
 _KNOWN_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
+_NO_HELM = "no helm was recorded, the angle of a rudder or of a thruster"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +110,10 @@ def manoeuvres_and_left_out(
     :class:`Motion` to :class:`Manoeuvre`s, which stand beside those found here, over the same rows too.
     """
     motion = motion_of(table, length_m)
+    bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
-        return (), ()
+        why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
+        return (), (LeftOut("manoeuvre", *bounds, why),)
     marks = marks_of(events)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
@@ -123,7 +126,8 @@ def manoeuvres_and_left_out(
     named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
     added = [each for name in own for each in _found_by(name, motion)]
     every = sorted([*add_limits(named, length_m), *added], key=_start_of)
-    return tuple(every), tuple(each for each in judged if isinstance(each, LeftOut))
+    no_helm = [] if motion.steering else [LeftOut("turn or zigzag", *bounds, _NO_HELM)]
+    return tuple(every), (*no_helm, *(each for each in judged if isinstance(each, LeftOut)))
 
 
 def _start_of(each: Manoeuvre | LeftOut) -> datetime:

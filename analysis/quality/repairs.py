@@ -21,6 +21,7 @@ from acquisition.core.angles import in_turn, is_possible, unwrap
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import BY_NAME, find_channel, known_channels
 from acquisition.core.errors import InputError
+from acquisition.core.files import expect_suffix
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
 from acquisition.recording.tables import write_table
@@ -33,7 +34,6 @@ from analysis.quality.motion.checks import delays_of
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
 from analysis.quality.samples import rows_of, samples_of
 from analysis.quality.wind import true_wind
-from analysis.tables.files import expect_suffix
 from analysis.tables.table import (
     HISTORY_KEY,
     add_step,

@@ -18,10 +18,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
-from acquisition.core.files import atomic_file, write_text
+from acquisition.core.files import atomic_file, expect_suffix, write_text
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
-from analysis.tables.files import expect_suffix, write_parquet
+from analysis.tables.files import write_parquet
 from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
 
 Writer = Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]

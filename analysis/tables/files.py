@@ -7,28 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acquisition.core.errors import InputError, StorageError, storage_error
-from acquisition.core.files import atomic_file
+from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-def expect_suffix(path: Path | str, *suffixes: str) -> str:
-    """The suffix of ``path`` in small letters, which has to be one of ``suffixes``.
-
-    A name without suffix is taken where there is only one kind to write. Raises :class:`InputError` for another
-    suffix: a file should hold what its name says.
-    """
-    path = Path(path)
-    kind = path.suffix.lower() or (suffixes[0] if len(suffixes) == 1 else "")
-    if kind not in suffixes:
-        *others, last = suffixes
-        named = f"{', '.join(others)} or {last}" if others else last
-        raise InputError(
-            f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {named}"
-        )
-    return kind
 
 
 def make_folder(folder: Path) -> None:

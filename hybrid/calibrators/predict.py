@@ -84,8 +84,8 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     """
     start = pd.Timestamp(table.index[0])
     try:
-        if text.startswith("+"):
-            return start + pd.Timedelta(seconds=float(text[1:]))
+        if text.startswith(("+", "-")):
+            return start + pd.Timedelta(seconds=float(text))
         if text.replace(".", "", 1).isdigit():
             return pd.Timestamp(float(text), unit="s", tz="UTC")
         at = pd.Timestamp(text)

@@ -60,6 +60,20 @@ def text_table(
     return table
 
 
+def _short(method: str) -> str:
+    """A method's name, of one of a user's own without its folders."""
+    return method.rpartition("/")[2]
+
+
+def _head(method: str) -> str:
+    """A method at the head of a narrow column, a word a line.
+
+    >>> _head("/home/me/mine.py:MeanMiss")
+    'mine.py:\\nMeanMiss'
+    """
+    return _short(method).replace("_", "\n").replace(":", ":\n")
+
+
 def validation_view(validation: Validation) -> RenderableType:
     """A row a method, and below it a row a sensor."""
     table = validation_table(validation)
@@ -70,7 +84,7 @@ def truths_table(truths: Truths) -> Table:
     """A row a sensor that may judge: what a perfect prediction would err by, and what each method does."""
     names = list(next(iter(truths.by.values())).methods)
     return text_table(
-        "judged by each sensor: mean distance m", ("", *(name.replace("_", "\n") for name in ("floor", *names))),
+        "judged by each sensor: mean distance m", ("", *map(_head, ("floor", *names))),
         truth_rows(truths), caption="floor: what a perfect prediction would err by",
     )  # fmt: skip
 
@@ -183,7 +197,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
     rows = [
-        [name, start, spread(each.mean_distance_m), spread(each.ratio), f"{each.coverage_95.value:.1%}"]
+        [_short(name), start, spread(each.mean_distance_m), spread(each.ratio), f"{each.coverage_95.value:.1%}"]
         for start, summary in split.by_start.items()
         for name, each in summary.methods.items()
     ]  # fmt: skip
@@ -199,7 +213,7 @@ def breakdown_table(split: SplitSummary) -> Table:
         figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
         figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
         rows.append([name, f"{summary.windows}/{summary.legs}", *figures.values()])
-    methods = [name.replace("_", "\n") for name in split.whole.methods]
+    methods = map(_head, split.whole.methods)
     return text_table(f"{split.kind}: mean distance m by class, with windows/legs", ("", "", *methods), rows)
 
 

@@ -51,7 +51,7 @@ def test_a_configuration_becomes_frozen_objects(tmp_path: Path) -> None:
         (config_text(SERIAL, ("heding_deg",)), 7, "did you mean heading_deg"),
         (config_text(SERIAL + "boud_rate = 9600\n"), 10, "boud_rate: is not a known key"),
         (config_text('type = "serial"\n'), 4, "device: is missing"),
-        (config_text('type = "udp"\nprot = 1\n'), 9, "prot: is not a known key here; 1 more"),
+        (config_text('type = "udp"\nprot = 1\n'), 9, "prot: is not a known key here; did you mean port?; 1 more"),
         (two_sources('type = "udp"\nport = 9\n', 'type = "mavlink"\nport = 9\n'), 14, "same port as 'line'"),
         (two_sources('type = "udp"\nport = 9\n', 'port = 9\ntype = "udp"\naddress = "0.0.0.0"\n'), 13, "same port"),
         (two_sources(SERIAL, SERIAL.replace("serial", "mavlink_serial")), 14, "same device as 'line'"),
