@@ -426,7 +426,7 @@ def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
     """The mean order to what the ship is steered by [deg], None where none was recorded."""
     names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
     known = [name for name in names if name in grid and grid[name].notna().any()]
-    return circular_mean([grid[name].to_numpy(dtype=float) for name in known], axis=0) if known else None
+    return circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in known], axis=0) if known else None
 
 
 def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:

@@ -19,13 +19,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import names_of
-from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from analysis.report.figures import ENDINGS, fill_figure, write_figure
-from analysis.report.plots import FAINT, INK, PALETTE
-from analysis.tables.table import table_actuators
+from analysis.report.plots import FAINT, INK, PALETTE, channels_figure
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.regions import circle_about, outlines
 from hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
@@ -46,17 +43,6 @@ def campaign_tracks(axes: Axes, windows: PredictionWindows, azimuth_deg: Floats)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east [km]")
     axes.set_ylabel("north [km]")
-
-
-def channel(axes: Axes, seconds: Floats, values: Mapping[str, Floats], label: str) -> None:
-    """Channels of one unit against the seconds of a sequence; ``values`` by the name in the legend."""
-    for (name, series), colour in zip(values.items(), PALETTE, strict=False):
-        axes.plot(seconds, series, color=colour, linewidth=1.0, label=name)
-    axes.set_ylabel(label)
-    axes.set_xlim(seconds[0], seconds[-1])
-    axes.margins(y=0.15)
-    if len(values) > 1:
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(values), borderpad=0.0, fontsize=8)
 
 
 def fans(axes: Axes, windows: PredictionWindows, predicted: Floats, method: str) -> None:
@@ -200,33 +186,10 @@ def draw_tracks(figure: Figure, shown: FigureData) -> None:
 
 def draw_channels(figure: Figure, shown: FigureData) -> None:
     """Figure 5."""
-    table = shown.example
-    seconds = np.asarray((table.index - table.index[0]).total_seconds(), dtype=float)
+    drawing = channels_figure(shown.example)
+    if drawing is not None:
+        drawing[0](figure)
     figure.suptitle(f"One sequence in the {shown.seas[-1].job.sea_state} sea, as it is recorded", x=0.01, ha="left")
-    for axes, (unit, values) in zip(
-        figure.subplots(3, 3, sharex=True).ravel(), _channels(table).items(), strict=True
-    ):
-        channel(axes, seconds, values, unit)
-    for axes in figure.axes[-3:]:
-        axes.set_xlabel("time [s]")
-
-
-def _channels(table: pd.DataFrame) -> dict[str, Mapping[str, Floats]]:
-    """The channels in nine panels: names in the legend by the label of the axis."""
-    value = {str(name): table[name].to_numpy(dtype=float) for name in table}
-    moved = {name: value[f"{name}_m"] - value[f"{name}_m"][0] for name in ("north", "east")}
-    wind, actuators = unwrap(value["wind_direction_deg"]), table_actuators(table)
-    return {
-        "from the start [m]": moved,
-        "heading [deg]": {"heading": unwrap(value["heading_deg"])},
-        "surge [m/s]": {"surge": value["surge_mps"]},
-        "sway [m/s]": {"sway": value["sway_mps"]},
-        "yaw rate [deg/s]": {"yaw rate": value["yaw_rate_dps"]},
-        "wind speed [m/s]": {"wind speed": value["wind_speed_mps"]},
-        "wind direction, from [deg]": {"wind direction": wind},
-        "shaft speed [rpm]": {each.name: value[f"{each.name}_rpm"] for each in actuators},
-        "azimuth [deg]": {name: value[f"{name}_angle_deg"] for name in names_of(actuators, "azimuth")},
-    }
 
 
 def draw_fans(figure: Figure, shown: FigureData) -> None:
@@ -315,7 +278,7 @@ FIGURES: dict[str, FigureSpec] = {
         "The campaign in the three sea states: zigzags to scale, one colour an azimuth, north up.",
     ),
     "figure_05_channels": FigureSpec(
-        draw_channels, (10.5, 6.5), "One sequence of 600 samples: pose, velocities, wind and thrusters."
+        draw_channels, (9.0, 9.5), "One sequence of 600 samples: heading, velocities, wind and thrusters."
     ),
     "figure_06_reference": FigureSpec(
         draw_fans,

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from acquisition.core.actuators import Actuator, as_text, control_names
+from acquisition.core.actuators import Actuator, as_text, control_names, name_of_order
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
@@ -73,11 +73,17 @@ def test_the_channels_figure_has_a_panel_a_quantity(table: pd.DataFrame) -> None
     assert "controls" not in track[2]
 
 
-def test_the_picture_of_a_zigzag_shows_the_rudder(table: pd.DataFrame) -> None:
+def test_the_picture_of_a_zigzag_shows_the_rudder_and_what_was_ordered(table: pd.DataFrame) -> None:
     (found,) = (each for each in find_manoeuvres(table) if each.kind == "zigzag")
-    shown = json.dumps(numbers_of(fill_figure(lambda figure: draw(figure, motion_of(table), found), (9.0, 5.0))))
-    assert '"label": "rudder"' in shown
-    assert "azimuth" not in shown
+    angles = [name for name in control_names(table_actuators(table)) if name.endswith("_angle_deg")]
+    ordered = table.assign(**{name_of_order(name): table[name].shift(-5) for name in angles})
+    for recorded, labels in ((table, {"rudder"}), (ordered, {"rudder", "rudder, ordered"})):
+        motion = motion_of(recorded)
+        shown = json.dumps(
+            numbers_of(fill_figure(lambda figure, motion=motion: draw(figure, motion, found), (9.0, 5.0)))
+        )
+        assert set(re.findall(r'"label": "(rudder[^"]*)"', shown)) == labels
+        assert "azimuth" not in shown
 
 
 def test_the_interactive_page_groups_the_controls(table: pd.DataFrame) -> None:
