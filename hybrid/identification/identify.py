@@ -261,18 +261,11 @@ def _identification(model: Model, found: Fit, candidates: Sequence[Candidate]) -
 
 def _estimate(coefficient: Coefficient, at: float, share: float) -> Estimate:
     low, high = sorted(coefficient.value(at + side * _NORMAL_95 * share) for side in (-1.0, 1.0))
-    before = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
+    start_low, start_high = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
     return Estimate(
-        coefficient.name,
-        coefficient.value(at),
-        low,
-        high,
-        coefficient.start,
-        before[0],
-        before[1],
-        float(share),
+        coefficient.name, coefficient.value(at), low, high, coefficient.start, start_low, start_high, float(share),
         coefficient.twins,
-    )
+    )  # fmt: skip
 
 
 def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) -> Vessel:

@@ -289,24 +289,11 @@ def _drifting(at: Shafts) -> Candidate:
 
 
 _MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
-    _reciprocal,
-    _four_headings,
-    _speed_runs,
-    _turns(15.0, 360.0),
-    _turns(30.0, 720.0),
-    _zigzag("zigzags_10_10", 10.0, 10.0),
-    _zigzag("zigzags_20_20", 20.0, 20.0),
-    _zigzag("zigzags_20_20_slow", 20.0, 20.0, _SLOW),
-    _zigzag("zigzags_30_5", 30.0, 5.0),
-    _speed_changes,
-    _coasting,
-    _crash_stop,
-    _one_drive,
-    _uneven,
-    _opposed,
-    _tunnel,
-    _drifting,
-)
+    _reciprocal, _four_headings, _speed_runs, _turns(15.0, 360.0), _turns(30.0, 720.0),
+    _zigzag("zigzags_10_10", 10.0, 10.0), _zigzag("zigzags_20_20", 20.0, 20.0),
+    _zigzag("zigzags_20_20_slow", 20.0, 20.0, _SLOW), _zigzag("zigzags_30_5", 30.0, 5.0), _speed_changes,
+    _coasting, _crash_stop, _one_drive, _uneven, _opposed, _tunnel, _drifting,
+)  # fmt: skip
 
 
 _STEPS = 4  # of the simulator in a quarter of a second, so that the autopilot's loop is no slower than a real one

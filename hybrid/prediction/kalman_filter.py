@@ -141,16 +141,9 @@ def pass_second(bias: Force, kept: Floats, swing: Swing, step: Floats) -> None:
 
 @compiled
 def pass_model(
-    p: Record,
-    mass: InverseMass,
-    order: Control,
-    acting: Control,
-    scratch: Scratch,
-    air: tuple[float, float],
-    state: State,
-    extra: ForceFunction | None,
-    parameters: Floats,
-) -> State:
+    p: Record, mass: InverseMass, order: Control, acting: Control, scratch: Scratch, air: tuple[float, float],
+    state: State, extra: ForceFunction | None, parameters: Floats,
+) -> State:  # fmt: skip
     """The model's state a second later, in steps in which she sails :data:`STEP_LENGTHS` of her length at most."""
     lengths = hypot(state[3], state[4]) / p.length_overall_m
     steps = 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
@@ -173,19 +166,10 @@ def store(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
 def _make_observer(stamp: int) -> Callable[..., None]:
     @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
     def observe_and_predict(
-        plants: NDArray[np.void],
-        past: Floats,
-        known_s: NDArray[np.int64],
-        gains: Floats,
-        kept: Floats,
-        wave: Floats,
-        control: Floats,
-        wind: Floats,
-        extra: ForceFunction | None,
-        parameters: Floats,
-        states: Floats,
-        waves: Floats,
-    ) -> None:
+        plants: NDArray[np.void], past: Floats, known_s: NDArray[np.int64], gains: Floats, kept: Floats,
+        wave: Floats, control: Floats, wind: Floats, extra: ForceFunction | None, parameters: Floats,
+        states: Floats, waves: Floats,
+    ) -> None:  # fmt: skip
         """Fill ``states`` [N, H+1, 6], and ``waves`` [N, H+1, 3] beside them.
 
         From ``past`` [N, P+1, channels], newest first, of which ``known_s`` [N] seconds are whole; ``control``

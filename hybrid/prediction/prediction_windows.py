@@ -174,18 +174,11 @@ def windows_of_channels(
     past = _past(now, trial, start_ns, tables, actuators)
     past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     return PredictionWindows(
-        start=past[:, 0, : WIND.start].copy(),
-        track=track,
-        wind=past[:, 0, WIND],
-        control=past[:, 0, CONTROLS],
-        trial=trial,
-        leg=leg,
-        start_ns=start_ns,
-        past=past,
-        actuators=actuators,
+        start=past[:, 0, : WIND.start].copy(), track=track, wind=past[:, 0, WIND], control=past[:, 0, CONTROLS],
+        trial=trial, leg=leg, start_ns=start_ns, past=past, actuators=actuators,
         commands=mean_controls(_si(channels, actuators)[..., CONTROLS], actuators) if any_commands else None,
         two_sided=None if motion is None else _known_afterwards(motion, track[:, 0, HEADING]),
-    )
+    )  # fmt: skip
 
 
 def mean_controls(settings: Floats, actuators: Actuators) -> Floats:

@@ -25,16 +25,9 @@ from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job, Sea
 
 SEEDS = 5
 ORDER = (
-    "constant_velocity",
-    "reference",
-    "data_driven",
-    "paper",
-    "additive",
-    "hybrid",
-    "floor",
-    "perfect_start",
+    "constant_velocity", "reference", "data_driven", "paper", "additive", "hybrid", "floor", "perfect_start",
     "waves_only",
-)
+)  # fmt: skip
 QUANTITIES = ("reduction_x", "reduction_y", "reduction")
 
 

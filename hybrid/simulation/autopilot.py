@@ -132,20 +132,10 @@ def leg_has_ended(
 def _make_sail(stamp: int) -> Callable[..., int]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
     def sail(
-        p: Record,
-        start: Floats,
-        legs: Floats,
-        ends: Floats,
-        drives: Drives,
-        wind: Floats,
-        drift_n: Floats,
-        dt_s: float,
-        substeps: int,
-        extra: Callable[..., tuple[float, float, float]] | None,
-        parameters: Floats,
-        states: Floats,
-        controls: Floats,
-    ) -> int:
+        p: Record, start: Floats, legs: Floats, ends: Floats, drives: Drives, wind: Floats, drift_n: Floats,
+        dt_s: float, substeps: int, extra: Callable[..., tuple[float, float, float]] | None, parameters: Floats,
+        states: Floats, controls: Floats,
+    ) -> int:  # fmt: skip
         """Fill ``states`` [K+1, 6] and the drives' feedback ``controls`` [K+1, controls].
 
         ``legs`` [legs, controls] and ``ends`` [legs, 7] are the manoeuvre's. Returns the first step that ends out

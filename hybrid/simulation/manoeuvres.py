@@ -275,17 +275,11 @@ def voyage() -> Manoeuvre:
 
 
 MANOEUVRES: dict[str, Callable[[Actuators], Manoeuvre]] = {
-    "voyage": lambda _: voyage(),
-    "programme": programme,
-    "paper": lambda _: paper(),
-    "zigzag": lambda _: zigzag(),
-    "turning_circle": lambda _: turning_circle(),
-    "speed_runs": lambda _: speed_runs(),
-    "stopping": lambda _: stopping_runs(),
-    "one_thruster": one_thruster,
-    "tunnel_test": tunnel_test,
+    "voyage": lambda _: voyage(), "programme": programme, "paper": lambda _: paper(), "zigzag": lambda _: zigzag(),
+    "turning_circle": lambda _: turning_circle(), "speed_runs": lambda _: speed_runs(),
+    "stopping": lambda _: stopping_runs(), "one_thruster": one_thruster, "tunnel_test": tunnel_test,
     "reciprocal": lambda _: reciprocal(),
-}
+}  # fmt: skip
 """The manoeuvres by name, for a ship with these actuators."""
 
 _SIZED = re.compile(r"(zigzag|turning_circle)_(\d+)(?:_(\d+))?")

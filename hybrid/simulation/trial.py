@@ -217,20 +217,9 @@ def sail_through(
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     drives = drives_of(vessel)
     left = sail(
-        packed[0],
-        start,
-        leg_array,
-        ends,
-        drives,
-        wind[:-1],
-        slow_n,
-        dt_s,
-        1,
-        extra,
-        parameters[0],
-        states,
+        packed[0], start, leg_array, ends, drives, wind[:-1], slow_n, dt_s, 1, extra, parameters[0], states,
         controls,
-    )
+    )  # fmt: skip
     if left >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)
     return Voyage(

@@ -211,16 +211,9 @@ class Twin:
         names = self.predictor.vessel, self.predictor.calibrator
         running = self.errors.over_s, self.errors.mean()
         body = message_body(
-            forecast.prediction,
-            forecast.held,
-            origin,
-            names,
-            made_ns,
-            latency_s,
-            self.last_error,
-            running,
+            forecast.prediction, forecast.held, origin, names, made_ns, latency_s, self.last_error, running,
             self.region.factor,
-        )
+        )  # fmt: skip
         if self.follower.recorder is None:
             return
         refused = send_prediction(self.follower.recorder[0], body, track_geojson(forecast.prediction, origin))
@@ -258,13 +251,6 @@ def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recordi
     flags = np.full(times_ns.size, Quality.GOOD, np.uint8)
     series = Series(times_ns, times_ns, zeros, flags, ("",), np.zeros(times_ns.size, np.int32))
     return Recording(
-        Path(),
-        Trial(actuators=as_text(actuators)),
-        dict.fromkeys(trial_names(actuators), series),
-        {},
-        [],
-        0,
-        True,
-        0,
-        int(times_ns[-1]),
-    )
+        Path(), Trial(actuators=as_text(actuators)), dict.fromkeys(trial_names(actuators), series), {}, [], 0,
+        True, 0, int(times_ns[-1]),
+    )  # fmt: skip

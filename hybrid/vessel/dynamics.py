@@ -153,14 +153,9 @@ def total_force(
 
 @compiled
 def rate(
-    p: Record,
-    mass: InverseMass,
-    held: StepConstants,
-    time_s: float,
-    state: State,
-    extra: ForceFunction | None,
+    p: Record, mass: InverseMass, held: StepConstants, time_s: float, state: State, extra: ForceFunction | None,
     parameters: Floats,
-) -> State:
+) -> State:  # fmt: skip
     """The time derivative of the state. ``extra`` is called, or None and then not there at all."""
     _, _, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
@@ -193,15 +188,9 @@ def add_scaled(state: State, slope: State, dt_s: float) -> State:
 
 @compiled
 def runge_kutta(
-    p: Record,
-    mass: InverseMass,
-    held: StepConstants,
-    time_s: float,
-    dt_s: float,
-    state: State,
-    extra: ForceFunction | None,
-    parameters: Floats,
-) -> State:
+    p: Record, mass: InverseMass, held: StepConstants, time_s: float, dt_s: float, state: State,
+    extra: ForceFunction | None, parameters: Floats,
+) -> State:  # fmt: skip
     """The state one classical Runge-Kutta step of fourth order later."""
     half = 0.5 * dt_s
     k1 = rate(p, mass, held, time_s, state, extra, parameters)
@@ -286,20 +275,10 @@ def lag_over(p: Record, dt_s: float) -> Lag:
 
 @compiled
 def advance(
-    p: Record,
-    mass: InverseMass,
-    lag: Lag,
-    order: Control,
-    acting: Control,
-    scratch: Scratch,
-    air: tuple[float, float],
-    time_s: float,
-    dt_s: float,
-    substeps: int,
-    state: State,
-    extra: ForceFunction | None,
-    parameters: Floats,
-) -> State:
+    p: Record, mass: InverseMass, lag: Lag, order: Control, acting: Control, scratch: Scratch,
+    air: tuple[float, float], time_s: float, dt_s: float, substeps: int, state: State,
+    extra: ForceFunction | None, parameters: Floats,
+) -> State:  # fmt: skip
     """The state one step of ``dt_s`` later; ``order`` and the reported wind hold meanwhile.
 
     Where a gear has play the order acts behind it. Lagging thrusters act with their exact average over each

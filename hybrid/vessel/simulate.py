@@ -34,17 +34,9 @@ LONGEST_STEP_S = 0.25
 def _make_run(stamp: int) -> Callable[..., int]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
     def run(
-        p: Record,
-        start: Floats,
-        controls: Floats,
-        wind: Floats,
-        dt_s: float,
-        substeps: int,
-        acting_start: Floats,
-        extra: ForceFunction | None,
-        parameters: Floats,
-        states: Floats,
-    ) -> int:
+        p: Record, start: Floats, controls: Floats, wind: Floats, dt_s: float, substeps: int, acting_start: Floats,
+        extra: ForceFunction | None, parameters: Floats, states: Floats,
+    ) -> int:  # fmt: skip
         """Fill ``states`` [K+1, 6] and return the first step that ends out of range, or -1."""
         if stamp == 0:
             return -1
@@ -70,32 +62,16 @@ def _make_run(stamp: int) -> Callable[..., int]:
 def _make_run_all(stamp: int) -> Callable[..., None]:
     @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
     def run_all(
-        plants: NDArray[np.void],
-        start: Floats,
-        controls: Floats,
-        wind: Floats,
-        dt_s: float,
-        substeps: int,
-        acting: Floats,
-        extra: ForceFunction | None,
-        parameters: Floats,
-        states: Floats,
-        left: NDArray[np.int64],
-    ) -> None:
+        plants: NDArray[np.void], start: Floats, controls: Floats, wind: Floats, dt_s: float, substeps: int,
+        acting: Floats, extra: ForceFunction | None, parameters: Floats, states: Floats, left: NDArray[np.int64],
+    ) -> None:  # fmt: skip
         """Every run of a batch; inputs with a first dimension of one serve all runs."""
         for i in prange(states.shape[0]):
             left[i] = run(
-                plants[i % plants.shape[0]],
-                start[i % start.shape[0]],
-                controls[i % controls.shape[0]],
-                wind[i % wind.shape[0]],
-                dt_s,
-                substeps,
-                acting[i % acting.shape[0]],
-                extra,
-                parameters[i % parameters.shape[0]],
-                states[i],
-            )
+                plants[i % plants.shape[0]], start[i % start.shape[0]], controls[i % controls.shape[0]],
+                wind[i % wind.shape[0]], dt_s, substeps, acting[i % acting.shape[0]], extra,
+                parameters[i % parameters.shape[0]], states[i],
+            )  # fmt: skip
         if stamp == 0:
             left[:] = -1
 
