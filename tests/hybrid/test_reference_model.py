@@ -122,7 +122,7 @@ def test_a_table_becomes_a_recording_of_the_ship_that_is_given(tmp_path: Path) -
     (tmp_path / "map.toml").write_text(
         f'[trial]\nvessel = "kvlcc2_7m"\n[time]\ncolumn = "time"\n[channels]\n{columns}'
     )
-    for given in ({}, {"map_path": tmp_path / "map.toml"}):
+    for given in ({}, {"map_path": tmp_path / "map.toml", "force": True}):
         import_table(tmp_path / "trial.csv", tmp_path / "a.mcap", vessel=tmp_path / "hers.toml", **given)
         assert read_trial(tmp_path / "a.mcap").vessel == "tanker"
         assert Path(model_of(tmp_path / "a.mcap").file) == tmp_path / "hers.toml"
