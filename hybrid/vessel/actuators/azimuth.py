@@ -113,7 +113,6 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle and play of each thruster and of all alike; inflow, side force and angle of all."""
-
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")
     return (
@@ -129,9 +128,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
         ),
         *astern_thrust(names, "pod"),
         Effect(
-            "wake_fraction",
-            family="propulsion",
-            kind="physics",
+            "wake_fraction", family="propulsion", kind="physics",
             what="The hull's wake at the pods: axial inflow u_a times (1 - fraction), hence more thrust under way",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameters=(WAKE,),
@@ -141,18 +138,13 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             confused_with=("hull_fouling", "towed_load"),
         ),
         scaling(
-            "pod_side_force",
-            "propulsion",
-            ("side_nv", "side_uv", "side_vv"),
-            (1.2, 0.05),
+            "pod_side_force", "propulsion", ("side_nv", "side_uv", "side_vv"), (1.2, 0.05),
             what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
             source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
         ),
         *angle_offset("azimuth", names, "azimuth points", 2.5),
         Effect(
-            "azimuth_scale",
-            family="alignment",
-            kind="actuator",
+            "azimuth_scale", family="alignment", kind="actuator",
             what=f"{subject}: true angle = factor x reported, from ahead either way",
             source="Gain of the azimuth feedback",
             parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),

@@ -208,7 +208,6 @@ def drives(entry: _Blades) -> tuple[Drive, ...]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
-
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",

@@ -162,7 +162,6 @@ def _straightened(plant: Plant, number: str, factor: float) -> Plant:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
-
     return (
         *for_each_and_all(
             "rudder_loss", names, loss, "force_loss",

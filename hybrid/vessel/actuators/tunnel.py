@@ -62,28 +62,25 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
 
     def fading(name: str) -> Effect:
         return Effect(
-            f"speed_loss_{name}",
-            family="propulsion",
-            kind="actuator",
+            f"speed_loss_{name}", family="propulsion", kind="actuator",
             what=f"Side force of the {name.replace('_', ' ')} thruster fades under way, by half at a speed",
             source="Brix, Manoeuvring Technical Manual (1993): side force of tunnel thrusters over speed ahead",
             parameters=(Parameter("half_speed_mps", "m/s", float("inf"), 0.2, float("inf"), 2.0, 6.0),),
             change=lambda plant, values: plant.shifted(**{f"{name}_speed_loss": values["half_speed_mps"] ** -2.0}),
             chart="inverse_square",
-        )
+        )  # fmt: skip
 
     def loss(name: str) -> Effect:
         return Effect(
-            f"{name}_thrust_loss" if name == "tunnel" else f"thrust_loss_{name}",  # the contract's older name
-            family="propulsion",
-            kind="actuator",
+            f"{name}_thrust_loss" if name == "tunnel" else f"thrust_loss_{name}",
+            family="propulsion", kind="actuator",
             what=f"Lost side force of the {name.replace('_', ' ')} thruster: times (1 - fraction)",
             source="Brix, Manoeuvring Technical Manual (1993): speed, grids and fouling as one share",
             parameters=(FRACTION,),
             change=lambda plant, values: plant.scaled(
                 1.0 - values["fraction"], *(f"{name}_{number}" for number in ("cubic_n", "quadratic_n", "linear_n"))
             ),
-        )
+        )  # fmt: skip
 
     return tuple(effect(name) for name in names for effect in (loss, fading))
 

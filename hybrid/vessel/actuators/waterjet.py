@@ -71,7 +71,6 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle, play and a lag of each jet and of all alike."""
-
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",
