@@ -16,7 +16,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from itertools import count
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -24,7 +24,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from queue import PriorityQueue
 
-from acquisition.core.errors import InputError
+from acquisition.core.errors import InputError, StorageError
 from acquisition.core.trial import software_version
 from analysis.batch.batch import names_of, recordings_below, result_of
 from analysis.batch.one_recording import WAITING, Row, first_look
@@ -39,6 +39,7 @@ SETTLED_S = 20.0
 DIAGNOSIS = "diagnosis.json"
 _KEPT = ".season.sqlite"
 _NICENESS = 10
+_CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
 _REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
 _Diagnosis = tuple[tuple[int, int], str, frozenset[str]]
 """The file's size and time, the verdict, the hashes of the recordings."""
@@ -76,10 +77,17 @@ class Season:
     def __enter__(self) -> Season:
         recordings_below(self.folder, self.out)  # which says what is no folder
         make_folder(self.out)
-        self._store = sqlite3.connect(self.out / _KEPT, check_same_thread=False)
-        self._store.execute("CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)")
-        kept = self._store.execute("SELECT name, stamp, row FROM season")
-        self._kept = {name: (stamp, json.loads(row)) for name, stamp, row in kept}
+        try:
+            with ExitStack() as closing:
+                self._store = sqlite3.connect(self.out / _KEPT, check_same_thread=False)
+                closing.callback(self._store.close)
+                self._store.execute(_CREATE)
+                kept = self._store.execute("SELECT name, stamp, row FROM season")
+                self._kept = {name: (stamp, json.loads(row)) for name, stamp, row in kept}
+                closing.pop_all()
+        except sqlite3.Error as error:
+            raise StorageError("cannot be used", where=str(self.out / _KEPT), why=str(error),
+                               fix="remove it, or name another folder with -o") from error  # fmt: skip
         self.rows()
         threading.Thread(target=self._work, name="season", daemon=True).start()
         return self

@@ -19,7 +19,7 @@ from flask.testing import FlaskClient
 from openpyxl import load_workbook
 from werkzeug.test import TestResponse
 
-from acquisition.core.errors import InputError, SourceError
+from acquisition.core.errors import InputError, SourceError, StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
@@ -225,6 +225,9 @@ def test_wrong_folders_and_a_port_in_use_are_one_error(folder: Path, tmp_path: P
         pass
     with pytest.raises(InputError, match="lie in the folder of the results"):
         Season(folder, folder)
+    (tmp_path / ".season.sqlite").write_text("no database")
+    with pytest.raises(StorageError, match=r"cannot be used.*remove it"), Season(folder, tmp_path):
+        pass
     app, found = make_app(season), Queue[str]()
     Thread(target=serve, args=(app, 0, found.put), daemon=True).start()
     port = int(found.get(timeout=PATIENCE_S).rstrip("/").rpartition(":")[2])
