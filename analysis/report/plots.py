@@ -88,7 +88,8 @@ def track(
     ticks, begun = _ticks(table, tick_every_s), _executes(table, executes)
     artists += axes.plot(ticks["east_m"], ticks["north_m"], "o", color=INK, markersize=3, linestyle="none")
     artists += axes.plot(begun["east_m"], begun["north_m"], "o", color=PALETTE[4], markeredgecolor="white",
-                         markersize=6, linestyle="none", zorder=5, label="manoeuvre begins")  # fmt: skip
+                         markersize=6, linestyle="none", zorder=5,
+                         label="manoeuvre begins" if len(begun) else "_")  # fmt: skip
     path = table[["east_m", "north_m"]].to_numpy(dtype=float)
     labelled = pd.concat([begun, ticks])[["east_m", "north_m"]].to_numpy(dtype=float)
     words = [*map(str, range(1, len(begun) + 1)), *(f"{time:%H:%M}" for time in ticks.index)]

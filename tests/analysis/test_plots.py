@@ -40,6 +40,12 @@ def test_a_track_is_to_scale_with_held_stretches_times_and_manoeuvres(axes: Axes
     texts = [text.get_text() for text in axes.texts]
     assert texts[:4] == ["1", "08:20", "08:25", "08:30"]
     assert texts[-1].startswith("mean wind ")
+    assert "manoeuvre begins" in axes.get_legend_handles_labels()[1]
+
+
+def test_a_legend_has_only_what_is_drawn(axes: Axes) -> None:
+    track(axes, steady_table(60).assign(north_m=np.arange(60.0), east_m=0.0))
+    assert axes.get_legend_handles_labels()[1] == ["track"]
 
 
 @pytest.mark.parametrize("seed", range(4))
