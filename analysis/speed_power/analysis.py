@@ -27,9 +27,8 @@ from analysis.speed_power.corrections import (
     wind_resistance_n,
 )
 from analysis.speed_power.current import PowerCurve, fit_curve, iterate_current, mean_of_means
-from analysis.speed_power.runs import PowerRun, double_runs, power_runs, settings_of
+from analysis.speed_power.runs import ERROR_FREEDOM, PowerRun, double_runs, power_runs, settings_of
 
-_COVERAGE = 2.0  # standard uncertainties: some 95 % (JCGM 100)
 _BAND_POINTS = 25
 _PASSES = 3  # the corrections hang on the speed through the water, by a few percent of a few percent
 
@@ -172,7 +171,7 @@ def analyse_runs(
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
     values = speeds(best)
-    within = _COVERAGE * _uncertainty(trial, runs, best, lambda each: speeds(each) - values)
+    within = _half_intervals(trial, runs, best, lambda each: speeds(each) - values)
     within[-len(trial.groups) :][[len(group) < FOUR for group in trial.groups]] = np.nan
     at = [SpeedAtPower(float(kw), float(v), float(v - w), float(v + w)) for kw, v, w in zip(
         np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]]), values, within, strict=True)]  # fmt: skip
@@ -252,23 +251,31 @@ def _in_deep_water(trial: _Trial, speed: Floats, power: Floats) -> tuple[Floats,
     return speed, power
 
 
-def _uncertainty(
+def _half_intervals(
     trial: _Trial, runs: Sequence[PowerRun], best: _Solution, change: Callable[[_Solution], Floats]
 ) -> Floats:
-    """Standard uncertainties of what ``change`` makes of a solution: every measured speed and power is moved by its
-    standard error in turn, and the squares of the changes add up (JCGM 100, 5.1.3). Where the runs lie farther off
-    the curve than these errors explain, all of them grow with that (Birge 1932)."""
+    """Halves of the 95 % intervals of what ``change`` makes of a solution.
+
+    Every measured speed and power is moved by its standard error in turn, and the squares of the changes add up
+    (JCGM 100, 5.1.3), with Student's factor for their effective degrees of freedom (G.4). Where the runs lie farther
+    off the curve than these errors explain, all grow with that (Birge 1932).
+    """
+    from scipy.special import stdtrit
+
     measured = np.array([[each.speed_mps, each.power_kw] for each in runs])
     errors = np.array([[each.speed_se_mps, each.power_se_kw] for each in runs])
-    square = np.zeros(change(best).size)
+    changes = []
     for place in np.ndindex(measured.shape):
         moved = measured.copy()
         moved[place] += errors[place]
-        square += change(_solve(trial, moved[:, 0], moved[:, 1])) ** 2
+        changes.append(change(_solve(trial, moved[:, 0], moved[:, 1])))
+    squares = np.square(changes)
+    square = squares.sum(axis=0)
+    freedom = ERROR_FREEDOM * square**2 / np.maximum((squares**2).sum(axis=0), 1e-300)
     expected = np.hypot(errors[:, 0], errors[:, 1] / best.curve.slope(best.through_mps))
     known = best.free > 0 and bool(expected.all())
     scatter = float(np.sum((best.misfit_mps / expected) ** 2)) / best.free if known else 1.0
-    return np.sqrt(square * max(1.0, scatter))
+    return np.asarray(stdtrit(freedom, 0.975) * np.sqrt(square * max(1.0, scatter)))
 
 
 def _corrected(runs: Sequence[PowerRun], best: _Solution) -> tuple[CorrectedRun, ...]:

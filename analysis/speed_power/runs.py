@@ -34,6 +34,8 @@ _POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>
 _TO_KILO = {"w": 1e-3, "kw": 1.0, "mw": 1e3, "nm": 1e-3, "knm": 1.0}
 _SAME_SHARE = 0.03  # of the shaft speed, within one power setting
 _BLOCKS = 6
+ERROR_FREEDOM = _BLOCKS - 2
+"""The degrees of freedom of a run's standard errors."""
 RUN_MINUTES = 10.0
 """The least that ISO 15016:2015 asks of a run."""
 _FEWEST_SAMPLES = 3  # of the power, in each block
@@ -200,7 +202,7 @@ def _error(blocks: Floats) -> float:
     """The standard error of a mean from the means of blocks, an even drift taken out: a current makes one."""
     rows = np.arange(blocks.size)
     rest = blocks - np.polyval(np.polyfit(rows, blocks, 1), rows)
-    return float(np.sqrt(rest @ rest / (blocks.size - 2) / blocks.size))
+    return float(np.sqrt(rest @ rest / ERROR_FREEDOM / blocks.size))
 
 
 def _wind(motion: Motion, table: pd.DataFrame, first: int, end: int) -> tuple[float, float]:
