@@ -257,8 +257,8 @@ def _half_intervals(
     """Halves of the 95 % intervals of what ``change`` makes of a solution.
 
     Every measured speed and power is moved by its standard error in turn, and the squares of the changes add up
-    (JCGM 100, 5.1.3), with Student's factor for their effective degrees of freedom (G.4). Where the runs lie farther
-    off the curve than these errors explain, all grow with that (Birge 1932).
+    (JCGM 100, 5.1.3), with Student's factor for their effective degrees of freedom (G.4). Where the runs lie
+    farther off the curve than these errors explain, all grow with that (Birge 1932).
     """
     from scipy.special import stdtrit
 
