@@ -1,4 +1,7 @@
-"""The twin: follows the recorder of a trial, predicts once a second and evaluates its earlier predictions."""
+"""The twin: follows the recorder of a trial, predicts once a second and evaluates its earlier predictions.
+
+A person may write, change and delete a file of planned orders while it runs.
+"""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 A file states a whole vessel: dimensions, a hull model, a wind model, an ``[[actuator]]`` for each actuator. Or it
 says ``base = "NAME or FILE"`` and what differs: single numbers, those of an actuator in an ``[[actuator]]`` of its
 name, more actuators, and effects added to the model as ``[effects.NAME]`` tables. Names are those of the files in
-``trials/vessels``.
+``trials/vessels``. The reference model of recordings is of the ship that they name, unless another is asked for.
 """
 
 from __future__ import annotations

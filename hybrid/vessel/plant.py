@@ -6,7 +6,8 @@ record, one each. This is the one place where named objects become arrays. Besid
 has slots for everything the effects of the catalogue touch; their defaults are neutral and switch them off exactly.
 
 An actuator's numbers have its name before theirs: ``port_x_m``. Those that describe a kind (``thrust_nn``) mean
-all actuators of that kind where the name is not there.
+all actuators of that kind where the name is not there. As plain numbers a plant can be written down, read back, and
+told from another by a hash.
 """
 
 from __future__ import annotations
