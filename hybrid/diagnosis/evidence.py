@@ -311,9 +311,8 @@ def subset_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
     return type(arrays)(*(getattr(arrays, each.name)[rows] for each in fields(arrays)))
 
 
-_CLOCKS = (
-    2  # that may be wrong at once: where all records are late by the same none is, and three are as the fourth
-)
+# Clocks that may be wrong at once: where all records are late by the same none is, and three are as the fourth.
+_CLOCKS = 2
 
 
 @dataclass(frozen=True, slots=True)
