@@ -129,7 +129,7 @@ class _Pages:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
             return self._wait(name, anew=True)
-        links = render("links_of_trial.html", row=row, quote=quote, kinds=[each[1:] for each in KINDS]).html
+        links = render("links_of_trial.html", row=row, kinds=[each[1:] for each in KINDS]).html
         return page.replace(LINKS, links, 1)
 
     def diagnosis(self, name: str) -> str:
@@ -168,7 +168,7 @@ class _Pages:
         origin, sent = request.headers.get("Origin"), request.files.get("file")
         if origin is not None and urlsplit(origin).netloc != request.host:
             abort(403)
-        if not secrets.compare_digest(request.form.get("token", ""), self._token):
+        if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
             abort(403)
         if sent is None:
             abort(400)

@@ -286,7 +286,8 @@ def test_what_is_refused_leaves_nothing_and_says_why(sender: tuple[Sender, Path]
         assert (answer.status_code, why in answer.text) == (422, True), answer.text
         assert "/tmp" not in answer.text
     assert sending.send("large.csv", b"x" * 400_000).status_code == 413
-    assert sending.send("a.csv", table_text(), token="wrong").status_code == 403
+    for wrong in ("", "wrong", "\u00e9"):
+        assert sending.send("a.csv", table_text(), token=wrong).status_code == 403
     assert sending.send("a.csv", table_text(), Origin="http://evil.example").status_code == 403
     assert sending.send("a.csv", table_text(), Host="evil.example").status_code == 400
     assert list(folder.iterdir()) == []
