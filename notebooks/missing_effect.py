@@ -27,7 +27,7 @@ import seatrial as st
 
 diagnosis, extras = st.load_diagnosis(folder)
 show = st.sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)
-show("question")
+show("verdict")
 
 # %% [markdown]
 # ## Found

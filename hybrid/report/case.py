@@ -78,7 +78,9 @@ class Case:
             except SeatrialError as error:
                 left_out[name] = str(error.at(""))
         if not made:
-            raise DataShortageError("no recording can be read", why="; ".join(left_out.values()))
+            raise DataShortageError(
+                "no recording can be read", why="; ".join(f"{name}: {why}" for name, why in left_out.items())
+            )
         return made, left_out
 
     def _products_of(self, path: Path, name: str) -> Products:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +13,13 @@ SOURCES = Path(__file__).resolve().parents[2] / "notebooks"
 
 
 def notebook(name: str) -> Any:
-    """The module of a notebook of ``notebooks/``, which computes nothing when it is loaded.
+    """The module of a notebook of ``notebooks/``, which computes nothing when it is imported.
 
-    Worker processes get its functions by value, since they cannot import it. Raises :class:`ConfigurationError`
-    where the notebooks are not installed.
+    The folder goes onto the path, which worker processes inherit. Raises :class:`ConfigurationError` where the
+    notebooks are not installed.
     """
-    import cloudpickle
-
-    path = SOURCES / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise ConfigurationError("the notebooks are not installed", where=str(path), fix="run from a checkout")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # where dataclasses look for the types of their fields
-    spec.loader.exec_module(module)
-    cloudpickle.register_pickle_by_value(module)
-    return module
+    if not (SOURCES / f"{name}.py").is_file():
+        raise ConfigurationError("the notebooks are not installed", where=str(SOURCES), fix="run from a checkout")
+    if str(SOURCES) not in sys.path:
+        sys.path.append(str(SOURCES))
+    return import_module(name)

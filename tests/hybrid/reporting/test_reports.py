@@ -26,6 +26,7 @@ from acquisition.tables.import_table import import_table
 from analysis.tables.table import table_of
 from hybrid.report.folder import Choices, report
 from hybrid.reproduction.fidelity import SOURCES
+from tests.browser import running_browser
 
 pytestmark = [pytest.mark.pages, pytest.mark.timeout(900)]
 MAPS = Path(__file__).resolve().parents[3] / "trials" / "columns"
@@ -121,6 +122,27 @@ def test_a_ship_without_a_model_has_a_report_of_her_own(circles: Path, tmp_path:
     assert "the ship's length is not known" in " ".join(keeps_its_promises(reported(path), names_in(path)).split())
 
 
+@pytest.mark.parametrize("kept", [["north_m", "east_m"], ["heading_deg"]])
+def test_a_recording_of_little_has_a_short_report_without_empty_sections(
+    kept: list[str], circles: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "little.mcap"
+    write_table(table_of(read_recording(circles))[kept], path, Trial(name="little"), source="table")
+    page = reported(path, "--no-interactive")
+    text = keeps_its_promises(page, names_in(path))
+    assert pages_of(page) <= 3
+    assert "No standard manoeuvre was found" in text
+
+
+def test_no_page_is_wider_than_a_window_or_a_phone(circles: Path) -> None:
+    page = reported(circles)
+    with running_browser() as browser:
+        for width in (390, 1400):
+            browser.resize(width)
+            browser.open(page, "document.readyState === 'complete'")
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width
+
+
 def test_a_model_that_is_not_hers_is_said_in_the_headline(circles: Path) -> None:
     page = reported(circles, "--vessel", "esso_osaka_3m")
     text = keeps_its_promises(page, names_in(circles))
@@ -195,6 +217,12 @@ def run_as_script(name: str, **parameters: object) -> None:
     values |= parameters
     for each in cells[1:]:
         exec(each.source, values)
+
+
+def test_the_notebook_of_a_diagnosis_runs(simulated: Callable[..., Path], tmp_path: Path) -> None:
+    CliRunner().invoke(seatrial.app, ["diagnose", str(simulated("gentle", 7, 900.0, 5.0)), "-o", str(tmp_path)])
+    run_as_script("missing_effect", folder=str(tmp_path), figures_folder=str(tmp_path / "figures"))
+    assert (tmp_path / "figures" / "parameters.svg").is_file()
 
 
 def test_the_notebook_of_a_trial_shows_every_section(unseen: Path, tmp_path: Path) -> None:
