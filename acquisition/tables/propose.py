@@ -51,18 +51,21 @@ from acquisition.tables.time_reading import read_time
 
 _SPEED_UNITS = ("m/s", "knots", "km/h", "cm/s", "mm/s")
 _RATE_UNITS = ("deg/s", "deg/min", "rad/s")
+_WINDS = {
+    "true": ("wind_direction_deg", "wind_speed_mps"),
+    "apparent": ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
+}
 _NO_VALUE = (
     -9999.0, -999.0, -99.0, -9999.9, -999.9, 999.0, 999.9, 999.99, 9999.0, 9999.9, 99999.0, 999999.0, 511.0, 102.3,
     91.0, 181.0, 32767.0, -32768.0, 65535.0, 1e10, -1e10, 1e20, 1e30, 1e35,
 )  # fmt: skip
 """Numbers that loggers and AIS (ITU-R M.1371) write for no value, where the quantity cannot have them."""
 _FASTEST_MPS = 30.0  # what a speed channel holds
-_NEAR = (
-    1.35  # a fit this near to a unit is of that unit: knots and m/s are a factor 1.94 apart, km/h and knots 1.85
-)
+_NEAR = 1.35  # a fit this near to a unit is of it: knots and m/s are a factor 1.94 apart, km/h and knots 1.85
 _ODD = 1.15  # a fit further off than this is said
 _MOST_VARIABLES = 500
 _STEADIER = 2.0  # a reading of the wind by which it changes half as much, in the mean square, is the right one
+_UNKNOWN = Fit(np.nan, 0.0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +109,9 @@ def propose(
     passed = tuple(name for name in map(str, draft.raw.columns.columns) if name not in known)
     return Proposal(
         as_toml(_in_order(draft.tree), comments),
-        (*draft.readings,),
-        (*draft.questions,),
-        (*draft.warnings,),
+        tuple(draft.readings),
+        tuple(draft.questions),
+        tuple(draft.warnings),
         passed,
     )
 
@@ -116,17 +119,9 @@ def propose(
 def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
     """A map's keys as a reader expects them: plain values, the ship, the time, the channels."""
     order = (
-        "absent",
-        "derive",
-        "unreadable_rows",
-        "trial",
-        "actuator",
-        "long",
-        "time",
-        "position",
-        "orientation",
+        "absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
         "channels",
-    )
+    )  # fmt: skip
     return {key: tree[key] for key in (*order, *(set(tree) - set(order))) if key in tree}
 
 
@@ -222,10 +217,22 @@ class _Motion:
             self.draft.note(each.column, "-", "", f"not used: {found[0].column!r} is taken for it")
         return found[0] if found else None
 
+    def _asked(self, key: str, text: str, options: tuple[str, ...]) -> tuple[str, str] | None:
+        """The unit that a person says, the first one until then; None for a column that is to be left out."""
+        answer = self.draft.ask(key, text, options)
+        return None if answer == SKIP else (answer or options[0], "as answered")
+
+    def _steps(self, *names: str) -> list[Floats] | None:
+        """How much channels change from one moment of the grid to the next; None where that cannot be told."""
+        if self.grid.size < 3 or not set(names) <= set(self.values):
+            return None
+        runs_on = {"heading_deg": unwrap(self.values["heading_deg"])} if "heading_deg" in names else {}
+        return [increments(self.t, (self.values | runs_on)[name], self.grid) for name in names]
+
     def _fit_displacement(self, values: Floats) -> Fit:
         """Factor from a speed's integral to the length of the track."""
         if self.north is None or self.east is None or self.grid.size < 2:
-            return Fit(np.nan, 0.0, 0)
+            return _UNKNOWN
         length = np.hypot(increments(self.t, self.north, self.grid), increments(self.t, self.east, self.grid))
         return fit(length, np.abs(integrals(self.t, values, self.grid)))
 
@@ -268,30 +275,16 @@ class _Motion:
         self, latitude: Candidate, longitude: Candidate, unit: str, why: str, north: Floats, east: Floats
     ) -> None:
         entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": unit}
-        for key, name, word in (("north_south", "north_south", "S"), ("east_west", "east_west", "W")):
-            letters = self.draft.of(name)
-            if letters:
-                entry[key] = letters[0].column
-                negative = (
-                    self.draft.raw.columns[letters[0].column]
-                    .astype("str")
-                    .str.strip()
-                    .str.upper()
-                    .eq(word)
-                    .to_numpy()
-                )
-                north, east = (
-                    (np.where(negative, -north, north), east)
-                    if word == "S"
-                    else (north, np.where(negative, -east, east))
-                )
-                self.draft.note(letters[0].column, f"{name} of the position", "", "letters")
-        missing = [
-            each
-            for each in _NO_VALUE
-            if each in (91.0, 181.0) and np.any(self.draft.numbers(latitude.column) == each)
-        ]
-        if missing:
+        angles = {"north_south": north, "east_west": east}
+        for name, word in (("north_south", "S"), ("east_west", "W")):
+            for letters in self.draft.of(name)[:1]:
+                entry[name] = letters.column
+                said = self.draft.raw.columns[letters.column].astype("str").str.strip().str.upper()
+                angles[name] = np.where(said.eq(word), -angles[name], angles[name])
+                self.draft.note(letters.column, f"{name} of the position", "", "letters")
+        north, east = angles.values()
+        told = self.draft.numbers(latitude.column)
+        if missing := [each for each in (91.0, 181.0) if np.any(told == each)]:
             entry["missing"] = missing
         self.draft.tree["position"] = entry
         self.draft.note(latitude.column, "latitude_deg, north_m", unit, why)
@@ -431,9 +424,9 @@ class _Motion:
 
     def _check_heading(self) -> None:
         """Say so where the track runs elsewhere than the heading points."""
-        if self.north is None or self.east is None or "heading_deg" not in self.values or self.grid.size < 3:
+        steps = self._steps("north_m", "east_m", "heading_deg")
+        if steps is None:
             return
-        steps = [increments(self.t, each, self.grid) for each in (self.north, self.east)]
         heading = means(self.t, unwrap(self.values["heading_deg"]), self.grid)
         along = agreement(steps[0], steps[1], heading)
         mirrored = agreement(steps[1], steps[0], heading)  # of a straight run to the north-east both may be high
@@ -462,7 +455,7 @@ class _Motion:
         """A speed's unit, and why; None where it is to be left out."""
         values = self.draft.numbers(candidate.column)
         no_track = name in ("sway_mps", "speed_through_water_mps")  # across it, and through water that moves
-        found = Fit(np.nan, 0.0, 0) if no_track else self._fit_displacement(values)
+        found = _UNKNOWN if no_track else self._fit_displacement(values)
         if candidate.units:
             self._warn_of_factor(candidate.column, candidate.units[0], found, _SPEED_UNITS, "m/s", "the positions")
             self.speed_units.add(candidate.units[0])
@@ -478,10 +471,7 @@ class _Motion:
         if largest > _FASTEST_MPS:
             self.draft.warnings.append(f"{candidate.column!r} goes up to {largest:.4g}: km/h?")
         text = f"{candidate.column!r}, taken for {name}, goes up to {largest:.3g} in no unit: m/s or knots?"
-        answer = self.draft.ask("unit.speed", text, ("m/s", "knots", "km/h"))
-        if answer == SKIP:
-            return None
-        return answer or "m/s", "as answered"
+        return self._asked("unit.speed", text, ("m/s", "knots", "km/h"))
 
     def _warn_of_factor(
         self, column: str, unit: str, found: Fit, units: Sequence[str], house: str, source: str
@@ -497,15 +487,12 @@ class _Motion:
         self.draft.warnings.append(f"{column!r} in {unit} is off from {source} by a factor {factor:.3f}{guess}")
 
     def _check_sway(self) -> None:
-        if self.north is None or self.east is None or not {"heading_deg", "sway_mps"} <= set(self.values):
-            return
-        if self.grid.size < 3:
+        steps = self._steps("north_m", "east_m", "heading_deg", "sway_mps")
+        if steps is None:
             return
         heading = np.deg2rad(means(self.t, unwrap(self.values["heading_deg"]), self.grid))
-        north, east = (increments(self.t, each, self.grid) for each in (self.north, self.east))
-        found = fit(
-            east * np.cos(heading) - north * np.sin(heading), integrals(self.t, self.values["sway_mps"], self.grid)
-        )
+        across = steps[1] * np.cos(heading) - steps[0] * np.sin(heading)
+        found = fit(across, integrals(self.t, self.values["sway_mps"], self.grid))
         if found.is_clear and found.factor < 0.0:
             self._turn_round("sway_mps", "positive to starboard by the track")
 
@@ -524,22 +511,22 @@ class _Motion:
         if candidate is None:
             return
         values = self.draft.numbers(candidate.column)
-        found = Fit(np.nan, 0.0, 0)
-        if "heading_deg" in self.values and self.grid.size > 2:
-            turned = increments(self.t, unwrap(self.values["heading_deg"]), self.grid)
-            found = fit(turned, integrals(self.t, np.where(np.isin(values, _NO_VALUE), np.nan, values), self.grid))
+        turned, found = self._steps("heading_deg"), _UNKNOWN
+        if turned is not None:
+            rates = np.where(np.isin(values, _NO_VALUE), np.nan, values)
+            found = fit(turned[0], integrals(self.t, rates, self.grid))
+        unit: tuple[str, str] | None
         if candidate.units:
-            unit, why = candidate.units[0], "head says so"
-            self._warn_of_factor(candidate.column, unit, found, _RATE_UNITS, "deg/s", "the heading")
+            unit = candidate.units[0], "head says so"
+            self._warn_of_factor(candidate.column, unit[0], found, _RATE_UNITS, "deg/s", "the heading")
         elif found.is_clear and (likely := _nearest(found.factor, "deg/s", _RATE_UNITS)):
-            unit, why = likely, f"the heading turns {found.factor:.3g} deg/s for 1 of it"
+            unit = likely, f"the heading turns {found.factor:.3g} deg/s for 1 of it"
         else:
             text = f"{candidate.column!r}, taken for yaw_rate_dps: in which unit? The heading does not tell."
-            answer = self.draft.ask(f"unit.{candidate.column}", text, _RATE_UNITS)
-            if answer == SKIP:
-                return
-            unit, why = answer or "deg/s", "as answered"
-        self.take("yaw_rate_dps", candidate, unit, why)
+            unit = self._asked(f"unit.{candidate.column}", text, _RATE_UNITS)
+        if unit is None:
+            return
+        self.take("yaw_rate_dps", candidate, *unit)
         if found.is_clear and found.factor < 0.0:
             self._turn_round("yaw_rate_dps", "positive to starboard by the heading")
 
@@ -551,28 +538,21 @@ class _Motion:
         heave = self.best("heave_m")
         if heave is not None:
             self.take(
-                "heave_m", heave, (heave.units or ("m",))[0], "head says so" if heave.units else "by its name"
+                "heave_m", heave, *((heave.units[0], "head says so") if heave.units else ("m", "by its name"))
             )
 
     # wind
 
     def _read_wind(self) -> None:
-        for angle, speed in (
-            ("wind_direction_deg", "wind_speed_mps"),
-            ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
-        ):
-            self._take_wind(self.best(angle), self.best(speed), angle, speed)
-        direction, speed_column = self.best("wind_direction"), self.best("wind_speed")
-        if direction is None or speed_column is None or "wind_direction_deg" in self.channels:
+        for names in _WINDS.values():
+            self._take_wind(self.best(names[0]), self.best(names[1]), *names)
+        direction, speed = self.best("wind_direction"), self.best("wind_speed")
+        if direction is None or speed is None or "wind_direction_deg" in self.channels:
             return
-        if "apparent_wind_angle_deg" in self.channels:
-            kind: str | None = "true"
-        else:
-            kind = self._kind_of_wind(direction, speed_column)
-        if kind in ("true", "apparent"):
-            names = ("wind_direction_deg", "wind_speed_mps") if kind == "true" else (
-                "apparent_wind_angle_deg", "apparent_wind_speed_mps")  # fmt: skip
-            self._take_wind(direction, speed_column, *names)
+        known = "apparent_wind_angle_deg" in self.channels
+        kind = "true" if known else self._kind_of_wind(direction, speed)
+        if kind in _WINDS:
+            self._take_wind(direction, speed, *_WINDS[kind])
 
     def _take_wind(
         self, angle: Candidate | None, speed: Candidate | None, angle_name: str, speed_name: str
@@ -606,8 +586,7 @@ class _Motion:
             if steady and max(steady.values()) > _STEADIER * min(steady.values()):
                 return min(steady, key=steady.__getitem__), "so the wind over ground is steadiest"
         text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
-        answer = self.draft.ask("unit.wind", text, ("m/s", "knots", "km/h"))
-        return None if answer == SKIP else (answer or "m/s", "as answered")
+        return self._asked("unit.wind", text, ("m/s", "knots", "km/h"))
 
     def _kind_of_wind(self, direction: Candidate, speed: Candidate) -> str | None:
         """True wind, or apparent: of the two the one that makes the steadier wind over ground."""
@@ -709,21 +688,15 @@ class _Motion:
         if largest > 30.0:
             return "rpm", f"up to {largest:.4g}"
         text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
-        answer = self.draft.ask(f"unit.{candidate.column}", text, ("rpm", "rps"))
-        return None if answer == SKIP else (answer or "rpm", "as answered")
+        return self._asked(f"unit.{candidate.column}", text, ("rpm", "rps"))
 
     def _check_helm(self, found: Found) -> None:
         """Turn the sign of a helm that turns the ship the other way."""
         turns = KINDS[found.kind].turns
-        rate_of_turn = self.values.get("yaw_rate_dps")
-        if not turns or self.grid.size < 3:
+        rate_of_turn, steps = self.values.get("yaw_rate_dps"), self._steps("heading_deg")
+        if not turns or self.grid.size < 3 or (rate_of_turn is None and steps is None):
             return
-        if rate_of_turn is not None:
-            turned = means(self.t, rate_of_turn, self.grid)
-        elif "heading_deg" in self.values:
-            turned = increments(self.t, unwrap(self.values["heading_deg"]), self.grid)
-        else:
-            return
+        turned = means(self.t, rate_of_turn, self.grid) if rate_of_turn is not None else (steps or [])[0]
         helm = np.sin(np.deg2rad(means(self.t, self.values[found.channel], self.grid)))
         lagged = [fit(turned[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
         strongest = max(lagged, key=abs)
@@ -758,9 +731,7 @@ class _Motion:
 
     def _note_declared(self) -> None:
         """Shaft power and torque are channels that the map declares."""
-        for name, channel, unit, high in (
-            ("power", "shaft_power_kw", "kW", 1e5), ("torque", "shaft_torque_knm", "kNm", 1e5)
-        ):  # fmt: skip
+        for name, channel, unit in (("power", "shaft_power_kw", "kW"), ("torque", "shaft_torque_knm", "kNm")):
             candidate = self.best(name)
             if candidate is None:
                 continue
@@ -768,9 +739,7 @@ class _Motion:
                 self.draft.warnings.append(f"{candidate.column!r} is left out: its head names no unit")
                 self.draft.note(candidate.column, "-", "", "left out: no unit")
                 continue
-            self.draft.tree.setdefault("channel", []).append(
-                {"name": channel, "unit": unit, "range": [-high, high]}
-            )
+            self.draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
             self.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
             self.draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
 
@@ -790,10 +759,7 @@ class _Motion:
         if self.north is None or self.east is None:
             return
         moved = np.hypot(np.diff(self.north[np.isfinite(self.t)]), np.diff(self.east[np.isfinite(self.t)]))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            speed = (
-                float(np.nanmedian(np.where(steps > 0.0, moved / steps, np.nan))) if np.any(steps > 0.0) else 0.0
-            )
+        speed = float(np.nanmedian(moved[steps > 0.0] / steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
         if speed > _FASTEST_MPS:
             self.draft.warnings.append(
                 f"by its positions the ship makes {speed:.3g} m/s half of the time: times in ms, or positions in"
