@@ -14,6 +14,7 @@ from acquisition.core.named_code import OwnCodeError, load
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.artefact import load as load_calibrator
 from hybrid.calibrators.artefact import save
+from hybrid.calibrators.own import OwnCalibrator
 from tests.conftest import Command, few_epochs
 from tests.pages import block_of
 
@@ -47,6 +48,20 @@ BROKEN = """
 
 def broken(given):
     return given.bilge_level
+"""
+
+KEEPING = """
+class Keeping:
+    def fit(self, windows, track): ...
+    def predict(self, windows): ...
+
+
+class Telling(Keeping):
+    def __getstate__(self):
+        return {"model": sorted(self.model)}
+
+    def __setstate__(self, state):
+        self.model = set(state["model"])
 """
 
 
@@ -116,6 +131,29 @@ def test_a_saved_calibrator_knows_the_code_that_made_it(own: Path, earlier: list
     file.write_text(CALIBRATOR + "# improved\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"another version.*SHA-256"):
         load_calibrator(folder)
+
+
+def test_what_a_calibrator_keeps_is_saved_or_refused(own: Path) -> None:
+    """Arrays, numbers and texts as they are; of other things the class has to say how."""
+    (own / "kept.py").write_text(KEEPING, encoding="utf-8")
+    calibrator = make_calibrator(f"{own}/kept.py:Keeping")
+    assert isinstance(calibrator, OwnCalibrator)
+    calibrator.range_, kept = np.zeros((2, 3)), vars(calibrator.own)
+    kept |= {"gains": np.arange(4.0), "share": 0.5, "note": "by day"}
+    again = make_calibrator(f"{own}/kept.py:Keeping").load_state_dict(calibrator.state_dict())
+    assert isinstance(again, OwnCalibrator)
+    assert {name: str(each) for name, each in vars(again.own).items()} == {
+        name: str(each) for name, each in kept.items()
+    }
+    kept["model"] = {1.0, 2.0}
+    with pytest.raises(ConfigurationError, match=r"keeps a set in model, which is not saved.*__getstate__"):
+        calibrator.state_dict()
+    told = make_calibrator(f"{own}/kept.py:Telling")
+    assert isinstance(told, OwnCalibrator)
+    told.range_, told.own.model = np.zeros((2, 3)), {1.0, 2.0}  # type: ignore[attr-defined]
+    back = make_calibrator(f"{own}/kept.py:Telling").load_state_dict(told.state_dict())
+    assert isinstance(back, OwnCalibrator)
+    assert vars(back.own)["model"] == {1.0, 2.0}
 
 
 def test_what_a_calibrator_may_know_ends_at_its_start(own: Path, unseen: Path) -> None:
