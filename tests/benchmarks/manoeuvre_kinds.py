@@ -35,7 +35,7 @@ straight stretches, both thrusters after one."""
 
 
 @dataclass(frozen=True)
-class Leg0:
+class Part:
     """A leg of a trial with what it is: the kind of manoeuvre that begins with it, "" for none."""
 
     leg: Leg
@@ -48,13 +48,13 @@ class Sailed:
 
     table: pd.DataFrame
     exact: pd.DataFrame
-    parts: tuple[Leg0, ...]
+    parts: tuple[Part, ...]
     begun_s: Floats
     length_m: float
     current_mps: tuple[float, float]
 
 
-def programme(case: Case) -> tuple[Leg0, ...]:
+def programme(case: Case) -> tuple[Part, ...]:
     """The legs of a trial: runs to and fro, slow and fast again, both stops, a pull-out, a spiral, thrusters."""
     vessel = vessel_of(case.ship, case.rate_dps)
     time, rpm, speed = pace_of(vessel).time, usual_rpm(vessel), 5.04 * pace_of(vessel).speed
@@ -66,43 +66,43 @@ def programme(case: Case) -> tuple[Leg0, ...]:
 
     drives = [each.name for each in vessel.actuators if each.drives]
     parts = [
-        Leg0(steer(0.0, 3 * straight, rpm), "speed_run"),
-        Leg0(steer(180.0, 3 * straight, rpm)),
-        Leg0(steer(180.0, 3 * straight, rpm), "speed_run"),
-        Leg0(steer(180.0, 4 * straight, 0.6 * rpm)),
-        Leg0(steer(180.0, 5 * straight, rpm), "acceleration"),
-        Leg0(Leg(rpm=0.0, slower_mps=0.05 * speed, at_most_s=80.0 * straight), "stopping"),
-        Leg0(steer(180.0, 8 * straight, rpm), "acceleration"),
-        Leg0(Leg(rpm=-0.7 * rpm, slower_mps=0.0, at_most_s=20.0 * straight), "stopping"),
-        Leg0(Leg(rpm=0.0, at_least_s=straight, at_most_s=straight)),
+        Part(steer(0.0, 3 * straight, rpm), "speed_run"),
+        Part(steer(180.0, 3 * straight, rpm)),
+        Part(steer(180.0, 3 * straight, rpm), "speed_run"),
+        Part(steer(180.0, 4 * straight, 0.6 * rpm)),
+        Part(steer(180.0, 5 * straight, rpm), "acceleration"),
+        Part(Leg(rpm=0.0, slower_mps=0.05 * speed, at_most_s=80.0 * straight), "stopping"),
+        Part(steer(180.0, 8 * straight, rpm), "acceleration"),
+        Part(Leg(rpm=-0.7 * rpm, slower_mps=0.0, at_most_s=20.0 * straight), "stopping"),
+        Part(Leg(rpm=0.0, at_least_s=straight, at_most_s=straight)),
         *(crabbing(case) if case.ship == "gunnerus_short" and not case.current else ()),
-        Leg0(steer(180.0, 8 * straight, rpm)),  # she lay across, and turns while she gathers way
-        Leg0(held(-20.0, 80.0)),
-        Leg0(held(0.0, 120.0), "pull_out"),
-        Leg0(steer(180.0, 4 * straight, rpm)),
-        *(Leg0(held(-angle, 90.0), "" if number else "spiral") for number, angle in enumerate(HELMS)),
-        Leg0(steer(180.0, 5 * straight, rpm)),
+        Part(steer(180.0, 8 * straight, rpm)),  # she lay across, and turns while she gathers way
+        Part(held(-20.0, 80.0)),
+        Part(held(0.0, 120.0), "pull_out"),
+        Part(steer(180.0, 4 * straight, rpm)),
+        *(Part(held(-angle, 90.0), "" if number else "spiral") for number, angle in enumerate(HELMS)),
+        Part(steer(180.0, 5 * straight, rpm)),
     ]
     if len(drives) > 1:
         for name in drives:
             single = replace(alone(name, rpm, drives), course_deg=180.0, at_least_s=60.0, at_most_s=60.0)
-            parts += [Leg0(single, "thruster_test"), Leg0(steer(180.0, 3 * straight, rpm))]
+            parts += [Part(single, "thruster_test"), Part(steer(180.0, 3 * straight, rpm))]
     for name in (each.name for each in vessel.actuators if each.kind == "tunnel"):
-        parts.append(Leg0(steer(180.0, 6 * straight, 0.3 * rpm)))
+        parts.append(Part(steer(180.0, 6 * straight, 0.3 * rpm)))
         for push in (300.0, -300.0):
             aside = Leg(rpm=0.3 * rpm, orders={f"{name}_rpm": push}, at_least_s=40.0, at_most_s=40.0)
-            parts += [Leg0(aside, "thruster_test"), Leg0(steer(180.0, 3 * straight, 0.3 * rpm))]
+            parts += [Part(aside, "thruster_test"), Part(steer(180.0, 3 * straight, 0.3 * rpm))]
     return tuple(parts)
 
 
-def crabbing(case: Case) -> tuple[Leg0, ...]:
+def crabbing(case: Case) -> tuple[Part, ...]:
     """R/V Gunnerus turns her thrusters at rest, goes aside at speeds that hardly turn her, and turns them back."""
     aside, seconds = {"port_angle_deg": 90.0, "starboard_angle_deg": 90.0}, 10.0 + 90.0 / case.rate_dps
     crab = {**aside, "tunnel_rpm": 280.0}
     return (
-        Leg0(Leg(rpm=0.0, orders=aside, at_least_s=seconds, at_most_s=seconds)),
-        Leg0(Leg(rpm=45.0, orders=crab, at_least_s=60.0, at_most_s=60.0), "crabbing"),
-        Leg0(Leg(rpm=0.0, at_least_s=seconds, at_most_s=seconds)),
+        Part(Leg(rpm=0.0, orders=aside, at_least_s=seconds, at_most_s=seconds)),
+        Part(Leg(rpm=45.0, orders=crab, at_least_s=60.0, at_most_s=60.0), "crabbing"),
+        Part(Leg(rpm=0.0, at_least_s=seconds, at_most_s=seconds)),
     )
 
 
