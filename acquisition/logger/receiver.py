@@ -12,7 +12,7 @@ from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.health import SourceHealth
 from acquisition.sources import Source
-from acquisition.sources.senders import Senders
+from acquisition.sources.sockets import Senders
 
 _MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
 POLL_S = 0.1

@@ -13,7 +13,7 @@ from acquisition.config.sections import AnySource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.core.named_code import imported
-from acquisition.sources.senders import Senders
+from acquisition.sources.sockets import Senders
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
@@ -27,7 +27,7 @@ _CLASSES = {
     "mavlink_tcp": "acquisition.sources.streams:TcpConnection",
     "mavlink_serial": "acquisition.sources.streams:SerialPort",
     "mqtt": "acquisition.sources.mqtt:MqttConnection",
-    "mqtt_file": "acquisition.sources.mqtt_log:MqttLog",
+    "mqtt_file": "acquisition.sources.mqtt:MqttLog",
     "own": "acquisition.sources.own:OwnCode",
     "mavlink_file": "acquisition.sources.telemetry_log:TelemetryLog",
 }

@@ -1,4 +1,4 @@
-"""An MQTT broker: what is published under some topics, each message a frame with its topic.
+"""MQTT messages, each a frame with its topic: from a broker, and from an SQLite log of them.
 
 The connection asks for quality of service 0 and a clean session. Between a broker and its subscriber TCP loses
 nothing, and what waits while the recorder stands still is in a large receive buffer: with quality 1 a broker holds
@@ -9,15 +9,19 @@ both, unless the broker keeps it for us: then nobody could tell how old a messag
 from __future__ import annotations
 
 import os
+import sqlite3
 import ssl
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from acquisition.config.sections import MqttSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
-from acquisition.sources import Source
+from acquisition.core.topics import covers
+from acquisition.decoders.clock import is_possible
+from acquisition.sources import LogReader, Source
+from acquisition.sources.looks import SQLITE, looks_like
 from acquisition.sources.sockets import enlarge
 
 if TYPE_CHECKING:
@@ -28,6 +32,8 @@ _KEEP_ALIVE_S = 10  # a broker that is cut off without a word is found out after
 _TIMEOUT_S = 3.0  # to connect, and for the broker's answer
 _POLL_S = 0.1
 _MOST_AT_ONCE = 300
+_ROWS = "SELECT UNIX_TIME, TOPIC, MESSAGE FROM LOG ORDER BY ID"
+_HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
 
 
@@ -161,3 +167,53 @@ class MqttConnection(Source):
         if self._link is not None:
             self._link.disconnect()
             self._link = None
+
+
+class MqttLog(LogReader):
+    """An SQLite log, as mqtt-logger and the logging tools of R/V Gunnerus write it.
+
+    Its table ``LOG`` has a row a message: ID, RUN_ID, UNIX_TIME (when it came), TOPIC, MESSAGE. ``unreadable``
+    counts rows without a topic or a time, ``damage`` is what ended its reading.
+    """
+
+    def _begin(self, file: BinaryIO) -> None:
+        self.unreadable, self.damage = 0, ""
+        self._monotonic_ns, self._topics = 0, dict[str, bool]()
+        head = file.read(_HEAD_BYTES)
+        if not head.startswith(SQLITE):
+            raise ValueError(f"it is no SQLite database; it looks like {looks_like(head)}")
+        try:
+            self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
+            self._rows = self._log.execute(_ROWS)
+        except sqlite3.Error as error:
+            raise ValueError(f"it is no log of MQTT messages: {error}") from error
+
+    def _next(self, file: BinaryIO) -> list[Frame] | None:
+        try:
+            rows = self._rows.fetchmany(_MOST_AT_ONCE)
+        except sqlite3.Error as error:
+            self.damage = f"the log is damaged ({error}); reading ended there"
+            return None
+        return list(self._frames(rows)) if rows else None
+
+    def _frames(self, rows: list[tuple[Any, Any, Any]]) -> Iterable[Frame]:
+        for seconds, topic, message in rows:
+            time_ns = round(seconds * 1e6) * 1000 if isinstance(seconds, int | float) else 0
+            if not isinstance(topic, str) or not isinstance(message, str | bytes) or not is_possible(time_ns):
+                self.unreadable += 1
+            elif self._wanted(topic):
+                text = message.encode() if isinstance(message, str) else message
+                self._monotonic_ns = max(self._monotonic_ns, time_ns)
+                payload = topic.encode("utf-8", "replace") + b"\0" + text
+                yield Frame(self.name, "mqtt", payload, time_ns, self._monotonic_ns, stamped_ns=time_ns)
+
+    def _wanted(self, topic: str) -> bool:
+        if topic not in self._topics:
+            wanted = [*self._config.topics, *(each.topic for each in self._config.values.values())]
+            self._topics[topic] = not self._config.topics or any(covers(each, topic) for each in wanted)
+        return self._topics[topic]
+
+    def close(self) -> None:
+        if self._link is not None and hasattr(self, "_log"):
+            self._log.close()
+        super().close()

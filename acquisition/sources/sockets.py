@@ -1,9 +1,12 @@
-"""What Linux tells of a socket: when a datagram or a CAN frame came, and how many it had no room for."""
+"""What Linux tells of a socket (when something came, how many it had no room for), who sends to it and who may."""
 
 from __future__ import annotations
 
+import ipaddress
 import socket
 import struct
+from collections import Counter, deque
+from collections.abc import Sequence
 from contextlib import suppress
 
 from acquisition.core.frames import NANO, now_ns
@@ -12,6 +15,9 @@ _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no name
 _DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO
 _MEMINFO_BYTES = 36
 _OLDEST_NS = 60 * NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
+_MOST_KNOWN = 100  # senders' addresses can be forged: there is no end to them
+
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 _TIME = struct.Struct("@ll")
 TIME_BYTES = socket.CMSG_SPACE(_TIME.size)
 """Room for a stamp in ``recvmsg``."""
@@ -68,3 +74,36 @@ class Drops:
         now = dropped(self._socket)
         count, self._before = (now - self._before) % 2**32, now
         return count
+
+
+class Senders:
+    """The senders that a source has heard. ``allowed`` are their networks; none: everybody may send.
+
+    ``refused`` counts what came from others, by reason; ``news`` names each of these once, and where everybody may
+    send each but the first, as (level, text), and is emptied by who tells them.
+    """
+
+    def __init__(self, allowed: Sequence[Network]) -> None:
+        self._allowed = tuple(allowed)
+        self._known: dict[str, bool] = {}
+        self.refused: Counter[str] = Counter()
+        self.news: deque[tuple[str, str]] = deque()
+
+    def admits(self, sender: str) -> bool:
+        """Whether something from this address (IPv4 or IPv6, without a port) may come in."""
+        may = self._known.get(sender)
+        if may is None:
+            may = self._is_allowed(sender)
+            if len(self._known) < _MOST_KNOWN:
+                if not may:
+                    self.news.append(("warning", f"{sender} sends and may not"))
+                elif self._known and not self._allowed:
+                    self.news.append(("info", f"{sender} sends, too"))
+                self._known[sender] = may
+        if not may:
+            self.refused["sender that is not allowed"] += 1
+        return may
+
+    def _is_allowed(self, sender: str) -> bool:
+        address = ipaddress.ip_address(sender.partition("%")[0])
+        return not self._allowed or any(address in network for network in self._allowed)

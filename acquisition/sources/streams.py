@@ -26,8 +26,15 @@ from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source
 from acquisition.sources.actisense import Cutter, is_message
 from acquisition.sources.line_forms import Entry, LineReader
-from acquisition.sources.senders import Senders
-from acquisition.sources.sockets import TIME_BYTES, Drops, arrival_ns, enlarge, received_at, stamp_arrivals
+from acquisition.sources.sockets import (
+    TIME_BYTES,
+    Drops,
+    Senders,
+    arrival_ns,
+    enlarge,
+    received_at,
+    stamp_arrivals,
+)
 
 if TYPE_CHECKING:
     import serial

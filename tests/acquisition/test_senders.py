@@ -17,7 +17,7 @@ from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.recording.parts import RecordingParts
-from acquisition.sources.senders import Senders
+from acquisition.sources.sockets import Senders
 from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import config_text, free_port, wait_for
 from tests.acquisition.test_faults import recording, udp
