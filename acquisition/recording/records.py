@@ -45,7 +45,9 @@ MESSAGE_HEAD = np.dtype(
 """The same in an array, and where in some bytes the data start and end."""
 
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, checksum, and the length of the compression's name
+_CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, place, length, and the length of the messages' indexes' places
 _INDEX = struct.Struct("<HI")
+_LENGTH, _NAME_LENGTH, _SIZES, _PLACE_BYTES = struct.Struct("<Q"), struct.Struct("<I"), struct.Struct("<QQ"), 10
 _COMPRESSIONS = (b"", b"lz4", b"zstd")
 _FIRST_PRIVATE = 0x80  # from here on opcodes belong to applications
 _PARSERS: dict[int, Callable[[ReadDataStream], mcap.McapRecord]] = {
@@ -53,7 +55,6 @@ _PARSERS: dict[int, Callable[[ReadDataStream], mcap.McapRecord]] = {
     Opcode.FOOTER: mcap.Footer.read,
     Opcode.SCHEMA: mcap.Schema.read,
     Opcode.CHANNEL: mcap.Channel.read,
-    Opcode.CHUNK_INDEX: mcap.ChunkIndex.read,
     Opcode.ATTACHMENT: mcap.Attachment.read,
     Opcode.ATTACHMENT_INDEX: mcap.AttachmentIndex.read,
     Opcode.STATISTICS: mcap.Statistics.read,
@@ -130,6 +131,8 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
         return None
     if opcode == Opcode.CHUNK:
         return _parse_chunk(content)
+    if opcode == Opcode.CHUNK_INDEX:
+        return _parse_chunk_index(content)
     record = _parse_fields(opcode, content)
     if isinstance(record, mcap.Attachment):
         _check_checksum(content[:-4], int.from_bytes(content[-4:], "little"), "an attachment")
@@ -145,6 +148,22 @@ def _parse_chunk(content: bytes) -> mcap.Chunk:
     plain = _decompressed(compression, memoryview(content)[data_start:], size_bytes)
     _check_checksum(plain, crc, "a chunk")
     return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
+
+
+def _parse_chunk_index(content: bytes) -> mcap.ChunkIndex:
+    """By hand, as there are as many as chunks; without where the messages' indexes are, which nobody asks."""
+    try:
+        start_ns, end_ns, place, length, places = _CHUNK_INDEX.unpack_from(content)
+        (indexes,) = _LENGTH.unpack_from(content, _CHUNK_INDEX.size + places)
+        (name_length,) = _NAME_LENGTH.unpack_from(content, _CHUNK_INDEX.size + places + _LENGTH.size)
+        name = content[-2 * _LENGTH.size - name_length : -2 * _LENGTH.size]
+        sizes = _SIZES.unpack_from(content, len(content) - _SIZES.size)
+    except struct.error as error:
+        raise RecordError("a record whose fields do not fit it") from error
+    expected = _CHUNK_INDEX.size + places + _LENGTH.size + _NAME_LENGTH.size + name_length + _SIZES.size
+    if len(content) != expected or name not in _COMPRESSIONS or places % _PLACE_BYTES:
+        raise RecordError("a record of a wrong length")
+    return mcap.ChunkIndex(length, place, name.decode(), sizes[0], end_ns, indexes, {}, start_ns, sizes[1])
 
 
 def check_chunk_head(fields: bytes, length: int) -> None:

@@ -6,12 +6,15 @@ All of it twice: by the compiled loop, and without it, as small recordings are r
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap import records as mcap
+from mcap.opcode import Opcode
 from mcap.writer import Writer
 
 from acquisition.core.errors import InputError
@@ -19,8 +22,10 @@ from acquisition.core.frames import Frame, Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.recording import batches, reader
 from acquisition.recording.descriptors import Kind
+from acquisition.recording.mcap_file import serialise
 from acquisition.recording.messages import encode_sample
 from acquisition.recording.reader import MessageStream, Recording, read_recording
+from acquisition.recording.records import HEAD, RecordError, parse
 from acquisition.recording.schemas import CHANNEL_PREFIX, SAMPLE
 from acquisition.recording.writer import RecordingWriter
 
@@ -213,3 +218,16 @@ def test_a_stream_can_be_read_twice(tmp_path: Path) -> None:
     stream = MessageStream(tmp_path / "x.mcap")
     assert list(stream) == list(stream)
     assert np.array_equal(read_recording(tmp_path / "x.mcap").series["surge_mps"].value, np.arange(5.0))
+
+
+def test_the_index_of_a_chunk_is_read_as_the_library_reads_it() -> None:
+    """But for the places of the messages' indexes; a byte more or less is none."""
+    index = mcap.ChunkIndex(
+        chunk_length=1, chunk_start_offset=2, compression="zstd", compressed_size=3, message_end_time=9,
+        message_index_length=4, message_index_offsets={1: 5, 2: 7}, message_start_time=8, uncompressed_size=6,
+    )  # fmt: skip
+    content = serialise(index)[HEAD.size :]
+    assert parse(Opcode.CHUNK_INDEX, content) == replace(index, message_index_offsets={})
+    for broken in (content[:-1], content + b"\0", content[:36], content.replace(b"zstd", b"zzzz")):
+        with pytest.raises(RecordError):
+            parse(Opcode.CHUNK_INDEX, broken)
