@@ -237,7 +237,7 @@ def verdict(rows: Sequence[IndexRow]) -> str:
     if rows:
         tests = len({row.place for row in rows})
         made = f"{tests} other tests were" if tests > 1 else "one other was"
-        return f"None of the tests of IMO MSC.137(76) was made; {made} measured."
+        return f"No test of IMO MSC.137(76) was made; {made} measured."
     return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
 
 
