@@ -126,13 +126,17 @@ BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.
 
 @dataclass(frozen=True, slots=True)
 class Ship:
-    """Main dimensions [m], from a vessel file or a person; a person may know the length only."""
+    """Main dimensions [m], from a vessel file or a person; a person may know the length only.
+
+    ``title`` is what people call her, empty where only the file's ``name`` is known.
+    """
 
     name: str
     over_all_m: float
     between_perpendiculars_m: float
     beam_m: float | None = None
     draught_m: float | None = None
+    title: str = ""
 
 
 def run_sheet(
@@ -151,7 +155,7 @@ def circumstances(
     """The ship, her loading, time, place and weather, as :func:`run_sheet` has them."""
     trial = recording.trial
     return [
-        ("ship", trial.vessel or UNKNOWN),
+        ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
         *_form(ship, one_hz),
         *_actuators(trial.actuators),
         ("trial", trial.name or UNKNOWN),

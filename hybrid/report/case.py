@@ -256,7 +256,7 @@ def ship_of(name: str, recording: Path) -> Ship | None:
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
     return Ship(
         vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
-        size.draught_m,
+        size.draught_m, vessel.description.partition(",")[0],  # what comes after a comma is about the model
     )  # fmt: skip
 
 

@@ -56,10 +56,15 @@ def window_rows(products: Products) -> pd.DataFrame | None:
 
 
 def ship_name(case: Case) -> str:
-    """The ships that the recordings name; without one what their trials are called."""
-    trials = [each.recording.trial for each in case.products.values()]
-    named = [each.vessel for each in trials if each.vessel] or [each.name for each in trials if each.name]
+    """The ships that the recordings name, as people call them; without one what their trials are called."""
+    titles = [title for name in case.products if (title := _title_of(case, name))]
+    named = titles or [each.recording.trial.name for each in case.products.values() if each.recording.trial.name]
     return join_words(list(dict.fromkeys(named))) if named else "a ship that is not named"
+
+
+def _title_of(case: Case, name: str) -> str:
+    ship = case.ship(name)
+    return (ship.title if ship else "") or case.products[name].recording.trial.vessel
 
 
 def subtitle(case: Case) -> str:
@@ -152,7 +157,8 @@ def picture_caption(each: Manoeuvre) -> str:
     if each.current is not None:
         drift = each.current.as_json()
         said.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
-    return "; ".join([*said, *each.notes]) + "."
+    words = "; ".join([*said, *each.notes])
+    return f"{words}." if words else ""
 
 
 def facts(case: Case, name: str) -> list[tuple[str, str]]:
