@@ -124,12 +124,12 @@ PATIENCE_S = 300.0
 """Longer than a busy machine needs for anything that is waited for; nothing waits longer than it has to."""
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
+def wait_for(condition: Callable[[], bool], every_s: float = 0.01) -> None:
     """Wait until something has come true."""
     until_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < until_s, "it never came true"
-        time.sleep(0.01)
+        time.sleep(every_s)
 
 
 def recorded_count(folder: Path, channel: str = "heading_deg") -> int:
