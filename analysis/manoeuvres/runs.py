@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from datetime import datetime
+from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +49,7 @@ _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
 _STOPPED_SHARE, _AT_REST_SHARE = 0.6, 0.1
 _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
-RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
-LONGEST_BETWEEN_S = 2 * 3600.0
+RECIPROCAL_DEG, _SAME_SHARE, _LONGEST_BETWEEN_S = 12.0, 0.03, 2 * 3600.0
 REACHED_SHARE = 0.9
 _TRIED_STARTS = 9
 
@@ -159,20 +160,45 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     )  # fmt: skip
 
 
-def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:
-    """Runs on reciprocal courses at one shaft speed get the speed through the water that the two together give.
+class Course(NamedTuple):
+    """What pairs of runs are made by; the ``setting`` is the shaft speed, or another measure of the power."""
 
-    Of several partners the nearest in time counts; each run has one pair at most.
+    start: datetime
+    end: datetime
+    heading_deg: float
+    setting: float
+
+
+def reciprocal_pairs(runs: Sequence[Course]) -> list[tuple[int, int]]:
+    """The places of runs, in order of time, on reciprocal courses at one setting within two hours.
+
+    Of several partners the nearest in time counts; each run has one at most.
     """
-    result, taken, number = list(runs), set[int](), 0
-    for first, one in enumerate(runs):
-        partners = [k for k in range(first + 1, len(runs)) if k not in taken and _reciprocal(one, runs[k])]
-        if first in taken or not partners:
-            continue
-        second, number = partners[0], number + 1
-        taken |= {first, second}
-        mean, along = _through_water(one, runs[second])
-        for place, sign in ((first, 1.0), (second, -1.0)):
+    pairs, taken = list[tuple[int, int]](), set[int]()
+    for first, second in combinations(range(len(runs)), 2):
+        if not taken & {first, second} and _are_reciprocal(runs[first], runs[second]):
+            pairs.append((first, second))
+            taken |= {first, second}
+    return pairs
+
+
+def _are_reciprocal(one: Course, other: Course) -> bool:
+    apart = abs(float(difference(other.heading_deg, one.heading_deg)))
+    soon = (other.start - one.end).total_seconds() < _LONGEST_BETWEEN_S
+    return soon and abs(apart - 180.0) < RECIPROCAL_DEG and is_same_setting(one.setting, other.setting)
+
+
+def is_same_setting(one: float, other: float) -> bool:
+    """Whether two runs at these shaft speeds were made at one power setting."""
+    return abs(other - one) < _SAME_SHARE * abs(one)
+
+
+def _pair_reciprocal(runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
+    """Reciprocal runs get the speed through the water that the two together give."""
+    result = list(runs)
+    for number, pair in enumerate(reciprocal_pairs([_course_of(each) for each in runs]), start=1):
+        mean, along = _through_water(*(runs[place] for place in pair))
+        for place, sign in zip(pair, (1.0, -1.0), strict=True):
             own = index_of("current_along_mps", sign * along[0], along[1])
             result[place] = replace(
                 runs[place],
@@ -182,11 +208,9 @@ def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:
     return result
 
 
-def _reciprocal(one: Manoeuvre, other: Manoeuvre) -> bool:
-    apart = abs(float(difference(other.settings["heading_deg"], one.settings["heading_deg"])))
-    rpm = [sum(value for name, value in each.settings.items() if name.endswith("_rpm")) for each in (one, other)]
-    soon = (other.start - one.end).total_seconds() < LONGEST_BETWEEN_S
-    return soon and abs(apart - 180.0) < RECIPROCAL_DEG and abs(rpm[1] - rpm[0]) < _SAME_RPM_SHARE * abs(rpm[0])
+def _course_of(run: Manoeuvre) -> Course:
+    rpm = sum(value for name, value in run.settings.items() if name.endswith("_rpm"))
+    return Course(run.start, run.end, run.settings["heading_deg"], rpm)
 
 
 def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float, float]]:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.actuators import RUDDER
-from acquisition.core.angles import circular_mean, difference, wrap_360
+from acquisition.core.angles import circular_mean, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE, VELOCITY
 from acquisition.core.errors import InputError
@@ -23,16 +23,16 @@ from analysis.manoeuvres.measures import WIDEST_S, smooth_motion
 from analysis.manoeuvres.motion import Motion, motion_of
 from analysis.manoeuvres.runs import (
     LEAST_RUN_S,
-    LONGEST_BETWEEN_S,
-    RECIPROCAL_DEG,
+    Course,
+    is_same_setting,
     no_speed_run,
+    reciprocal_pairs,
     straight_stretches,
 )
 from analysis.tables.table import NANO, table_actuators, times_ns
 
 _POWER = re.compile(r"(?:(?P<shaft>\w+)_)?shaft_(?P<what>power|torque)_(?P<unit>w|kw|mw|nm|knm)")
 _TO_KILO = {"w": 1e-3, "kw": 1.0, "mw": 1e3, "nm": 1e-3, "knm": 1.0}
-_SAME_SHARE = 0.03  # of the shaft speed, within one power setting
 _BLOCKS = 6
 ERROR_FREEDOM = _BLOCKS - 2
 """The degrees of freedom of a run's standard errors."""
@@ -217,38 +217,21 @@ def _wind(motion: Motion, table: pd.DataFrame, first: int, end: int) -> tuple[fl
     return float(np.rad2deg(np.angle(vector)) % 360.0), float(abs(vector))
 
 
-def double_runs(runs: Sequence[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
-    """The runs that have one on the reciprocal course at the same setting within two hours, numbered by pairs.
-
-    Each has one partner, the next in time. The others are left out: their current is not known.
-    """
+def double_runs(runs: Iterable[PowerRun]) -> tuple[list[PowerRun], list[LeftOut]]:
+    """The runs that make :func:`reciprocal_pairs`, numbered by pairs; of the others the current is not known."""
     ordered = sorted(runs, key=lambda each: each.start)
-    partner: dict[int, int] = {}
-    for first, one in enumerate(ordered):
-        free = (k for k in range(first + 1, len(ordered)) if k not in partner and _is_reciprocal(one, ordered[k]))
-        if first not in partner and (second := next(free, None)) is not None:
-            partner |= {first: len(partner) // 2 + 1, second: len(partner) // 2 + 1}
+    pairs = reciprocal_pairs([Course(each.start, each.end, each.heading_deg, each.setting) for each in ordered])
+    number = {place: count for count, pair in enumerate(pairs, start=1) for place in pair}
     alone = "no run on the reciprocal course at this power within two hours"
     left_out = [LeftOut("speed_run", each.start, each.end, alone)
-                for place, each in enumerate(ordered) if place not in partner]  # fmt: skip
-    return [replace(ordered[place], double_run=partner[place]) for place in sorted(partner)], left_out
-
-
-def _is_reciprocal(one: PowerRun, other: PowerRun) -> bool:
-    apart = abs(float(difference(other.heading_deg, one.heading_deg)))
-    soon = (other.start - one.end).total_seconds() < LONGEST_BETWEEN_S
-    return soon and abs(apart - 180.0) < RECIPROCAL_DEG and is_same_setting(one, other)
-
-
-def is_same_setting(one: PowerRun, other: PowerRun) -> bool:
-    """Whether two runs were made at one power setting."""
-    return abs(other.setting - one.setting) < _SAME_SHARE * abs(one.setting)
+                for place, each in enumerate(ordered) if place not in number]  # fmt: skip
+    return [replace(ordered[place], double_run=number[place]) for place in sorted(number)], left_out
 
 
 def settings_of(runs: Sequence[PowerRun]) -> list[list[int]]:
     """The places of the runs of each power setting, in order of the setting."""
     groups: list[list[int]] = []
     for place in sorted(range(len(runs)), key=lambda each: runs[each].setting):
-        near = groups and is_same_setting(runs[groups[-1][0]], runs[place])
+        near = groups and is_same_setting(runs[groups[-1][0]].setting, runs[place].setting)
         groups[-1:] = [[*groups[-1], place]] if near else [*groups[-1:], [place]]
     return [sorted(group) for group in groups]
