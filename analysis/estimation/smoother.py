@@ -173,8 +173,13 @@ class SmoothedMotion:
         return remarks_of(self.consistency, self.noise.at_bounds)
 
     def standard_deviations(self) -> pd.DataFrame:
-        """The standard deviation of each state, in the unit of its column."""
-        deviation = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        """The standard deviation of each state, in the unit of its column.
+
+        NaN where rounding has eaten a variance: before the first sample of a channel whose noise is some 1e-5 of
+        what is thought possible without it, as a model's position by cameras.
+        """
+        variance = np.diagonal(self.covariance, axis1=1, axis2=2)
+        deviation = np.sqrt(np.where(variance < 0.0, np.nan, variance))
         factor = np.where(_IN_DEGREES, 180.0 / np.pi, 1.0)
         return pd.DataFrame(deviation * factor, index=self.states.index, columns=list(BODY))
 

@@ -140,6 +140,16 @@ def test_channels_at_their_own_rates_and_times() -> None:
     assert (found.standard_deviations()["north_m"] > result(*case).standard_deviations()["north_m"]).mean() > 0.95
 
 
+def test_a_variance_that_rounding_has_eaten_is_not_known() -> None:
+    """As before the first position of a model that is tracked to half a millimetre."""
+    found = result(*CASES[0])
+    covariance = found.covariance.copy()
+    covariance[0, 0, 0] = -5e-4
+    deviation = replace(found, covariance=covariance).standard_deviations()
+    assert np.flatnonzero(deviation["north_m"].isna()).tolist() == [0]
+    assert deviation.drop(columns="north_m").equals(found.standard_deviations().drop(columns="north_m"))
+
+
 def test_in_a_gap_there_is_nothing_or_what_the_covariance_says() -> None:
     case = CASES[0]
     table, levels = trial(*case), result(*case).noise
