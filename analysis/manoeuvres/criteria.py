@@ -243,7 +243,8 @@ def verdict(rows: Sequence[IndexRow]) -> str:
 
 def _without_judgement(left: Sequence[IndexRow]) -> str:
     """What was measured of limited values, none of which is judged, and why not."""
-    below = all(row.limit is not None and not _exceeds(row) for row in left)
+    values = [each.index for row in left for each in row.sides.values()]
+    below = all(row.limit for row in left) and not any(_above(each, each.value) for each in values)
     if len(left) == 1:
         lies = " and lies below its limit" if below else ""
         return f"One value that IMO MSC.137(76) limits was measured{lies}; it is not judged, since {left[0].why}."
@@ -251,7 +252,3 @@ def _without_judgement(left: Sequence[IndexRow]) -> str:
     return (
         f"{len(left)} values that IMO MSC.137(76) limits were measured{lie}; none is judged, since {left[0].why}."
     )
-
-
-def _exceeds(row: IndexRow) -> bool:
-    return any(_above(each.index, each.index.value) for each in row.sides.values())

@@ -170,12 +170,10 @@ def _zigzags_and_turns(
     swings = {each.first for chain in chains for each in chain}
     spirals = spiral_steps(motion, [each for each in every if each.first not in swings])
     swings |= {each.first for steps in spirals for each in steps}
-    found = [zigzag(motion, helm, chain) for chain in chains]
-    found += [spiral(motion, helm, steps) for steps in spirals]
-    taken = _taken_by(motion, found)
-    found += [reverse_spiral(motion, helm, rates) for rates in
-              (reverse_spiral_steps(motion, helm, smooth.yaw_rate_dps, ~taken) if helm.any() else ())]  # fmt: skip
-    taken = _taken_by(motion, found[len(chains) + len(spirals) :])
+    found = [*(zigzag(motion, helm, chain) for chain in chains), *(spiral(motion, helm, each) for each in spirals)]
+    rates = reverse_spiral_steps(motion, helm, smooth.yaw_rate_dps, ~_taken_by(motion, found)) if helm.any() else []
+    reverse = [reverse_spiral(motion, helm, each) for each in rates]
+    found, taken = [*found, *reverse], _taken_by(motion, reverse)
     swings |= {each.first for each in every if taken[each.first : each.end].any()}
     free = [each for each in held if each.first not in swings]
     found += [
@@ -255,17 +253,9 @@ def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
 
 def _fits_kind(kind: str, text: str) -> bool:
     words = {
-        "zigzag": "zig",
-        "turning_circle": "turn circle",
-        "course_change": "turn circle",
-        "speed_run": "speed run",
-        "acceleration": "accel",
-        "stopping": "stop crash",
-        "crabbing": "crab side",
-        "pull_out": "pull",
-        "spiral": "spiral dieudonne",
-        "reverse_spiral": "spiral bech",
+        "zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
+        "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "pull_out": "pull",
+        "spiral": "spiral dieudonne", "reverse_spiral": "spiral bech", "thruster_test": "thrust",
         "williamson_turn": "williamson man overboard",
-        "thruster_test": "thrust",
-    }
-    return any(word in text.lower() for word in words[kind].split())  # fmt: skip
+    }  # fmt: skip
+    return any(word in text.lower() for word in words[kind].split())

@@ -69,11 +69,8 @@ def plain_name(name: str) -> str:
     'tactical diameter, current removed'
     """
     plain, removed = name.removesuffix("_current_removed"), name.endswith("_current_removed")
-    for suffix in UNITS:
-        if plain.endswith(suffix):
-            plain = plain.removesuffix(suffix)
-            break
-    return plain.replace("_", " ") + (", current removed" if removed else "")
+    unit = next((suffix for suffix in UNITS if plain.endswith(suffix)), "")
+    return plain.removesuffix(unit).replace("_", " ") + (", current removed" if removed else "")
 
 
 def index_cells(index: Index) -> tuple[str, str, str, str]:
@@ -94,8 +91,6 @@ def _digits(value: float, significant: int) -> int:
 
 
 HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit")
-
-
 _SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
 
 
@@ -195,7 +190,6 @@ def number_text(number: int, kind: str) -> str:
     """
     nouns = {
         "crabbing": "crabbing run", "stopping": "stopping test", "pull_out": "pull-out", "spiral": "direct spiral",
-        "reverse_spiral": "reverse spiral",
         "williamson_turn": "Williamson turn",
     }  # fmt: skip
     noun = nouns.get(kind, kind.replace("_", " "))

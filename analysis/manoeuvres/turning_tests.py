@@ -202,14 +202,12 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats) -> dict[str, f
     values = {f"yaw_rate_step_{number}_dps": float(rate) for number, rate in enumerate(rates, start=1)}
     turn = 1 + int(np.argmax(np.append(np.diff(np.sign(np.diff(levels))) != 0, True)))  # where it goes back
     legs = [slice(0, turn + 1), *([slice(turn, None)] if turn + 1 < levels.size else [])]
-    neutral = [_at_zero(rates[leg], levels[leg]) for leg in legs]
-    values["neutral_helm_deg"] = float(np.mean(neutral))
-    near = np.argsort(np.abs(levels))[:3]
-    values["yaw_rate_at_no_helm_dps"] = float(np.mean([_at_zero(levels[leg], rates[leg]) for leg in legs]))
+    values["neutral_helm_deg"] = float(np.mean([_at_zero(rates[leg], levels[leg]) for leg in legs]))
+    near, heights = np.argsort(np.abs(levels))[:3], [_at_zero(levels[leg], rates[leg]) for leg in legs]
+    values["yaw_rate_at_no_helm_dps"] = float(np.mean(heights))
     if np.ptp(levels[near]) > 0.0:
         values["yaw_rate_per_helm_dps"] = float(np.polyfit(levels[near], rates[near], 1)[0])
-    if len(legs) > 1:
-        heights = [_at_zero(levels[leg], rates[leg]) for leg in legs]
+    if len(heights) > 1:
         values["loop_height_dps"] = abs(heights[1] - heights[0])
     return values
 

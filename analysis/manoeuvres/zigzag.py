@@ -38,10 +38,7 @@ _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
-_CUT_SHORT_S, _CUT_SHORT_DEG = (
-    4.0,
-    2.0,
-)  # a helm reversed on its way stands no longer, and as it goes through so much
+_CUT_SHORT_S, _CUT_SHORT_DEG = 4.0, 2.0  # a helm reversed on its way stands no longer, and goes through so much
 _FIRST_TURN_SHARE = 0.5  # of the switching angle
 _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # how far a helm may be off the others', and in ranges of theirs
 _SWITCH_SHARE = 0.16  # people switch early and late
@@ -177,8 +174,7 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
 
 def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Index]) -> dict[str, Index]:
     """The first two overshoots as IMO counts them, from the moment at which the helm began to move, where that adds
-    more than what they are sure to.
-    """
+    more than what they are sure to."""
     if part.orders_are_events:
         return {}
     found = {}

@@ -26,7 +26,7 @@ from analysis.speed_power.corrections import (
     wave_resistance_n,
     wind_resistance_n,
 )
-from analysis.speed_power.current import PowerCurve, fit_curve, iterate_current, mean_of_means
+from analysis.speed_power.current import IterativeCurrent, PowerCurve, fit_curve, iterate_current, mean_of_means
 from analysis.speed_power.runs import ERROR_FREEDOM, PowerRun, double_runs, power_runs, settings_of
 
 _BAND_POINTS = 25
@@ -119,13 +119,9 @@ class _Trial:
 @dataclass(frozen=True, slots=True)
 class _Solution:
     added_n: dict[str, Floats]
-    through_mps: Floats
+    found: IterativeCurrent  # in the water as it was
     speed_mps: Floats
     power_kw: Floats
-    terms: tuple[float, ...]
-    current_mps: Floats
-    misfit_mps: Floats
-    free: int
     curve: PowerCurve
     means: Floats  # [settings, 2]: speed by the mean of means, mean power
 
@@ -138,25 +134,22 @@ def speed_power(
     Runs are looked for in each table, or where ``events`` (time [ns since 1970], text) mark them; double runs and
     power settings are made of all of them. ``conditions`` say what the corrections need: what is not known is not
     corrected for, and said. Raises :class:`InputError` where no power was recorded, and :class:`DataShortageError`
-    without a double run.
+    without a double run, and where the power does not grow with the speed.
     """
-    marks = list(events)
-    found = [power_runs(table, marks) for table in tables]
-    left_out = [left for _, some in found for left in some]
-    runs, alone = double_runs([run for some, _ in found for run in some])
-    return analyse_runs(runs, conditions, sorted([*left_out, *alone], key=lambda each: each.start))
+    marks, every, left_out = list(events), list[PowerRun](), list[LeftOut]()
+    for table in tables:
+        found, others = power_runs(table, marks)
+        every, left_out = [*every, *found], [*left_out, *others]
+    runs, alone = double_runs(every)
+    return _analyse(runs, conditions or Conditions(), sorted([*left_out, *alone], key=lambda each: each.start))
 
 
-def analyse_runs(
-    runs: Sequence[PowerRun], conditions: Conditions | None = None, left_out: Sequence[LeftOut] = ()
-) -> SpeedPower:
-    """Speed and power from double runs. Raises :class:`DataShortageError` where there are none, or no curve."""
+def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: Sequence[LeftOut]) -> SpeedPower:
     if not runs:
         why = "; ".join(sorted({each.why for each in left_out})) or "no steady straight stretch of half a minute"
         raise DataShortageError(
             "no double run was found", why=why, fix="record runs at one power on reciprocal courses"
         )
-    runs, given = sorted(runs, key=lambda each: each.start), conditions or Conditions()
     over_ground, power = (np.array([getattr(each, name) for each in runs]) for name in ("speed_mps", "power_kw"))
     corrections = corrections_of(given, runs)
     trial = _trial_of(given, runs, frozenset(each.name for each in corrections if each.applied))
@@ -170,17 +163,17 @@ def analyse_runs(
         )
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
-    values = speeds(best)
-    within = _half_intervals(trial, runs, best, lambda each: speeds(each) - values)
+    values, within = speeds(best), _half_intervals(trial, runs, best, speeds)
     within[-len(trial.groups) :][[len(group) < FOUR for group in trial.groups]] = np.nan
     at = [SpeedAtPower(float(kw), float(v), float(v - w), float(v + w)) for kw, v, w in zip(
         np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]]), values, within, strict=True)]  # fmt: skip
     band, by_curve, by_means = at[:_BAND_POINTS], at[_BAND_POINTS : -len(trial.groups)], at[-len(trial.groups) :]
     settings = tuple(PowerSetting(len(group), *pair) for group, *pair in zip(
         trial.groups, by_means, by_curve, strict=True))  # fmt: skip
+    terms = best.found.terms
     return SpeedPower(
-        _corrected(runs, best), settings, best.curve, tuple(band), best.terms, runs[0].heading_deg, corrections,
-        warnings_of(given, runs, trial.applied, trial.groups, len(best.terms)), tuple(left_out), software_version(),
+        _corrected(runs, best), settings, best.curve, tuple(band), terms, runs[0].heading_deg, corrections,
+        warnings_of(given, runs, trial.applied, trial.groups, len(terms)), tuple(left_out), software_version(),
     )  # fmt: skip
 
 
@@ -214,9 +207,7 @@ def _solve(trial: _Trial, over_ground: Floats, power: Floats) -> _Solution:
     curve = found.curve
     if trial.applied & {"shallow water", "displacement"}:
         curve = fit_curve(speed, final, settings)
-    return _Solution(
-        added, through, speed, final, found.terms, found.current_mps, found.misfit_mps, found.free, curve, means
-    )
+    return _Solution(added, found, speed, final, curve, means)
 
 
 def _added_n(trial: _Trial, over_ground: Floats, through: Floats, power: Floats) -> dict[str, Floats]:
@@ -252,9 +243,9 @@ def _in_deep_water(trial: _Trial, speed: Floats, power: Floats) -> tuple[Floats,
 
 
 def _half_intervals(
-    trial: _Trial, runs: Sequence[PowerRun], best: _Solution, change: Callable[[_Solution], Floats]
+    trial: _Trial, runs: Sequence[PowerRun], best: _Solution, speeds: Callable[[_Solution], Floats]
 ) -> Floats:
-    """Halves of the 95 % intervals of what ``change`` makes of a solution.
+    """Halves of the 95 % intervals of the ``speeds`` of a solution.
 
     Every measured speed and power is moved by its standard error in turn, and the squares of the changes add up
     (JCGM 100, 5.1.3), with Student's factor for their effective degrees of freedom (G.4). Where the runs lie
@@ -264,20 +255,20 @@ def _half_intervals(
 
     measured = np.array([[each.speed_mps, each.power_kw] for each in runs])
     errors = np.array([[each.speed_se_mps, each.power_se_kw] for each in runs])
-    changes = []
+    changes, values = [], speeds(best)
     for place in np.ndindex(measured.shape):
         moved = measured.copy()
         moved[place] += errors[place]
-        changes.append(change(_solve(trial, moved[:, 0], moved[:, 1])))
+        changes.append(speeds(_solve(trial, *moved.T)) - values)
     squares = np.square(changes)
     square = squares.sum(axis=0)
     freedom = ERROR_FREEDOM * square**2 / np.maximum((squares**2).sum(axis=0), 1e-300)
-    expected = np.hypot(errors[:, 0], errors[:, 1] / best.curve.slope(best.through_mps))
-    known = best.free > 0 and bool(expected.all())
-    scatter = float(np.sum((best.misfit_mps / expected) ** 2)) / best.free if known else 1.0
+    expected = np.hypot(errors[:, 0], errors[:, 1] / best.curve.slope(best.found.speed_mps))
+    known = best.found.free > 0 and bool(expected.all())
+    scatter = float(np.sum((best.found.misfit_mps / expected) ** 2)) / best.found.free if known else 1.0
     return np.asarray(stdtrit(freedom, 0.975) * np.sqrt(square * max(1.0, scatter)))
 
 
 def _corrected(runs: Sequence[PowerRun], best: _Solution) -> tuple[CorrectedRun, ...]:
-    rows = zip(runs, *best.added_n.values(), best.current_mps, best.speed_mps, best.power_kw, strict=True)
+    rows = zip(runs, *best.added_n.values(), best.found.current_mps, best.speed_mps, best.power_kw, strict=True)
     return tuple(CorrectedRun(run, *map(float, numbers)) for run, *numbers in rows)

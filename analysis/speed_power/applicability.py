@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
+from analysis.manoeuvres.report import number_text
 from analysis.manoeuvres.runs import RECIPROCAL_DEG
 from analysis.speed_power.conditions import Conditions
 from analysis.speed_power.corrections import GRAVITY_MPS2, Correction, is_shallow
@@ -34,8 +35,6 @@ _METHODS = {
     "displacement": "admiralty coefficient",
 }
 _TERMS = {1: "does not change", 2: "changes evenly", 3: "changes evenly and with a part of the tide"}
-
-
 Groups = Sequence[Sequence[int]]
 
 
@@ -115,15 +114,15 @@ def _of_programme(runs: Sequence[PowerRun], groups: Groups, terms: int) -> Itera
     pairs = max(each.double_run for each in runs)
     if len(groups) < _LEAST_SETTINGS or pairs < _LEAST_DOUBLE_RUNS:
         yield (
-            f"{_count(pairs, 'double run')} at {_count(len(groups), 'power setting')}: the standard asks for "
-            f"{_LEAST_DOUBLE_RUNS} at {_LEAST_SETTINGS}"
+            f"{number_text(pairs, 'double run')} at {number_text(len(groups), 'power setting')}: the standard asks "
+            f"for {_LEAST_DOUBLE_RUNS} at {_LEAST_SETTINGS}"
         )
     if course := _TERMS.get(terms):
         yield f"{len(runs)} runs are too few for a tide: the iterative method takes it that the current {course}"
     if single := sum(len(group) < FOUR for group in groups):
         yield (
-            f"{_count(single, 'power setting')} without two double runs: there the mean of means removes a steady "
-            "current only, and has no interval"
+            f"{number_text(single, 'power setting')} without two double runs: there the mean of means removes a "
+            "steady current only, and has no interval"
         )
 
 
@@ -138,7 +137,3 @@ def _of_sea(given: Conditions, runs: Sequence[PowerRun]) -> Iterator[str]:
     least = float(np.fmax(wide, 2.0 * fastest**2 / GRAVITY_MPS2))
     if given.number("water_depth_m") < least:
         yield f"{given.water_depth_m:g} m of water are less than the {least:.0f} m that the standard allows"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"

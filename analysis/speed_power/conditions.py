@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -68,11 +68,8 @@ class Conditions:
 
     def with_known(self, other: Conditions) -> Conditions:
         """These with what they do not say taken from others."""
-        default = Conditions()
-        own = {each.name: getattr(self, each.name) for each in fields(self)}
-        return Conditions(**{
-            name: getattr(other, name) if value == getattr(default, name) else value for name, value in own.items()
-        })  # fmt: skip
+        default, own = Conditions(), {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(other, **{name: value for name, value in own.items() if value != getattr(default, name)})
 
 
 Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]

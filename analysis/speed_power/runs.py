@@ -103,21 +103,21 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
             " shaft's rpm; `engine_room` in trials/packs has both",
         )  # fmt: skip
     motion = motion_of(_without_controls(table))
-    power = np.sum([_on_grid(motion, table, name) * _kilo(name) * _turning(motion, table, speed)
-                    for name, speed in columns.values()], axis=0)  # fmt: skip
+    power = np.sum([_power_kw(motion, table, *each) for each in columns.values()], axis=0)
     setting = _setting(motion, table, power)
     motion = replace(motion, drives={"setting": setting}, thrust=np.sign(setting) * setting**2)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     runs, left_out = list[PowerRun](), list[LeftOut]()
     for begun, first, end in _rows_of_runs(motion, smooth, events):
-        measured = _samples(motion, table, [name for name, _ in columns.values()], first, end)
+        start, stop = (motion.utc(motion.time_s[row]) for row in (first, end - 1))
+        part = table.loc[start:stop]
         why = no_speed_run(smooth, first, end)
-        why = why or ("" if measured >= _FEWEST_SAMPLES * _BLOCKS else "its power was hardly measured")
+        if not why and part[[name for name, _ in columns.values()]].count().min() < _FEWEST_SAMPLES * _BLOCKS:
+            why = "its power was hardly measured"
         if why:
-            start, stop = (motion.utc(float(motion.time_s[row])) for row in (first, end - 1))
             left_out.append(LeftOut("speed_run", start, stop, why))
         else:
-            runs.append(_run(motion, table, power, begun, first, end))
+            runs.append(_run(motion, part, power, begun, first, end))
     return runs, left_out
 
 
@@ -134,13 +134,10 @@ def _on_grid(motion: Motion, table: pd.DataFrame, name: str) -> Floats:
     return np.asarray(np.interp(motion.time_s, seconds, samples.to_numpy(dtype=float)))
 
 
-def _kilo(name: str) -> float:
-    return _TO_KILO[name.rpartition("_")[2]]
-
-
-def _turning(motion: Motion, table: pd.DataFrame, speed: str) -> Floats | float:
-    """The angular speed of a shaft [rad/s], 1 for a power that is measured as such."""
-    return _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
+def _power_kw(motion: Motion, table: pd.DataFrame, name: str, speed: str) -> Floats:
+    """A column of power, or of torque with that of the speed of its shaft [rpm]."""
+    turning = _on_grid(motion, table, speed) * np.pi / 30.0 if speed else 1.0
+    return _on_grid(motion, table, name) * _TO_KILO[name.rpartition("_")[2]] * turning
 
 
 def _setting(motion: Motion, table: pd.DataFrame, power: Floats) -> Floats:
@@ -150,11 +147,6 @@ def _setting(motion: Motion, table: pd.DataFrame, power: Floats) -> Floats:
     if known:
         return np.asarray(np.mean([_on_grid(motion, table, name) for name in known], axis=0))
     return np.asarray(np.cbrt(power))
-
-
-def _samples(motion: Motion, table: pd.DataFrame, names: Sequence[str], first: int, end: int) -> int:
-    part = table.loc[motion.utc(motion.time_s[first]) : motion.utc(motion.time_s[end - 1])]
-    return min(int(part[name].notna().sum()) for name in names)
 
 
 def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, str]]) -> list[tuple[int, int, int]]:
@@ -184,16 +176,15 @@ def _along(motion: Motion, edges: Floats) -> Floats:
     return np.asarray((north * np.cos(heading) + east * np.sin(heading)) / time_s)
 
 
-def _run(motion: Motion, table: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
+def _run(motion: Motion, part: pd.DataFrame, power: Floats, begun: int, first: int, end: int) -> PowerRun:
     edges = np.linspace(first, end - 1, _BLOCKS + 1).astype(int)
     speeds = _along(motion, edges)
     powers = np.array([power[a:b].mean() for a, b in pairwise(edges)])
-    wind_from, wind = _wind(motion, table, first, end)
     return PowerRun(
         motion.utc(motion.time_s[first]), motion.utc(motion.time_s[end - 1]),
         float(wrap_360(circular_mean(motion.heading_deg[first:end]))),
         float(_along(motion, edges[[0, -1]])[0]), _error(speeds), float(powers.mean()), _error(powers),
-        float(motion.main_rpm[first:end].mean()), wind_from, wind,
+        float(motion.main_rpm[first:end].mean()), *_wind(part),
         float(motion.time_s[first] - motion.time_s[begun]) / 60.0,
     )  # fmt: skip
 
@@ -205,12 +196,9 @@ def _error(blocks: Floats) -> float:
     return float(np.sqrt(rest @ rest / ERROR_FREEDOM / blocks.size))
 
 
-def _wind(motion: Motion, table: pd.DataFrame, first: int, end: int) -> tuple[float, float]:
+def _wind(part: pd.DataFrame) -> tuple[float, float]:
     """Where the mean true wind comes from [deg] and its speed [m/s], as a vector; NaN where there is none."""
-    if not {"wind_direction_deg", "wind_speed_mps"} <= set(table.columns):
-        return float("nan"), float("nan")
-    air = table.loc[motion.utc(motion.time_s[first]) : motion.utc(motion.time_s[end - 1])]
-    both = air[["wind_direction_deg", "wind_speed_mps"]].ffill().dropna().to_numpy(dtype=float)
+    both = part.reindex(columns=["wind_direction_deg", "wind_speed_mps"]).ffill().dropna().to_numpy(dtype=float)
     if not both.size:
         return float("nan"), float("nan")
     vector = np.mean(both[:, 1] * np.exp(1j * np.deg2rad(both[:, 0])))
