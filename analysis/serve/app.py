@@ -27,7 +27,7 @@ from analysis.batch.one_recording import WAITING, Row
 from analysis.prepare import Preparation, prepare
 from analysis.report.pages import index_page
 from analysis.report.rendering import environment, render
-from analysis.serve.runs import compared, index_table, motions_of, runs_in
+from analysis.serve.runs import compared, index_table, runs_in, with_motions
 from analysis.serve.season import Season
 from analysis.serve.upload import receive
 from analysis.tables.excel import write_sheets
@@ -57,7 +57,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.config.update(
         TRUSTED_HOSTS=list(NAMES), MAX_CONTENT_LENGTH=int(_MEGA * (upload_mb or 0.1)), MAX_FORM_PARTS=4
     )
-    app.before_request(_draw_lots)
+    app.before_request(_new_nonce)
     app.after_request(_secured)
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
     app.register_error_handler(HTTPException, _explained)
@@ -107,7 +107,7 @@ class _Pages:
             "/runs.html": self.runs,
             "/runs.xlsx": self.runs_as_workbook,
             "/<path:name>/page.html": self.trial,
-            "/<path:name>/report.html": lambda name: self._beside(name, "report.html"),
+            "/<path:name>/report.html": self.report,
             "/<path:name>/diagnosis.html": self.diagnosis,
             "/<path:name>/export.<kind>": self.export,
         }
@@ -132,6 +132,10 @@ class _Pages:
         links = render("links_of_trial.html", row=row, kinds=[each[1:] for each in KINDS]).html
         return page.replace(LINKS, links, 1)
 
+    def report(self, name: str) -> str:
+        self._known(name)
+        return _read_page(self._season.out / name / "report.html")
+
     def diagnosis(self, name: str) -> str:
         _, folder = self._season.diagnosis_of(self._known(name))
         return _read_page(folder / "report.html" if folder else None)
@@ -147,15 +151,13 @@ class _Pages:
         runs = runs_in(self._season.out, self._asked_for(), kind := request.args.get("kind", ""))
         if not runs:
             return _message("No runs", ["None of these recordings holds such a manoeuvre."])
-        drawn = runs[:MOST_RUNS]
-        labelled = [
-            (run.label, motion, run.manoeuvre)
-            for run, motion in zip(drawn, motions_of(self._season.out, drawn), strict=True)
+        drawn = [
+            (run.label, motion, run.manoeuvre) for run, motion in with_motions(self._season.out, runs[:MOST_RUNS])
         ]
         header, rows = compared(runs)
         with _drawing:
             return render(
-                "runs.html", title=f"Runs: {kind.replace('_', ' ') or 'all manoeuvres'}", runs=labelled,
+                "runs.html", title=f"Runs: {kind.replace('_', ' ') or 'all manoeuvres'}", runs=drawn,
                 header=header, rows=rows, workbook=f"runs.xlsx?{request.query_string.decode()}",
                 left_out=len(runs) - len(drawn),
             ).html  # fmt: skip
@@ -188,10 +190,6 @@ class _Pages:
         self._season.ask(name, anew=anew)
         return _message(name, ["It is being analysed; this page shows it as soon as it is done."], again_s=2)
 
-    def _beside(self, name: str, file: str) -> str:
-        self._known(name)
-        return _read_page(self._season.out / name / file)
-
 
 def _read_page(path: Path | None) -> str:
     if path is None or not path.is_file():
@@ -217,7 +215,7 @@ def _explained(error: HTTPException) -> tuple[str, int]:
     return _message(error.name, [error.description or ""]), error.code or 500
 
 
-def _draw_lots() -> None:
+def _new_nonce() -> None:
     g.nonce = secrets.token_urlsafe()
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 from acquisition.core.errors import InputError
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.motion import Motion, motion_of
-from analysis.manoeuvres.report import index_cells, plain_name, rows_of
+from analysis.manoeuvres.report import rows_of
 from analysis.tables.files import read_parquet
 
 _COLUMNS = [
@@ -47,25 +47,22 @@ def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
     return runs
 
 
-def motions_of(results: Path, runs: Sequence[Run], length_m: float | None = None) -> list[Motion]:
-    """The motion of each run's recording once a second, as its result has it."""
+def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]:
+    """The runs, each with the motion of its recording once a second, as its result has it."""
     motions: dict[str, Motion] = {}
     for run in runs:
         if run.recording not in motions:
             table, said = read_parquet(results / run.recording / "table.parquet")
             table.attrs["trial"] = json.loads(said["trial"])
-            motions[run.recording] = motion_of(table, length_m)
-    return [motions[run.recording] for run in runs]
+            motions[run.recording] = motion_of(table)
+    return [(run, motions[run.recording]) for run in runs]
 
 
 def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
     """A table for people: a row a run, a column each of the main indices that any has."""
     names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
-    cells = [
-        {plain_name(name): index_cells(index)[0] for name, index in run.manoeuvre.indices.items()} for run in runs
-    ]
-    rows = [[run.label, *(each.get(name, "") for name in names)] for run, each in zip(runs, cells, strict=True)]
-    return ["run", *names], rows
+    cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
+    return ["run", *names], [[label, *(each.get(name, "") for name in names)] for label, each in cells]
 
 
 def index_table(runs: Iterable[Run]) -> pd.DataFrame:

@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from functools import lru_cache
 from itertools import count
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -41,8 +42,6 @@ _KEPT = ".season.sqlite"
 _NICENESS = 10
 _CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
 _REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
-_Diagnosis = tuple[tuple[int, int], str, frozenset[str]]
-"""The file's size and time, the verdict, the hashes of the recordings."""
 _DIED = "its worker died over it; too little memory, or a fault in native code"
 
 
@@ -68,7 +67,7 @@ class Season:
             raise InputError("the recordings lie in the folder of the results", where=str(out), fix="name another")
         self._eager, self._settled_s = eager, settled_s
         self._files: dict[str, tuple[Path, ...]] = {}
-        self._diagnoses: dict[Path, _Diagnosis] = {}
+        self._diagnoses: list[tuple[int, str, frozenset[str], Path]] = []
         self._wishes: PriorityQueue[tuple[int, int, str]] = PriorityQueue()
         self._wished: set[tuple[int, str]] = set()
         self._number, self._lock, self._worker = count(), threading.RLock(), _Worker()
@@ -104,7 +103,10 @@ class Season:
         with self._lock:
             found = recordings_below(self.folder, self.out)
             self._files = dict(zip(names_of(self.folder, found), found, strict=True))
-            self._diagnoses = {path: self._diagnosis_in(path) for path in self.folder.rglob(DIAGNOSIS)}
+            states = {path: _state_of(path) for path in self.folder.rglob(DIAGNOSIS)}
+            self._diagnoses = [
+                (state[1], *_read_diagnosis(path, state), path.parent) for path, state in states.items()
+            ]
             return [self._row(name) for name in self._files]
 
     def row(self, name: str) -> Row | None:
@@ -128,17 +130,8 @@ class Season:
     def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
         """Verdict and folder of the newest diagnosis that a recording took part in."""
         digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
-        found = [
-            (state[1], verdict, path.parent)
-            for path, (state, verdict, of) in self._diagnoses.items() if of & digests
-        ]  # fmt: skip
-        _, verdict, folder = max(found, default=(0, "", None))
-        return verdict, folder
-
-    def _diagnosis_in(self, path: Path) -> _Diagnosis:
-        """What a file says, read again if it has changed."""
-        known, state = self._diagnoses.get(path), _state_of(path)
-        return known if known is not None and known[0] == state else (state, *_read_diagnosis(path))
+        found = [(changed, verdict, folder) for changed, verdict, of, folder in self._diagnoses if of & digests]
+        return max(found, default=(0, "", None))[1:]
 
     def _row(self, name: str) -> Row:
         stamp, row = self._kept.get(name, ("", None))
@@ -190,8 +183,9 @@ class Season:
                     self._store.commit()
 
 
-def _read_diagnosis(path: Path) -> tuple[str, frozenset[str]]:
-    """Verdict and hashes of the recordings of a diagnosis; nothing of what is none."""
+@lru_cache(maxsize=10_000)
+def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[str]]:
+    """Verdict and hashes of the recordings of a diagnosis in a ``state``; nothing of what is none."""
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
         return str(said["verdict"]), frozenset(str(said["provenance"]["recordings_sha256"]).split(", "))
