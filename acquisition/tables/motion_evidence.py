@@ -1,7 +1,7 @@
 """What the columns of a table say of each other: factors and signs by which speeds, rates and angles fit the track.
 
 Increments of position and heading are compared with integrals of speeds and rates between the same instants, so
-that noise and delays matter little. Nothing here decides; :mod:`acquisition.tables.propose` does.
+that noise and delays matter little. Nothing here decides; :mod:`acquisition.tables.channel_columns` does.
 """
 
 from __future__ import annotations

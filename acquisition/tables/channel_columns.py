@@ -1,0 +1,523 @@
+"""Which column is taken for which channel of motion, wind and control, in which unit and why.
+
+The channels are read one after another, each by what is known before: the positions tell the unit of speeds, the
+heading that of the rate of turn, ranges that of angles. Where two readings are as likely as each other the draft
+asks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pymap3d
+
+from acquisition.core.actuators import KINDS, Actuators, as_text
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import BY_NAME
+from acquisition.core.units import scale_to
+from acquisition.tables import unit_evidence as evidence
+from acquisition.tables.actuator_columns import Found, find_actuators
+from acquisition.tables.column_map import from_text
+from acquisition.tables.derived_columns import heading_of_quaternion, rate
+from acquisition.tables.draft import SKIP, Candidate, Draft
+from acquisition.tables.motion_evidence import Fit, agreement, fit, increments, integrals, means, restlessness
+from acquisition.tables.unit_evidence import Rate, Told
+
+FASTEST_MPS = 30.0  # what a speed channel holds
+_STEADIER = 2.0  # a reading of the wind by which it changes half as much, in the mean square, is the right one
+_WINDS = {
+    "true": ("wind_direction_deg", "wind_speed_mps"),
+    "apparent": ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
+}
+_ALONG_TRACK = ("speed_over_ground_mps", "surge_mps")
+_SPEEDS = (*_ALONG_TRACK, "sway_mps", "speed_through_water_mps")
+_ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
+_POSITION = ("north_m", "east_m")
+_GROUND = ("course_over_ground_deg", "speed_over_ground_mps")
+_UNKNOWN = Fit(np.nan, 0.0, 0)
+
+
+@dataclass(slots=True)
+class Known:
+    """What is known of a table so far: the seconds of its rows [n], the instants between which increments are
+    compared, the channels of the map, their values [n] in our units, and the units that speeds have for sure."""
+
+    draft: Draft
+    t: Floats
+    grid: Floats
+    channels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    series: dict[str, Floats] = field(default_factory=dict)
+    speed_units: set[str] = field(default_factory=set)
+
+
+def read_channels(known: Known, ship: Actuators) -> Actuators:
+    """Put the channels that columns hold into ``known`` and the map of its draft; the ship's actuators."""
+    _read_geographic(known)
+    _read_heading(known)
+    _read_plane(known)
+    _check_heading(known)
+    for name in _SPEEDS:
+        _take_best(known, name, _speed_unit)
+    _take_best(known, "course_over_ground_deg", _angle_unit)
+    _check_sway(known)
+    _read_yaw_rate(known)
+    for name in _ANGLES:
+        _take_best(known, name, _angle_unit)
+    _take_best(known, "heave_m", lambda _, heave, __: _head_or(heave, "m"))
+    _read_wind(known)
+    return _read_actuators(known, ship)
+
+
+def best(draft: Draft, name: str) -> Candidate | None:
+    """The likeliest column for a quantity; the others are said to be left."""
+    found = draft.of(name)
+    for each in found[1:]:
+        draft.note(each.column, "-", "", f"not used: {found[0].column!r} is taken for it")
+    return found[0] if found else None
+
+
+def _take(known: Known, name: str, candidate: Candidate, unit: str, *why: str, **more: Any) -> None:
+    """Let a column be a channel."""
+    channel, column, draft = BY_NAME[name], candidate.column, known.draft
+    entry: dict[str, Any] = {"column": column, "unit": unit}
+    factor = more["full_scale"] / 100.0 if more else scale_to(channel.unit, unit)
+    values = draft.numbers(column)
+    if missing := evidence.codes_of(values, factor, channel):
+        entry["missing"] = missing
+        why = (*why, f"{', '.join(f'{each:g}' for each in missing)} stands for no value")
+        values = evidence.without_codes(values, missing)
+    known.channels[name] = entry | more
+    known.series[name] = values * factor
+    draft.note(column, name, unit, *why)
+    if np.isnan(values).all():
+        draft.warnings.append(f"column {column!r}, taken for {name}, holds no value at all")
+
+
+def _take_best(known: Known, name: str, unit_of: Callable[[Known, Candidate, str], Told | None]) -> None:
+    candidate = best(known.draft, name)
+    if candidate is not None and (told := unit_of(known, candidate, name)):
+        _take(known, name, candidate, *told)
+
+
+def _turn_round(known: Known, name: str, why: str) -> None:
+    """Change the sign of a channel that was taken."""
+    entry, readings = known.channels[name], known.draft.readings
+    entry["scale"] = -entry.get("scale", 1.0)
+    known.series[name] = -known.series[name]
+    place = next(i for i, each in enumerate(readings) if each.taken_for == name)
+    readings[place] = replace(readings[place], reasons=(*readings[place].reasons, f"sign turned: {why}"))
+    known.draft.warnings.append(f"the sign of {readings[place].column!r} is turned round: {why}")
+
+
+def _asked(draft: Draft, key: str, text: str, options: tuple[str, ...]) -> Told | None:
+    """The unit that a person says, the first one until then; None for a column that is to be left out."""
+    answer = draft.ask(key, text, options)
+    return None if answer == SKIP else (answer or options[0], "as answered")
+
+
+def _steps(known: Known, *names: str) -> list[Floats]:
+    """How much channels change from one moment of the grid to the next; empty where that cannot be told."""
+    if known.grid.size < 3 or not set(names) <= set(known.series):
+        return []
+    turning = {"heading_deg": unwrap(known.series["heading_deg"])} if "heading_deg" in names else {}
+    return [increments(known.t, (known.series | turning)[name], known.grid) for name in names]
+
+
+def _mean_heading(known: Known) -> Floats:
+    return means(known.t, unwrap(known.series["heading_deg"]), known.grid)
+
+
+def _read_geographic(known: Known) -> None:
+    draft = known.draft
+    pairs = [
+        (latitude, longitude)
+        for latitude in draft.of("latitude")
+        for longitude in draft.of("longitude")
+        if latitude.units == longitude.units or not (latitude.units and longitude.units)
+    ]
+    for latitude, longitude in pairs:
+        if found := _degrees(draft, latitude, longitude):
+            _take_position(known, latitude, longitude, *found)
+            return
+    if pairs:
+        names = ", ".join(f"{one.column!r} and {two.column!r}" for one, two in pairs)
+        draft.warnings.append(f"{names} are no latitude and longitude in any unit; they are left out")
+
+
+def _degrees(draft: Draft, latitude: Candidate, longitude: Candidate) -> tuple[Told, list[Floats]] | None:
+    """The unit, why, and both in degrees; None where they cannot be a position."""
+    if draft.is_empty(latitude.column):
+        return None
+    columns = [draft.raw.columns[each.column] for each in (latitude, longitude)]
+    if not all(pd.api.types.is_numeric_dtype(column.dtype) for column in columns):
+        values = [from_text(column) for column in columns]
+        return (("text", "degrees, minutes and letters"), values) if evidence.are_places(*values) else None
+    said = latitude.units or longitude.units
+    for unit in said or ("deg", "ddmm", "degE7"):
+        values = [evidence.in_degrees(draft.numbers(each.column), unit) for each in (latitude, longitude)]
+        if evidence.are_places(*values):
+            return (unit, f"head says {unit}" if said else f"{unit} by their size"), values
+    return None
+
+
+def _take_position(
+    known: Known, latitude: Candidate, longitude: Candidate, told: Told, degrees: list[Floats]
+) -> None:
+    draft = known.draft
+    entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": told[0]}
+    for place, name, word in ((0, "north_south", "S"), (1, "east_west", "W")):
+        for letters in draft.of(name)[:1]:
+            entry[name] = letters.column
+            said = draft.raw.columns[letters.column].astype("str").str.strip().str.upper()
+            degrees[place] = np.where(said.eq(word), -degrees[place], degrees[place])
+            draft.note(letters.column, f"{name} of the position", "", "letters")
+    numbers = draft.numbers(latitude.column)
+    if missing := [each for each in (91.0, 181.0) if np.any(numbers == each)]:
+        entry["missing"] = missing
+    draft.tree["position"] = entry
+    draft.note(latitude.column, "latitude_deg, north_m", *told)
+    draft.note(longitude.column, "longitude_deg, east_m", *told)
+    valid = evidence.is_place(*degrees)
+    there = [each[valid] for each in degrees]
+    plane = np.full((2, valid.size), np.nan)
+    plane[:, valid] = pymap3d.geodetic2ned(*there, 0.0, there[0][0], there[1][0], 0.0)[:2]
+    known.series |= dict(zip(_POSITION, plane, strict=True))
+
+
+def _read_plane(known: Known) -> None:
+    """Metres to north and east, or x and y, where there is no latitude."""
+    draft, why = known.draft, "by its name"
+    north, east, x, y = (best(draft, name) for name in (*_POSITION, "x", "y"))
+    if "position" in draft.tree:
+        return
+    if not (north and east) and x and y:
+        turned = None if "x_axis" in draft.answers else _is_x_east(known, x, y)
+        if turned is None:
+            answer = draft.ask("x_axis", f"is {x.column!r} to the north or to the east?", ("north", "east"))
+            turned, why = answer == "east", "as answered" if answer else "not clear"
+        else:
+            why = "the track runs where the heading points"
+        north, east = (y, x) if turned else (x, y)
+    if north and east:
+        for name, each in zip(_POSITION, (north, east), strict=True):
+            _take(known, name, each, (each.units or ("m",))[0], why)
+
+
+def _is_x_east(known: Known, x: Candidate, y: Candidate) -> bool | None:
+    """Whether x is to the east by the heading; None where that cannot be told."""
+    if "heading_deg" not in known.series or known.grid.size < 3:
+        return None
+    draft, angle = known.draft, _mean_heading(known)
+    one, two = (increments(known.t, draft.numbers(each.column), known.grid) for each in (x, y))
+    body = [draft.of(name) for name in ("surge_mps", "sway_mps")]
+    if all(body):
+        surge, sway = (integrals(known.t, draft.numbers(each[0].column), known.grid) for each in body)
+        angle = angle + np.rad2deg(np.arctan2(sway, surge))
+    as_north, as_east = agreement(one, two, angle), agreement(two, one, angle)
+    return None if abs(as_north - as_east) < 0.3 or max(as_north, as_east) < 0.5 else as_east > as_north
+
+
+def _angle_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
+    """Degrees or radians: as the head says, else by the range, else as the heading, else asked."""
+    if candidate.units:
+        return candidate.units[0], "head says so"
+    values = evidence.without_codes(known.draft.numbers(candidate.column))
+    values = values[np.isfinite(values)]
+    if values.size == 0:
+        return "deg", "no value"
+    if name == "heading_deg" and (found := _turns_as_the_track(known, candidate)):
+        return found
+    text = f"{candidate.column!r}, taken for {name}, goes up to {np.max(np.abs(values)):.3g}: degrees or radians?"
+    return evidence.angle_by_range(values, name, known.channels.get("heading_deg", {}).get("unit", "")) or _asked(
+        known.draft, f"unit.{candidate.column}", text, ("deg", "rad")
+    )
+
+
+def _head_or(candidate: Candidate, unit: str) -> Told:
+    return (candidate.units[0], "head says so") if candidate.units else (unit, "by its name")
+
+
+def _turns_as_the_track(known: Known, candidate: Candidate) -> Told | None:
+    """The unit in which a heading turns as much as the track does, radians that run on among them."""
+    track = _track(known)
+    if not track or known.grid.size < 3:
+        return None
+    north, east = (increments(known.t, each, known.grid) for each in track)
+    course = np.diff(unwrap(np.rad2deg(np.arctan2(east, north))))
+    heading, fitting = known.draft.numbers(candidate.column), []
+    for unit in ("deg", "rad"):
+        turned = means(known.t, unwrap(heading * scale_to("deg", unit)), known.grid)
+        found = fit(course, np.diff(turned))
+        fitting += [unit] if found.is_clear and 1.0 / evidence.NEAR < abs(found.factor) < evidence.NEAR else []
+    return (fitting[0], "it turns as the track does") if len(fitting) == 1 else None
+
+
+def _track(known: Known) -> list[Floats]:
+    """Two coordinates of the position, whichever is which; empty where there are none."""
+    if "north_m" in known.series:
+        return [known.series[name] for name in _POSITION]
+    pairs = [[known.draft.of(name) for name in names] for names in (_POSITION, ("x", "y"))]
+    return next(([known.draft.numbers(each[0].column) for each in pair] for pair in pairs if all(pair)), [])
+
+
+def _read_heading(known: Known) -> None:
+    draft = known.draft
+    quaternion = [draft.of(f"quaternion_{part}") for part in "xyzw"]
+    candidate = best(draft, "heading_deg")
+    if candidate is None and all(quaternion):
+        names = [each[0].column for each in quaternion]
+        draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
+        x, y, z, w = (draft.numbers(name) for name in names)
+        known.series["heading_deg"] = heading_of_quaternion(x, y, z, w)
+        for name in names:
+            draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
+        return
+    candidate = candidate or _course_as_heading(draft)
+    if candidate is not None and (told := _angle_unit(known, candidate, "heading_deg")):
+        _take(known, "heading_deg", candidate, *told)
+
+
+def _course_as_heading(draft: Draft) -> Candidate | None:
+    """A column called course: the heading beside a course over ground, else asked."""
+    found = draft.of("course")
+    if not found or draft.of("course_over_ground_deg"):
+        return found[0] if found else None
+    text = f"is {found[0].column!r} the heading or the course over ground?"
+    answer = draft.ask("course", text, ("heading", "course over ground"))
+    if answer and answer != "heading":
+        quantity = replace(found[0].quantity, name="course_over_ground_deg")
+        draft.candidates.append(replace(found[0], quantity=quantity))
+    return found[0] if answer == "heading" else None
+
+
+def _check_heading(known: Known) -> None:
+    """Say so where the track runs elsewhere than the heading points."""
+    steps = _steps(known, *_POSITION, "heading_deg")
+    if not steps:
+        return
+    heading, warnings = _mean_heading(known), known.draft.warnings
+    along = agreement(steps[0], steps[1], heading)
+    mirrored = agreement(steps[1], steps[0], heading)  # of a straight run to the north-east both may be high
+    if along < 0.5 and mirrored > 0.8:
+        warnings.append("the track runs along the heading with its axes exchanged: latitude for longitude?")
+    elif along < -0.5:
+        warnings.append("the ship moves astern most of the time by position and heading: heading of the stern?")
+
+
+def _rate_unit(known: Known, candidate: Candidate, found: Fit, kind: Rate) -> Told | None:
+    """A rate's unit as the head says, else as the fit does; an oddness between the two is said."""
+    if not candidate.units:
+        return evidence.rate_by_fit(found, kind)
+    if odd := evidence.odd_factor(candidate.column, candidate.units[0], found, kind):
+        known.draft.warnings.append(odd)
+    return candidate.units[0], "head says so"
+
+
+def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
+    """A speed's unit, and why; None where it is to be left out."""
+    values, found = known.draft.numbers(candidate.column), _UNKNOWN
+    if name in _ALONG_TRACK and (steps := _steps(known, *_POSITION)):  # sway is across it, and water moves
+        found = fit(np.hypot(*steps), np.abs(integrals(known.t, values, known.grid)))
+    if told := _rate_unit(known, candidate, found, evidence.SPEED):
+        known.speed_units.add(told[0])
+        return told
+    if len(known.speed_units) == 1:
+        return next(iter(known.speed_units)), "as the other speeds"
+    if not np.any(values[np.isfinite(values)]):
+        return "m/s", "all zero"
+    largest = float(np.nanmax(np.abs(evidence.without_codes(values))))
+    if largest > FASTEST_MPS:
+        known.draft.warnings.append(f"{candidate.column!r} goes up to {largest:.4g}: km/h?")
+    text = f"{candidate.column!r}, taken for {name}, goes up to {largest:.3g} in no unit: m/s or knots?"
+    return _asked(known.draft, "unit.speed", text, evidence.SPEED.units[:3])
+
+
+def _check_sway(known: Known) -> None:
+    steps = _steps(known, *_POSITION, "heading_deg", "sway_mps")
+    if not steps:
+        return
+    heading = np.deg2rad(_mean_heading(known))
+    across = steps[1] * np.cos(heading) - steps[0] * np.sin(heading)
+    found = fit(across, integrals(known.t, known.series["sway_mps"], known.grid))
+    if found.is_clear and found.factor < 0.0:
+        _turn_round(known, "sway_mps", "positive to starboard by the track")
+
+
+def _read_yaw_rate(known: Known) -> None:
+    candidate = best(known.draft, "yaw_rate_dps")
+    if candidate is None:
+        return
+    found, column = _UNKNOWN, candidate.column
+    if steps := _steps(known, "heading_deg"):
+        found = fit(steps[0], integrals(known.t, evidence.without_codes(known.draft.numbers(column)), known.grid))
+    text = f"{column!r}, taken for yaw_rate_dps: in which unit? The heading does not tell."
+    told = _rate_unit(known, candidate, found, evidence.TURNING)
+    told = told or _asked(known.draft, f"unit.{column}", text, evidence.TURNING.units)
+    if told is None:
+        return
+    _take(known, "yaw_rate_dps", candidate, *told)
+    if found.is_clear and found.factor < 0.0:
+        _turn_round(known, "yaw_rate_dps", "positive to starboard by the heading")
+
+
+def _read_wind(known: Known) -> None:
+    draft = known.draft
+    for kind, names in _WINDS.items():
+        _take_wind(known, kind, *(best(draft, name) for name in names))
+    direction, speed = best(draft, "wind_direction"), best(draft, "wind_speed")
+    if direction is None or speed is None or "wind_direction_deg" in known.channels:
+        return
+    told = "true" if "apparent_wind_angle_deg" in known.channels else _kind_of_wind(known, direction, speed)
+    if told in _WINDS:
+        _take_wind(known, told, direction, speed)
+
+
+def _take_wind(known: Known, kind: str, angle: Candidate | None, speed: Candidate | None) -> None:
+    angle_name, speed_name = _WINDS[kind]
+    told = _angle_unit(known, angle, angle_name) if angle else None
+    if angle and told:
+        _take(known, angle_name, angle, *told)
+    unit = _wind_unit(known, speed, angle if kind == "apparent" else None) if speed else None
+    if not speed or not unit:
+        return
+    _take(known, speed_name, speed, *unit)
+    known_wind = "wind_direction_deg" in known.channels or "heading_deg" not in known.series
+    if angle and told and kind == "apparent" and not known_wind:
+        entry = {"angle": angle.column, "speed": speed.column, "speed_unit": unit[0], "angle_unit": told[0]}
+        known.draft.tree["apparent_wind"] = entry
+
+
+def _wind_unit(known: Known, speed: Candidate, apparent: Candidate | None) -> Told | None:
+    if speed.units:
+        return speed.units[0], "head says so"
+    values = known.draft.numbers(speed.column)
+    if not np.any(values[np.isfinite(values)]):
+        return "m/s", "all zero"
+    if apparent is not None:
+        changes = {unit: _restlessness(known, apparent, speed, unit) for unit in ("m/s", "knots")}
+        told = {unit: change["apparent"] for unit, change in changes.items() if change}
+        if steadiest := _steadiest(told):
+            return steadiest, "so the wind over ground is steadiest"
+    text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
+    return _asked(known.draft, "unit.wind", text, evidence.SPEED.units[:3])
+
+
+def _steadiest(changes: dict[str, float]) -> str | None:
+    """The reading of the wind by which it is clearly steadier than by another, if there is one."""
+    clear = bool(changes) and max(changes.values()) > _STEADIER * min(changes.values())
+    return min(changes, key=changes.__getitem__) if clear else None
+
+
+def _kind_of_wind(known: Known, direction: Candidate, speed: Candidate) -> str | None:
+    """True wind, or apparent: of the two the one that makes the steadier wind over ground."""
+    changes = _restlessness(known, direction, speed, (speed.units or ("m/s",))[0])
+    kind = None if "wind" in known.draft.answers else _steadiest(changes)
+    if kind:
+        times = max(changes.values()) / max(min(changes.values()), 1e-12)
+        why = f"{kind}: taken otherwise it would change {times:.1f} times as much"
+        known.draft.note(direction.column, "wind", "", why)
+        return kind
+    text = f"{direction.column!r} and {speed.column!r}: the true wind, or the apparent wind from the bow?"
+    return known.draft.ask("wind", text, tuple(_WINDS))
+
+
+def _restlessness(known: Known, direction: Candidate, speed: Candidate, unit: str) -> dict[str, float]:
+    """How much the wind over ground changes if the columns are of the true wind, and of the apparent."""
+    heading, motion = known.series.get("heading_deg"), _velocity(known)
+    if heading is None or motion is None or known.grid.size < 3:
+        return {}
+    size = known.draft.numbers(speed.column) * scale_to("m/s", unit)
+    angle = known.draft.numbers(direction.column) * scale_to("deg", (direction.units or ("deg",))[0])
+    winds = {"true": _vector(size, angle), "apparent": _vector(size, angle + heading) - motion}
+    changes = {kind: restlessness(known.t, each, known.grid) for kind, each in winds.items()}
+    return {} if np.isnan(list(changes.values())).any() else changes
+
+
+def _velocity(known: Known) -> np.ndarray | None:
+    """The ship's velocity to north + i east [n], if it is known."""
+    series = known.series
+    if {"surge_mps", "sway_mps", "heading_deg"} <= set(series):
+        return np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _vector(1.0, series["heading_deg"]))
+    if set(_GROUND) <= set(series):
+        return _vector(series["speed_over_ground_mps"], series["course_over_ground_deg"])
+    if "north_m" not in series:
+        return None
+    return np.asarray(rate(known.t, series["north_m"]) + 1j * rate(known.t, series["east_m"]))
+
+
+def _vector(size: Floats | float, angle_deg: Floats) -> np.ndarray:
+    """Complex numbers of a size [n] and an angle [n]."""
+    return np.asarray(size * np.exp(1j * np.deg2rad(angle_deg)))
+
+
+def _read_actuators(known: Known, ship: Actuators) -> Actuators:
+    found = find_actuators(known.draft, ship)
+    if not ship and as_text(found.actuators):
+        known.draft.tree["actuator"] = [{"name": each.name, "kind": each.kind} for each in found.actuators]
+    for each in found.columns:
+        _take_control(known, each)
+    return ship or found.actuators
+
+
+def _take_control(known: Known, found: Found) -> None:
+    candidate, unit = found.candidate, BY_NAME[found.channel].unit
+    if "percent" in candidate.units[:1] and unit != "%":
+        _take_share(known, found, "deg" if unit == "deg" else "rpm")
+        return
+    if unit == "%":
+        told: Told | None = ((candidate.units or ("%",))[0], "")
+    elif unit == "deg":
+        told = _angle_unit(known, candidate, found.channel)
+    else:
+        told = _turns_unit(known.draft, candidate)
+    if told:
+        _take(known, found.channel, candidate, *told, found.why)
+        if unit == "deg":
+            _check_helm(known, found)
+
+
+def _take_share(known: Known, found: Found, unit: str) -> None:
+    """A column in percent of a full scale that only a person knows."""
+    draft, column = known.draft, found.candidate.column
+    key = f"full_scale.{found.channel.removesuffix('_rpm').removesuffix('_angle_deg')}"
+    wide = "full_scale" in draft.answers and key not in draft.answers
+    text = f"{column!r} is in percent: of how many {unit}?"
+    given = draft.ask("full_scale" if wide else key, text, (), SKIP)
+    if given is None or given == SKIP:
+        draft.warnings.append(
+            f"{column!r} is in percent of an unknown full scale and left out; say --answer {key}=NUMBER"
+        )
+        draft.note(column, "-", "percent", "left out: percent of an unknown full scale")
+        return
+    why = f"100 % is {given} {unit}, as answered"
+    _take(known, found.channel, found.candidate, "percent", why, found.why, full_scale=float(given))
+
+
+def _turns_unit(draft: Draft, candidate: Candidate) -> Told | None:
+    if candidate.units:
+        return candidate.units[0], "head says so"
+    values = draft.numbers(candidate.column)
+    largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+    text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
+    return evidence.turns_by_range(largest, candidate.words) or _asked(
+        draft, f"unit.{candidate.column}", text, ("rpm", "rps")
+    )
+
+
+def _check_helm(known: Known, found: Found) -> None:
+    """Turn the sign of a helm that turns the ship the other way."""
+    turns, rate_of_turn = KINDS[found.kind].turns, known.series.get("yaw_rate_dps")
+    steps = _steps(known, "heading_deg")
+    if not turns or known.grid.size < 3 or (rate_of_turn is None and not steps):
+        return
+    turned = steps[0] if rate_of_turn is None else means(known.t, rate_of_turn, known.grid)
+    helm = np.sin(np.deg2rad(means(known.t, known.series[found.channel], known.grid)))
+    lagged = [fit(turned[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
+    if max(lagged, key=abs) * turns < -0.5:
+        way = "port" if turns > 0 else "starboard"
+        _turn_round(known, found.channel, f"positive turned the ship to {way}")
