@@ -15,6 +15,7 @@ import pytest
 import typer.main
 
 import seatrial
+from analysis.tables.export import KINDS
 from tests.pages import DOCS, ROOT, Block, Page, block_of, page, pages
 
 PAGES = pages()
@@ -141,12 +142,17 @@ def test_a_wrong_command_line_would_be_seen() -> None:
 
 
 def test_every_command_is_described() -> None:
-    """The README's table names each, and the reference is made of them all."""
+    """The README's table names each, and so does the reference, which is made of them all."""
     readme = next(each for each in PAGES if each.name == "README.md").text
-    missing = [
-        each for each in commands() if " " not in each and f"`seatrial {each}" not in readme and each != "demo"
-    ]
-    assert not missing
+    reference = (DOCS / "reference" / "command_line.md").read_text(encoding="utf-8")
+    alone = [each for each in commands() if " " not in each]
+    assert not [each for each in alone if f"`seatrial {each}" not in readme and each != "demo"]
+    assert not [each for each in alone if f"`{each}`" not in reference]
+
+
+def test_every_form_of_a_table_is_described() -> None:
+    products = (DOCS / "reference" / "products.md").read_text(encoding="utf-8")
+    assert not [kind for kind in KINDS if f"T{kind}`" not in products]
 
 
 # Code and settings
