@@ -74,13 +74,8 @@ def propose(
     used |= {each.column for each in draft.readings}
     comments = {each.taken_for: "; ".join(each.reasons) for each in draft.readings}
     passed = tuple(name for name in map(str, draft.raw.columns.columns) if name not in used)
-    return Proposal(
-        as_toml(_in_order(draft.tree), comments),
-        tuple(draft.readings),
-        tuple(draft.questions),
-        tuple(draft.warnings),
-        passed,
-    )
+    text = as_toml(_in_order(draft.tree), comments)
+    return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), passed)
 
 
 def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
@@ -89,7 +84,7 @@ def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
         "absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
         "channels",
     )  # fmt: skip
-    return {key: tree[key] for key in (*order, *(set(tree) - set(order))) if key in tree}
+    return {key: tree[key] for key in (*order, *tree) if key in tree}
 
 
 def _find_long(draft: Draft) -> None:

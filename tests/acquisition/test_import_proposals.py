@@ -490,9 +490,11 @@ def test_norwegian_words_and_apparent_wind_that_nobody_called_so(tmp_path: Path)
             "Vindhastighet [m/s]": truth.apparent_wind_speed_mps,
             "Rorvinkel [grader]": truth.rudder,
             "Turtall [o/min]": truth.rpm,
+            "Shaft power [kW]": 900.0,
         }
     )
     proposal, found = imported(text(tmp_path / "tokt.csv", frame))
+    assert proposal.text.index("[apparent_wind]") < proposal.text.index("[[channel]]")  # each time the same map
     assert_true(found, truth, "apparent_wind_angle_deg apparent_wind_speed_mps surge_mps", 5e-3)
     assert_true(found, truth, "wind_direction_deg wind_speed_mps", 0.01)
     assert any("apparent" in reason for each in proposal.readings for reason in each.reasons)
