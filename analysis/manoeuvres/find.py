@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import datetime
+from operator import attrgetter
 
 import numpy as np
 import pandas as pd
@@ -32,7 +32,7 @@ from analysis.manoeuvres.measures import (
 )
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
-from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
+from analysis.manoeuvres.turning_circle import is_turn, turning_circle
 from analysis.manoeuvres.turning_tests import (
     find_pull_outs,
     find_williamson_turns,
@@ -66,10 +66,8 @@ class Mark:
         return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
 
 
-_START, _END = (
-    re.compile(r"\b(start|begin|execute)\w*", re.I),
-    re.compile(r"\b(end|stop|finish|complete)\w*$", re.I),
-)
+_START = re.compile(r"\b(start|begin|execute)\w*", re.I)
+_END = re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
 
 
 def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
@@ -109,7 +107,7 @@ def manoeuvres_and_left_out(
     ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions from
     :class:`Motion` to :class:`Manoeuvre`s, which stand beside those found here, over the same rows too.
     """
-    motion = motion_of(table, length_m)
+    motion, in_time = motion_of(table, length_m), attrgetter("start")
     bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
@@ -122,16 +120,12 @@ def manoeuvres_and_left_out(
         taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
     finders = (find_stops, find_accelerations, find_speed_runs) if motion.drives else ()
     straight = [each for find in finders for each in find(motion, smooth, ~taken)]
-    judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=_start_of)]
+    judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
     named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
     added = [each for name in own for each in _found_by(name, motion)]
-    every = sorted([*add_limits(named, length_m), *added], key=_start_of)
+    every = sorted([*add_limits(named, length_m), *added], key=in_time)
     no_helm = [] if motion.steering else [LeftOut("turn or zigzag", *bounds, _NO_HELM)]
     return tuple(every), (*no_helm, *(each for each in judged if isinstance(each, LeftOut)))
-
-
-def _start_of(each: Manoeuvre | LeftOut) -> datetime:
-    return each.start
 
 
 def _unless_unknown(motion: Motion, each: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
@@ -166,7 +160,7 @@ def _zigzags_and_turns(
     every = held_helms(motion, helm)
     held = off_the_middle(helm, every)
     extremes = helm_extremes(motion, helm)
-    chains = [chain for chain in zigzag_chains(motion, held, 2, extremes) if _is_believable(motion, chain, marks)]
+    chains = [chain for chain in zigzag_chains(motion, held, extremes) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
     spirals = spiral_steps(motion, [each for each in every if each.first not in swings])
     swings |= {each.first for steps in spirals for each in steps}
@@ -176,10 +170,7 @@ def _zigzags_and_turns(
     found, taken = [*found, *reverse], _taken_by(motion, reverse)
     swings |= {each.first for each in every if taken[each.first : each.end].any()}
     free = [each for each in held if each.first not in swings]
-    found += [
-        turning_circle(motion, helm, each) for each in free
-        if is_turn(motion, helm, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)
-    ]  # fmt: skip
+    found += [turning_circle(motion, helm, each) for each in free if is_turn(motion, helm, each, fastest_mps)]
     still = [each for each in every if each.first not in swings]
     found += find_pull_outs(motion, helm, still, smooth.yaw_rate_dps, fastest_mps)
     found += find_williamson_turns(motion, helm, free)

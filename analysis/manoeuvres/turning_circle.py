@@ -34,15 +34,15 @@ from analysis.manoeuvres.measures import (
 )
 from analysis.manoeuvres.motion import Motion
 
-LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
+LEAST_CIRCLE_DEG, _LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
 _MARGIN_S = 20.0
 _SLOWEST_APPROACH = 0.3
 _STEADIEST_APPROACH = 0.25
 REMOVED = "_current_removed"
 
 
-def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float, least_deg: float) -> bool:
-    """Whether a held helm turns a ship that came straight and with way on her by ``least_deg`` at least."""
+def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float) -> bool:
+    """Whether a held helm turns a ship that came straight and with way on her by 90 deg at least."""
     heading = motion.heading_deg[each.first : each.end]
     seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
@@ -51,7 +51,7 @@ def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float, lea
         return False
     with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
     straight = abs(before["approach_yaw_rate_dps"]) < _STEADIEST_APPROACH * turned / seconds
-    return turned >= least_deg and with_way and straight
+    return turned >= _LEAST_TURN_OF_ONE_SIDE_DEG and with_way and straight
 
 
 def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:

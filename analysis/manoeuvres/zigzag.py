@@ -46,10 +46,8 @@ _INITIAL_TURN_DEG = 10.0
 _GATHERED_WAY = 0.2  # of the approach's speed: no ship gains it by swinging
 
 
-def zigzag_chains(
-    motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_SWINGS, extremes: Sequence[Plateau] = ()
-) -> list[list[Plateau]]:
-    """The runs of held helm that alternate from side to side at one angle, each answered by the ship.
+def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Plateau]) -> list[list[Plateau]]:
+    """The runs of two and more held helms that alternate from side to side at one angle, answered by the ship.
 
     ``held`` are the plateaus of the helm that are off the middle, in order of time, and ``extremes`` where it was
     reversed without having been held: that may be a first swing, whose slow helm was not there yet.
@@ -64,7 +62,7 @@ def zigzag_chains(
         _as_ordered(motion, _with_first(motion, _without_course_keeping(motion, chain), extremes))
         for chain in chains
     )
-    return [chain for chain in ordered if len(chain) >= fewest and _ship_answers(motion, chain)]
+    return [chain for chain in ordered if len(chain) > 1 and _ship_answers(motion, chain)]
 
 
 def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:

@@ -18,7 +18,7 @@ from urllib.parse import quote, urlsplit
 
 from flask import Flask, Response, abort, g, request
 from werkzeug.exceptions import HTTPException
-from werkzeug.serving import WSGIRequestHandler, make_server
+from werkzeug.serving import make_server
 
 from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.recording.reader import read_parts
@@ -75,7 +75,7 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
 
     Raises :class:`SourceError` where the port cannot be had.
     """
-    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # the terminal is for what goes wrong
     try:
         listening = socket.create_server((ADDRESS, port))
     except OSError as error:
@@ -84,14 +84,9 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
             fix="end the program that uses the port, or say --port",
         ) from error  # fmt: skip
     port = listening.getsockname()[1]
-    with listening, make_server(ADDRESS, port, app, True, request_handler=_Quiet, fd=listening.fileno()) as server:
+    with listening, make_server(ADDRESS, port, app, True, fd=listening.fileno()) as server:
         ready(f"http://{ADDRESS}:{port}/")
         server.serve_forever()
-
-
-class _Quiet(WSGIRequestHandler):
-    def log_request(self, *arguments: Any) -> None:
-        """Nothing: the terminal is for what goes wrong."""
 
 
 class _Pages:
@@ -168,9 +163,8 @@ class _Pages:
 
     def upload(self) -> str:
         origin, sent = request.headers.get("Origin"), request.files.get("file")
-        if origin is not None and urlsplit(origin).netloc != request.host:
-            abort(403)
-        if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
+        known = secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode())
+        if not known or (origin is not None and urlsplit(origin).netloc != request.host):
             abort(403)
         if sent is None:
             abort(400)

@@ -102,13 +102,12 @@ def draw(figure: Figure, result: SpeedPower) -> None:
                          for name in ("speed_mps", "low_mps", "high_mps"))  # fmt: skip
     axes.fill_betweenx(powers, low, high, color=PALETTE[0], alpha=0.25, linewidth=0.0, label="95 % interval")
     axes.plot(speeds, powers, color=PALETTE[0], label="iterative method")
-    for each in result.runs:
-        was, now = each.run.speed_mps / KNOT_MPS, each.speed_mps / KNOT_MPS
-        axes.plot([was, now], [each.run.power_kw, each.power_kw], color=FAINT, linewidth=0.8)
-    axes.plot([each.run.speed_mps / KNOT_MPS for each in result.runs], [each.run.power_kw for each in result.runs],
-              "o", color=FAINT, markersize=5, label="runs, speed over ground")  # fmt: skip
-    axes.plot([each.speed_mps / KNOT_MPS for each in result.runs], [each.power_kw for each in result.runs],
-              "o", color=PALETTE[0], markersize=5, label="runs, corrected")  # fmt: skip
+    points = np.array([[(each.run.speed_mps, each.speed_mps), (each.run.power_kw, each.power_kw)]
+                       for each in result.runs])  # fmt: skip
+    knots, kilowatts = points[:, 0].T / KNOT_MPS, points[:, 1].T
+    axes.plot(knots, kilowatts, color=FAINT, linewidth=0.8)
+    axes.plot(knots[0], kilowatts[0], "o", color=FAINT, markersize=5, label="runs, speed over ground")
+    axes.plot(knots[1], kilowatts[1], "o", color=PALETTE[0], markersize=5, label="runs, corrected")
     for number, setting in enumerate(result.settings):
         mean = setting.mean_of_means
         half = np.nan_to_num(mean.high_mps - mean.low_mps) / 2.0 / KNOT_MPS
