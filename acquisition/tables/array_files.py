@@ -21,6 +21,7 @@ _HDF5 = b"\x89HDF"
 _SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")
 _UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms", "microseconds": "us",
           "nanoseconds": "ns"}  # fmt: skip
+_UNIT_NS = {name: pd.Timedelta(f"1{unit}").value for name, unit in _UNITS.items()}
 _TIME_NAMES = ("time", "Time", "TIME", "obs_time", "datetime", "t")
 
 
@@ -146,7 +147,10 @@ def read_netcdf(path: Path) -> RawTable:
 def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
     start = pd.Timestamp(since[2])
     start = start.tz_localize("UTC") if start.tz is None else start
-    return start + pd.to_timedelta(counted, unit=_UNITS[since[1]])  # type: ignore[call-overload, no-any-return]
+    whole = np.floor(counted)
+    # pandas cuts off what is less than a nanosecond, and a count in binary is often short of it
+    part_ns = np.rint((counted - whole) * _UNIT_NS[since[1]])
+    return start + pd.to_timedelta(whole, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
 
 
 def _meaning(said: Mapping[str, Any]) -> str:

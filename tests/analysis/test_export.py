@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from openpyxl import load_workbook
 from pymap3d import ned2geodetic
@@ -76,6 +76,7 @@ def about(path: Path) -> dict[str, Any]:
     start_us=st.integers(0, 10**12),
     suffix=st.sampled_from(KINDS),
 )
+@example(values=[1.0], start_us=65, suffix=".nc")
 def test_any_number_comes_back_to_the_last_bit(
     tmp_path_factory: pytest.TempPathFactory, values: list[float], start_us: int, suffix: str
 ) -> None:
