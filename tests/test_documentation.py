@@ -200,7 +200,7 @@ def test_the_vessel_of_the_page_can_be_loaded(tmp_path: Path) -> None:
     from hybrid.vessel.files import load_vessel
 
     path = tmp_path / "gunnerus_loaded.toml"
-    path.write_text(block_of("howto/add_a_vessel.md", "A change to a ship that is there", "toml"), encoding="utf-8")
+    path.write_text(block_of("howto/add_a_vessel.md", "Change an existing vessel", "toml"), encoding="utf-8")
     vessel = load_vessel(path)
     assert vessel.name == "gunnerus_loaded"
     assert vessel.inertia.mass_kg == 440930.0
