@@ -1,16 +1,17 @@
-"""Acceptance: tests of each named effect, of what remains beside them all, and of effects that may be one.
+"""Acceptance: tests of each named effect, of what remains beside all of them, and of composite effects.
 
-A named effect has to be no chance among so many effects, also by how its score scatters from leg to leg; it has
-to predict legs that were left out; and it may not be smaller than anyone cares about.
+A named effect must not be explicable by chance, given the size of the catalogue and the scatter of its score
+from leg to leg; it must predict held-out legs; and it must not be too small to matter.
 
 Lack of fit: each family of :mod:`.nuisance_basis` is tested against what the named effects, the tolerance and
-the noise leave, by a chi-square test of all its columns together; and the tolerance itself, whether the forces
-of speeds and thruster settings are off by more than it grants. A family that stands out has a size: the root
-mean square of the force, or of the effect's parameter, that it stands for.
+the noise leave, by a chi-square test of all its columns jointly; and the tolerance itself, whether the error of
+the forces of speeds and thruster settings exceeds it. The size of a significant family is the root mean square
+of the force, or of the effect's parameter, that it stands for.
 
-Composite effects: one that is not in the catalogue is taken for what is most like it, often for two of its
-family at once, a loss of thrust at both pods for one at port and one at starboard. Where the catalogue has an
-effect that the two make together, it was tried and was worse. Where it has none, no data can tell.
+Composite effects: an effect outside the catalogue is taken for the most similar one, often for two of its
+family at once, such as losses of thrust at the port and at the starboard pod for a loss at both. If the
+catalogue contains an effect that the two combine to, it was tried and was worse. If it does not, no data can
+tell.
 """
 
 from __future__ import annotations
@@ -52,25 +53,25 @@ from hybrid.diagnosis.select_effects import (
 from hybrid.effects import Effect
 
 FALSE_ALARM = 0.005
-"""The chance that a trial with nothing hidden shows any effect, by each test."""
+"""The probability, for each test, that a trial with nothing hidden shows any effect."""
 
 UNSEEN = 0.05
-"""One-sided level at which an effect has to predict legs that were left out."""
+"""The one-sided level at which an effect has to predict held-out legs."""
 
-_UNEVEN = 0.15  # of its own size: no current is quite even
-_OWN_FORM = 0.03  # of its own size: by more than that, what is named has another form than it is named for
-_NEGLIGIBLE = 0.01  # of what the named effects explain: an effect's own form is not exact either
-_TELLING = 0.95  # of the information is in the legs on which an effect is tried
-_FEW_LEGS = 3  # with fewer there is no scatter to judge by: the sum alone has to be above zero
+_UNEVEN = 0.15  # of its own size: no current is perfectly uniform
+_OWN_FORM = 0.03  # of its own size: beyond this the effect has another form than its name says
+_NEGLIGIBLE = 0.01  # of what the named effects explain: no effect's form is exact
+_TELLING = 0.95  # of the information is in the legs that test an effect
+_FEW_LEGS = 3  # with fewer there is no scatter to test by: the sum has to be positive
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptanceTests:
-    """Tests of one effect, the others given.
+    """Tests of one effect, given the others.
 
-    ``gain`` in z' V^-1 z; ``p_value`` of that gain over ``spread``, the overdispersion of the score from leg to leg
-    (at least 1), corrected for the size of the catalogue; ``p_unseen`` one-sided, on legs left out;
-    ``large_enough`` whether its 95 % interval reaches a size that anyone cares about.
+    ``gain`` in z' V^-1 z; ``p_value`` of that gain over ``spread``, the overdispersion of the score from leg to
+    leg (at least 1), corrected for the size of the catalogue; ``p_unseen`` one-sided, on held-out legs;
+    ``large_enough`` whether its 95 % interval reaches a size that matters.
     """
 
     name: str
@@ -82,17 +83,17 @@ class AcceptanceTests:
 
     @property
     def hopeless(self) -> bool:
-        """Whether it would not stand the tests without the others either."""
+        """Whether it would fail the tests even without the others."""
         return max(self.p_value, self.p_unseen) > 0.5
 
     @property
     def accepted(self) -> bool:
-        """Whether it stands all tests."""
+        """Whether it passes all tests."""
         return self.p_value < FALSE_ALARM and self.p_unseen < UNSEEN and self.large_enough
 
 
 def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
-    """Test one of the effects ``names``, the others given."""
+    """Test one of the effects ``names``, given the others."""
     others = tuple(each for each in names if each != name)
     together, without = evidence.fit(names), evidence.fit(others)
     gain = together.gain - without.gain
@@ -105,7 +106,7 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
 
 
 def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
-    """The noncentrality [L] of the gain in each leg of an effect of the size that is fitted."""
+    """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
     assert evidence.alone is not None
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
@@ -113,24 +114,24 @@ def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
 
 
 def _informative_legs(said: Floats) -> Ints:
-    """The legs that hold 95 % of the information: those in which nothing happens cannot bear an effect out."""
+    """The legs that hold 95 % of the information; the others cannot confirm an effect."""
     order = np.argsort(-said)
     needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
     return np.asarray(order[:needed])
 
 
 def chance_of_gains(gains: Floats) -> float:
-    """The chance of such gains of legs where there is no effect (Student 1908).
+    """The p-value of the legs' gains under no effect (Student 1908).
 
-    They are in units of their scatter, which grows with the root of what a leg says: else a leg that says more than
-    the others would be the scatter of them all.
+    Gains are in units of their scatter, which grows with the square root of a leg's information; otherwise the
+    most informative leg would dominate the scatter.
     """
     deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) >= _FEW_LEGS else 0.0
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
 def _large_enough(evidence: Evidence, fit: Fit, name: str) -> bool:
-    """Whether the effect may be as large as the smallest anyone cares about."""
+    """Whether the effect may be as large as the smallest size of interest."""
     effect = evidence.equations.model.catalogue[name]
     places = evidence.places(fit, name)
     reach = np.abs(fit.values[places]) + 1.96 * np.sqrt(np.diag(fit.covariance)[places])
@@ -145,10 +146,10 @@ def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float
 
 
 def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, every: Ints) -> Floats:
-    """By leg, how much each column's score scatters against what the model of the noise says.
+    """The scatter of each column's score from leg to leg, over that expected from the noise model.
 
-    The score is the product of the residual of a fit of ``every`` column with the column's own part, what
-    ``others`` and the nuisances could explain taken off (White 1980, clustered by leg).
+    The score is the product of the residual of a fit of ``every`` column with the column itself, after removing
+    what ``others`` and the nuisances could explain (White 1980, clustered by leg).
     """
     gram = equations.gram
     count, total = len(gram), gram.sum(axis=0)
@@ -161,7 +162,7 @@ def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, ever
     residual = _residual_columns(total, restored_data(equations)[:, None], every, nuisance, scale)[:, 0]
     scores = np.stack([own.T @ (leg @ residual) for leg in gram])
     information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in gram])
-    whole = np.maximum(information.sum(axis=0), 1e-300)  # of some these data say nothing
+    whole = np.maximum(information.sum(axis=0), 1e-300)  # some columns carry no information
     centred = scores - information * scores.sum(axis=0) / whole
     return np.asarray((centred**2).sum(axis=0) / whole * count / (count - 1))
 
@@ -180,10 +181,10 @@ def _residual_columns(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, 
 
 
 def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
-    """By how much the log density of each leg is higher with ``names``, fitted to all others, than ``without`` [L].
+    """The gain in each leg's log density [L] from ``names``, fitted to all other legs, over ``without``.
 
-    What is tolerated has to be what it is in each leg anew: else the tolerance, having seen the other legs, would
-    know the effect as well as the effect itself.
+    Nuisances are free again in each leg: otherwise, having been fitted to the other legs, they would know the
+    effect as well as the effect itself.
     """
 
     assert evidence.left_out is not None
@@ -201,19 +202,19 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
 
 
 CHANCE = 0.0001
-"""The chance that a trial with nothing beyond its named effects and the tolerance shows any family."""
+"""The probability that a trial with nothing beyond its named effects and the tolerance shows any family."""
 
 INTERACTION_CHANCE = 0.01
-"""The chance that effects that are named rightly seem to have another form."""
+"""The probability that correctly named effects seem to have another form."""
 
 _RANK = 1e-5
-_CLOSE_TO_LIKELIEST = 0.03  # of the tolerance's size: its own error is some tenth
+_CLOSE_TO_LIKELIEST = 0.03  # of the tolerance's size, whose own error is about a tenth
 _NOTHING = 1e-6  # of a column's squares
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """One family: what its forces depend on, the axis or the effect that varies, its columns."""
+    """A family: what its forces depend on, the axis or the varying effect, its columns."""
 
     depends: str
     what: str
@@ -222,9 +223,9 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class LackOfFit:
-    """How one family stands: ``p_value`` corrected for all of its kind, ``size`` in the unit of ``what``.
+    """The test of one family: ``p_value`` corrected for all of its kind, ``size`` in the unit of ``what``.
 
-    ``gain`` is how much of the squares it explains; ``size`` is that of what it adds to what is tolerated.
+    ``gain`` is the sum of squares that it explains; ``size`` is that of what it adds to the tolerance.
     """
 
     depends: str
@@ -236,7 +237,7 @@ class LackOfFit:
 
     @property
     def found(self) -> bool:
-        """Whether it stands out and is large enough to matter."""
+        """Whether it is significant and large enough to matter."""
         return self.p_value < (INTERACTION_CHANCE if self.depends in INTERACTIONS else CHANCE) and self.matters
 
 
@@ -257,7 +258,7 @@ def families(equations: NormalEquations) -> list[Family]:
 
 
 def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
-    """Every family, the one that stands out most first; the effects ``names`` are fitted freely beside it."""
+    """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
     equations = evidence.equations
     every = families(equations)
     columns = np.concatenate([each.columns for each in every])
@@ -274,7 +275,7 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
         chances = interactions if each.depends in INTERACTIONS else tests
         places = [place[int(column)] for column in each.columns]
         judged = _tested_family(equations, inner, places, each, chances, 1.0)
-        if judged.found:  # what scatters from leg to leg more than the model of the noise says counts for less
+        if judged.found:  # overdispersed from leg to leg: counts for less
             spread = float(np.median(overdispersion(equations, each.columns, free, free)))
             judged = _tested_family(equations, inner, places, each, chances, max(spread, 1.0))
         result.append(judged)
@@ -282,7 +283,7 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
 
 
 def _inner(equations: NormalEquations, kept: Ints) -> Floats:
-    """Reduced products of columns, the model's own effects put back into the data."""
+    """Reduced inner products of columns, with the model's own effects added back into the data."""
     total, back = equations.gram.sum(axis=0), restored_data(equations)
     data = total @ back
     total[:, 0] = total[0] = data
@@ -291,7 +292,7 @@ def _inner(equations: NormalEquations, kept: Ints) -> Floats:
 
 
 def _given_effects(inner: Floats, number: int) -> Floats:
-    """Products of what columns 1 to ``number`` leave of the others, zero where that is nothing."""
+    """Inner products of what columns 1 to ``number`` leave of the others, zero where that is negligible."""
     left = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
     gone = np.diag(left) < _NOTHING * np.diag(inner)
     left[gone] = left[:, gone] = 0.0
@@ -310,17 +311,17 @@ def _tested_family(
     p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum())))) if kept.any() else 1.0
     back = vectors[:, kept] / scale[:, None]
     estimate, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
-    size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
+    size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # less the expected size from noise alone
     matters = True
     if family.what in AXES:
         size *= float(FORCE_UNITS[AXES.index(family.what)])
-    elif family.depends not in INTERACTIONS:  # another form says that the name is wrong, however small
+    elif family.depends not in INTERACTIONS:  # another form, however small, means that the name is wrong
         matters = size > max(equations.model.catalogue[family.what].smallest_free)
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
 def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
-    """Whether the forces of speeds and thrusters are off by more than is granted; the likeliest size."""
+    """Whether the error of the forces of speeds and thrusters exceeds the tolerance, and its most likely size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
 
@@ -338,7 +339,7 @@ def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequenc
 
 
 def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> float:
-    """Of the data under these nuisances, the effects ``names`` fitted freely; up to a constant."""
+    """Log density of the data given these nuisances, the effects ``names`` fitted freely; up to a constant."""
     inner, determinant = restored_gram(evidence.equations, evidence.equations.gram.sum(axis=0), scale)
     columns = np.array(evidence.columns(names), dtype=int)
     left = inner[0, 0]
@@ -349,11 +350,11 @@ def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> flo
     return float(-0.5 * (left + determinant))
 
 
-_MADE = 0.9  # of an effect's own squares: two that explain so much of it make it together
+_MADE = 0.9  # of an effect's squares: two that explain so much of it combine to it
 
 
 def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Groups of named effects each of which may be one effect that is not in the catalogue."""
+    """Groups of named effects each of which may be one effect outside the catalogue."""
     catalogue = evidence.equations.model.catalogue
     found: list[set[str]] = []
     for one, other in combinations(names, 2):
@@ -365,23 +366,23 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
 
 
 def _akin(one: Effect, other: Effect) -> bool:
-    """Whether one cause may well show as both."""
+    """Whether one cause may plausibly appear as both."""
     if one.family != other.family or one.kind != other.kind or any(_comes_along(each) for each in (one, other)):
         return False
     return one.family == "clock" or other.base in one.confused_with or one.base in other.confused_with
 
 
 def _comes_along(effect: Effect) -> bool:
-    """Whether it is no wonder beside others of its family.
+    """Whether it commonly occurs together with others of its family.
 
-    Sea and current come together, and each instrument has errors of its own; a factor on what the wind does is an
-    error of the model.
+    Sea and current come together, and each instrument has its own errors; a factor on the wind load is an error
+    of the model.
     """
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
 def _tried_together(evidence: Evidence, one: str, other: str) -> bool:
-    """Whether the catalogue has an effect of their family that the two make together, each with a part in it."""
+    """Whether the catalogue has an effect of their family that the two combine to, each contributing."""
     catalogue = evidence.equations.model.catalogue
     return any(
         _explained(evidence, name, (one, other))
@@ -401,12 +402,13 @@ def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """The fifth stage's result: the effects that stand all tests, and what they leave unexplained.
+    """The result of the fifth stage: the effects that pass all tests, and what they leave unexplained.
 
-    ``names`` are the effects, ``tests`` how each stands, ``evidence`` is linear about them and has every leg.
-    ``rival_deficits`` has, by name and rival, the log evidence that a rival lacks where the equations are linear
-    about it; ``lack_of_fit`` the families of the nuisance basis that stand out and matter, the surest first.
-    ``beside_remainder`` says that the effects stay named all the same (:mod:`.coarse_model`).
+    ``names`` are the effects, ``tests`` their test results; ``evidence`` is linearised about them and holds
+    every leg. ``rival_deficits`` is, by name and rival, the log evidence that the rival lacks when linearised
+    about it; ``lack_of_fit`` the families of the nuisance basis that are significant and matter, the most
+    significant first. ``beside_remainder`` means that the effects stay named in spite of the remainder
+    (:mod:`.coarse_model`).
     """
 
     names: tuple[str, ...]
@@ -420,8 +422,8 @@ class Acceptance:
 def accept(selection: Selection) -> Acceptance:
     """The fifth stage: test every selected effect, then what they leave unexplained.
 
-    Each named effect may then also change with the operating point, as a relative of it would that is in no
-    catalogue.
+    Each named effect may then also vary with the operating point, as a related effect outside the catalogue
+    would.
     """
     accepted = _beside_rivals(accept_names(selection))
     if accepted.names:
@@ -432,9 +434,10 @@ def accept(selection: Selection) -> Acceptance:
 
 
 def _beside_rivals(accepted: Acceptance) -> Acceptance:
-    """The same with what rivals lack that are looked at about themselves; or the likeliest of these in its place.
+    """The acceptance with rivals compared at their own linearisation; the most likely rival replaces the name.
 
-    That one has to stand all tests, too. Nothing is searched beside it: from a wrong set on a search imitates more.
+    It has to pass all tests as well. No search is made from it: starting from a wrong set, a search adds more
+    imitations.
     """
     swaps = swaps_about_themselves(accepted.evidence, accepted.names)
     best = max(swaps, key=lambda each: log_density(each.evidence, each.names), default=None)
@@ -451,7 +454,7 @@ def _beside_rivals(accepted: Acceptance) -> Acceptance:
 
 
 def _lacks(accepted: Acceptance, swap: Swap) -> float:
-    """The log evidence that a rival lacks at its own sizes, as far as legs agree."""
+    """The log evidence that a rival lacks at its own fitted size, reduced where legs disagree."""
     rival = evidence_of(swap.evidence.equations, by_leg=True)
     less = log_density(accepted.evidence, accepted.names) - log_density(rival, swap.names)
     gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(rival, swap.names)
@@ -460,7 +463,8 @@ def _lacks(accepted: Acceptance, swap: Swap) -> float:
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
-    """Log density of each leg's data [L] with these effects as fitted to all, up to what views have in common."""
+    """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant common to
+    all linearisations."""
     assert evidence.alone is not None
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))
@@ -469,11 +473,13 @@ def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
 
 
 def as_legs_agree(less: float, gains: Floats, said: Floats) -> float:
-    """The log odds ``less`` of one set of effects against another, less where legs scatter by more than noise does.
+    """The log odds ``less`` of one set of effects against another, reduced where legs scatter more than noise
+    does.
 
-    ``gains`` [L] are each leg's, ``said`` [L] how much each says. The log odds of two that differ by d standard
-    errors are d^2 / 2 in the mean, d in standard deviation: their variance is twice their mean. Where it is more,
-    s^2, there are 2 less^2 / s^2 for such a sum rather than its opposite (cf. Vuong 1989, Econometrica 57, 307).
+    ``gains`` [L] are the legs' log odds, ``said`` [L] the information in each. For two sets that differ by d
+    standard errors the log odds are d^2 / 2 in the mean, with standard deviation d: their variance is twice
+    their mean. Where the variance is a larger s^2, the log odds of such a sum against its opposite are 2 less^2
+    / s^2 (cf. Vuong 1989, Econometrica 57, 307).
     """
     if len(gains) <= _FEW_LEGS or less <= 0.0:
         return less
@@ -483,7 +489,7 @@ def as_legs_agree(less: float, gains: Floats, said: Floats) -> float:
 
 
 def accept_names(selection: Selection) -> Acceptance:
-    """Test every selected effect; who fails is barred, and the search goes on without."""
+    """Test every selected effect; one that fails is barred, and the search goes on without it."""
     while True:
         evidence = evidence_of(selection.evidence.equations, by_leg=True)
         names, tests, barred = _drop_failures(evidence, selection.names, selection.barred)
@@ -496,7 +502,8 @@ def accept_names(selection: Selection) -> Acceptance:
 def _drop_failures(
     evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]
 ) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
-    """The effects that stand all tests, how they stand, and who is barred; who fails makes place for others."""
+    """The effects that pass all tests, their test results, and the barred ones; each failure makes room for
+    others."""
     while True:
         tests = {name: acceptance_tests(evidence, names, name) for name in names}
         failed = [each for each in tests.values() if not each.accepted]
@@ -508,13 +515,13 @@ def _drop_failures(
 
 
 def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
-    """What remains beside the named effects and is no mere trace of their own form."""
+    """The lack of fit beside the named effects that is more than a trace of their own form."""
     evidence = accepted.evidence
     fit, catalogue = evidence.fit(accepted.names), evidence.equations.model.catalogue
 
     def matters(each: LackOfFit) -> bool:
         if named := [name for name in accepted.names if catalogue[name].base == each.what.split(",")[0]]:
-            # a named effect that is uneven: by how much of itself
+            # relative variation of a named effect
             whole = np.take(fit.values, evidence.places(fit, named[0]))
             least = _OWN_FORM if each.depends in INTERACTIONS else _UNEVEN
             return each.size > least * float(np.linalg.norm(whole))

@@ -1,8 +1,8 @@
-"""The ladder: reference, named model, and a calibrator on top of either, on held windows that took no part.
+"""The ladder: reference model, named model, and a calibrator on top of either, on held-out windows.
 
-The gap's folds part the windows. What is judged on a fold's windows is the model with what the other folds' legs
-name, as the gap has it, and calibrators that learned from windows without a second in that fold. How a calibrator
-is trained and judged is :mod:`hybrid.evaluation.study`'s, as for ``seatrial evaluate``.
+Windows are divided by the folds of the gap. A fold's windows are predicted by the model with the effects named
+on the other folds, and by calibrators trained on windows without a second in that fold. Calibrators are trained
+and scored by :mod:`hybrid.evaluation.study`, as for ``seatrial evaluate``.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import LegBootstrap
 from hybrid.vessel.plant import Plant
 
-_TELLING = 0.9  # of the error: a tenth is worth asking where it comes from
+_TELLING = 0.9  # of the error: a tenth is worth explaining
 
 STRIDE_S = 5
-_LEAST_LEGS = 4  # over fewer a mean has no interval that says anything
+_LEAST_LEGS = 4  # with fewer the interval of a mean is meaningless
 
 
 def compare_calibrators(
@@ -50,10 +50,10 @@ def compare_calibrators(
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Ladder:
-    """The ladder of a diagnosis, on the recordings that it was made from, read as they were for it.
+    """The ladder of a diagnosis, on the recordings that it was made from, read in the same way.
 
-    Where too few windows are held, or what was named is another in another part of the trial, the ladder has no
-    rungs and says why.
+    With too few held windows, or named effects that vary over the trial, the ladder has no rungs and gives the
+    reason.
     """
     equations = conclusion.accepted.evidence.equations
     if any(courses(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
@@ -71,7 +71,7 @@ def compare_calibrators(
 
 
 def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
-    """How many seconds of each window are in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
+    """The seconds of each window in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
     first, last = windows.known_seconds()
     fold, counts = fold_of(log), np.zeros((len(windows), FOLDS), dtype=np.int64)
     for number, trial in enumerate(trials):
@@ -83,9 +83,10 @@ def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]
 
 
 def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict[int, Draw]:
-    """By fold the windows judged, all in its legs, and those learned from, which share no second with them.
+    """For each fold the test windows, entirely in its legs, and the training windows, which share no second
+    with them.
 
-    Raises :class:`DataShortageError` where there are too few legs to judge by, or to learn from.
+    Raises :class:`DataShortageError` if there are too few legs to test on or train on.
     """
     first, last = windows.known_seconds()
     inside = (seconds == (last - first + 1)[:, None]) & windows.whole[:, None]
@@ -109,10 +110,10 @@ def ladder(
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Ladder:
-    """The rungs on windows of which so many ``seconds`` [N, FOLDS] are in each fold.
+    """The rungs on windows with ``seconds`` [N, FOLDS] in each fold.
 
-    ``named`` is what is named without the legs of each fold, None where nothing was named. Raises
-    :class:`DataShortageError` where there are too few legs or windows.
+    ``named`` are the effects named without the legs of each fold, None if nothing was named. Raises
+    :class:`DataShortageError` if there are too few legs or windows.
     """
     base = replace(model, at={}).plant()
     folds = range(FOLDS) if named is None else named
@@ -131,7 +132,8 @@ def ladder(
 
 
 def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
-    """The diagnosis, but not that nothing is missing where a calibrator brings predictions closer all the same."""
+    """The diagnosis, with the verdict that nothing is missing withdrawn if a calibrator improves predictions
+    all the same."""
     if diagnosis.verdict != "nothing_missing" or not ladder.mean_distance_m:
         return diagnosis
     ratio = ladder.ratio("reference_calibrated", "reference")
@@ -145,7 +147,7 @@ def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
 def _rungs(
     draw: Draw, windows: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
 ) -> dict[str, Errors]:
-    """The errors of each model and of a calibrator on top of it, on the windows that ``draw`` holds out."""
+    """The errors of each model, and of a calibrator on top of it, on the windows that ``draw`` holds out."""
     models, calibrated = dict[str, Errors](), dict[str, Errors]()
     for number, (name, plant) in enumerate(bases.items()):
         examples = windows, reference(windows, plant)
@@ -158,7 +160,7 @@ def _rungs(
 def _together(
     windows: PredictionWindows, draws: Sequence[Draw], rungs: Sequence[Mapping[str, Errors]], method: str, seed: int
 ) -> Ladder:
-    """The means over all windows judged, and the ratios that the ladder is made for, with intervals by legs."""
+    """The means over all test windows, and the ladder's ratios, with intervals over legs."""
     result = pool_draws("leg", windows, draws, rungs)
     legs = LegBootstrap.of(windows.leg[result.held_out], seed)
     mean_m = {name: each.distance_m.mean(axis=1) for name, each in result.errors.items()}

@@ -1,10 +1,10 @@
-"""Changes: an effect that stops or begins, turns or grows in the course of a trial, and when.
+"""Changes: an effect that stops, begins, turns or grows during a trial, and when.
 
-Where what the named effects leave goes with time, or anything is left of several recordings, each effect of the
-catalogue is tried with a size that changes once, at any time, or drifts evenly from the beginning to the end, or
-is another in each recording though it is the ship's. The likeliest joins the catalogue, and the trial is diagnosed
-anew with it: it has to stand the tests that every effect has to stand. A trial in which nothing goes with time is
-left alone.
+If the residuals beside the named effects depend on time, or anything remains in several recordings, each effect
+of the catalogue is tried with a size that changes once, at any time, or drifts linearly from beginning to end,
+or differs between recordings although it belongs to the ship. The most likely one joins the catalogue, and the
+trial is diagnosed again with it: it has to pass the same tests as every effect. A trial without any dependence
+on time is left alone.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import CLOSE, search_effects
 from hybrid.vessel.effect import Effect
 
-_STEP_S = 10  # between the times at which a change is tried
-_MOST_PARTS = 120  # of a trial that are looked at by themselves: more only take memory
-_LIKELIEST = 4  # effects that a whole search is made with
-_MUCH = 0.5  # of what all else explains: so much a change has to, where a model seems coarse for want of it
-_INTERVAL = 1.92  # log likelihood that the ends of a 95 % interval lack
+_STEP_S = 10  # between candidate times of a change
+_MOST_PARTS = 120  # of a trial; more would only take memory
+_LIKELIEST = 4  # effects for which a full search is made
+_MUCH = 0.5  # share of all other evidence that a change must add where the model seems coarse without it
+_INTERVAL = 1.92  # drop in log likelihood at the ends of a 95 % interval
 
 
 def may_change(accepted: Acceptance) -> bool:
-    """Whether what the named effects leave is another at another time, or may be another in another recording; or
-    whether one of them changes: then it is likely that another does.
+    """Whether the remainder depends on time or may differ between recordings, or an effect already varies,
+    which makes further changes likely.
 
-    What a coarse model leaves of one recording is another at every other speed: there only what goes with time
+    The remainder of a coarse model in one recording varies with every speed: there only a dependence on time
     counts.
     """
     equations = accepted.evidence.equations
@@ -48,14 +48,14 @@ def may_change(accepted: Acceptance) -> bool:
 
 
 def likeliest_change(accepted: Acceptance) -> Varied | None:
-    """The effect that is likeliest to have changed, with its course; None where no change explains enough.
+    """The effect most likely to have changed, with its course; None if no change explains enough.
 
-    Of courses that are about as likely it is the simplest.
+    Of about equally likely courses the simplest is taken.
     """
     parts = _parts_of(accepted.evidence.equations)
     tried = [_best_courses(parts, name, accepted.names) for name in _steady(parts)]
     likely = sorted(tried, key=lambda each: -max(each))[:_LIKELIEST]
-    known = parts.evidence.names  # an effect that changed in this way once already is not tried again
+    known = parts.evidence.names  # an effect that already varies in this way is not tried again
     new = [change for each in likely for change in each.values() if change.name not in known]
     odds = {change: _odds_with(parts, change) for change in new}
     if not odds:
@@ -68,10 +68,10 @@ def likeliest_change(accepted: Acceptance) -> Varied | None:
 
 
 def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
-    """The log odds that the best set with a change has to reach: more than any set without.
+    """The log odds that the best set with a change has to reach: more than any set without one.
 
-    Where a model seems coarse, much more than any in which nothing has a size of its own in each recording: what
-    has may be the imitation of a change.
+    For a coarse model much more than any set that is constant over recordings, since separate sizes may imitate
+    a change.
     """
     asked = evidence.log_odds(search_effects(evidence)) + CLOSE
     if not coarse:
@@ -81,7 +81,7 @@ def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
 
 
 def _odds_with(parts: _Parts, change: Varied) -> float:
-    """The log odds of the best set of effects that has a changed one, less what the times that were tried cost."""
+    """The log odds of the best set of effects with a changed one, less the cost of the times tried."""
     evidence = parts.with_change(change)
     names = search_effects(evidence)
     tried = len(parts.courses) if change.course.interval_s else 1
@@ -90,11 +90,11 @@ def _odds_with(parts: _Parts, change: Varied) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Products:
-    """Products under the inverse of V of some columns by parts of a trial.
+    """Inner products under the inverse of V of some columns, by parts of a trial.
 
-    ``own`` [L, K, c] are those with the data and all effects within each part, nuisances not taken off, ``among``
-    [L, c, c] those with each other; ``half`` [L, n, c] and ``rest`` [n, K] what is taken off of them and of the
-    data and all effects.
+    ``own`` [L, K, c] are those with the data and all effects within each part, before marginalising nuisances,
+    ``among`` [L, c, c] those among each other; ``half`` [L, n, c] and ``rest`` [n, K] are the nuisances'
+    corrections.
     """
 
     inner_of_all: Floats
@@ -104,9 +104,9 @@ class _Products:
     rest: Floats
 
     def inner(self, shares: Floats) -> Floats:
-        """Products of the data and all effects, and behind them of the columns in each piece of a course.
+        """Inner products of the data and all effects, followed by the columns in each piece of a course.
 
-        ``shares`` [L, pieces] is the part that each piece has in each part.
+        ``shares`` [L, pieces] is the weight of each piece in each part.
         """
         taken = np.einsum("lp,lnc->npc", shares, self.half).reshape(len(self.rest), -1)
         cross = np.einsum("lp,lkc->kpc", shares, self.own).reshape(self.own.shape[1], -1) - self.rest.T @ taken
@@ -116,8 +116,8 @@ class _Products:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """A trial by short parts: the evidence of all of it, products as in :class:`_Products` of the data and all
-    effects, the part of each second [T], and every course that is tried with its shares."""
+    """A trial in short parts: its whole evidence, the inner products of data and all effects
+    (:class:`_Products`), the part of each second [T], and every candidate course with its shares."""
 
     evidence: Evidence
     own: Floats
@@ -126,7 +126,7 @@ class _Parts:
     courses: tuple[tuple[Course, Floats], ...]
 
     def of(self, columns: Sequence[int]) -> _Products:
-        """The products of some columns."""
+        """The inner products of some columns."""
         some = list(columns)
         own = np.ascontiguousarray(self.own[:, :, some])
         return _Products(self.evidence.inner, own, own[:, some], self.half[:, :, some], self.half.sum(axis=0))
@@ -168,7 +168,7 @@ def _parts_of(equations: NormalEquations) -> _Parts:
 
 
 def _shares(course: Course, log: Log, part: Ints) -> Floats:
-    """The part that each piece of a course has in each part of a trial [L, pieces]."""
+    """The weight of each piece of a course in each part of a trial [L, pieces]."""
     count = np.bincount(part)
     return np.column_stack([np.bincount(part, weights=each) / count for each in course.shares(log).T])
 
@@ -179,7 +179,8 @@ def _steady(parts: _Parts) -> list[str]:
 
 
 def _best_courses(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, Varied]:
-    """An effect with the likeliest course of each shape, by the log evidence of it beside others that are named."""
+    """An effect with the most likely course of each shape, with its log evidence beside the other named
+    effects."""
     evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
     effect, own = catalogue[name], parts.of(evidence.columns([name]))
     others = [each for each in names if catalogue[each].base != name]
@@ -196,7 +197,7 @@ def _best_courses(parts: _Parts, name: str, names: Sequence[str]) -> dict[float,
 
 
 def _likeliest(effect: Effect, found: Sequence[tuple[float, Course]]) -> tuple[float, Varied]:
-    """The likeliest of courses of one shape, with the interval of its time where it has one."""
+    """The most likely course of one shape, with the interval of its time if it has one."""
     best, course = max(found, key=lambda each: each[0])
     if course.shape in ("until", "since", "step"):
         times = [each.times_s[0] for odds, each in found if odds > best - _INTERVAL]
@@ -207,11 +208,11 @@ def _likeliest(effect: Effect, found: Sequence[tuple[float, Course]]) -> tuple[f
 _SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {
     "step": ((slice(None), "step"), (slice(1), "until"), (slice(1, None), "since"))
 }
-"""A step with one of its two sizes nought is something that stops, or begins."""
+"""A step with one of its two sizes zero: something that stops or begins."""
 
 
 def _courses(log: Log) -> Iterator[Course]:
-    """Every course that is tried."""
+    """Every candidate course."""
     recordings = tuple(np.unique(log.recording).tolist())
     if len(recordings) > 1:
         yield Course("recordings", recordings)

@@ -1,15 +1,17 @@
-"""A coarse model: what may be named of it beside forces that stay unexplained.
+"""Coarse models: naming effects while other forces remain unexplained.
 
-A model whose forces of speeds and thrusters are off by far more than it is granted, as with a sister ship's
-coefficients, lacks many things at once. Some of them are effects of the catalogue, and what is left over says
-nothing against these. So a larger set is searched, and an effect of it is named where it holds its sign over
-disjoint parts of the trial and brings predicted tracks closer to the measured ones on legs that had no part in its
-size. That last test is in metres: where predictions err by far more than the noise, the evidence alone would take
-in effects without end. The search begins from all effects at once and leaves out what such legs do not miss: what
-it finds about nothing, and about that, and so on, does not settle for such a model, each look brings another set;
-about all effects together, each held by its prior and within its bounds, the residuals are small from the
-beginning. Their sizes are those of the highest posterior density, by steps of Gauss and Newton that are halved
-until they raise it (Nocedal and Wright, Numerical Optimization, 2006, chapter 10).
+A model whose forces of speeds and thrusters err by far more than the tolerance, as with a sister ship's
+coefficients, lacks many things at once. Some of them are effects of the catalogue, and what remains beside
+these is no evidence against them. So a larger set is searched, and an effect is named if it keeps its sign over
+disjoint parts of the trial and brings predicted tracks closer to the measured ones on legs that were not used
+for its size. That last test is in metres: where predictions err by far more than the noise, evidence alone
+would admit effects without end.
+
+The search starts from all effects at once and removes those that held-out legs do not miss. A search that
+starts from no effect does not converge for such a model: each linearisation brings another set. About all
+effects together, each held by its prior and within its bounds, the residuals are small from the start. Their
+sizes are the posterior mode, by damped Gauss-Newton steps (Nocedal and Wright, Numerical Optimization, 2006,
+chapter 10).
 """
 
 from __future__ import annotations
@@ -45,41 +47,46 @@ from hybrid.diagnosis.select_effects import (
 )
 
 CREDIBLE = 3
-"""Effects at once; more are as a rule what imitates one that is missing in the catalogue, unless they replicate."""
+"""The most effects of an ordinary model; more are usually imitations of one outside the catalogue, unless they
+replicate."""
 
 COARSE = 3.0
-"""So many times the tolerance are the forces of a coarse model off by."""
+"""The error of a coarse model's forces, in tolerances."""
 
 MOST = 14
-"""Effects at once: of a hull's coefficients data tell some ten groups apart (Abkowitz 1980, SNAME Trans. 88)."""
+"""The most effects of a coarse model: data distinguish some ten groups of a hull's coefficients (Abkowitz 1980,
+SNAME Trans. 88)."""
 
 WORTH = 0.01
-"""Of the distance on legs left out: what brings less is not worth a name."""
+"""The share of the mean distance on held-out legs by which an effect has to reduce it to be worth naming."""
 
-_ROUNDS = 3  # of making linear anew and choosing
-_ABOUT_ITSELF = 2  # times that the equations are made linear about one effect
+_ROUNDS = 3  # of linearising and choosing
+_ABOUT_ITSELF = 2  # linearisations about a single effect
 _AS_LIKELY_AS_NOT = 0.5
-_FOR_CERTAIN = 3.0  # times what makes a model coarse: sets of six effects end less of a misfit at their third look
+_FOR_CERTAIN = (
+    3.0  # factor on the error of a coarse model: the third linearisation of six effects removes less misfit
+)
 _CERTAIN = 1e-12
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
-_TOLD = 2.0 * _SURE  # standard errors: what is so large stands out in 95 of 100 parts
-_FEWEST_PARTS = 2  # that have to tell
+_TOLD = 2.0 * _SURE  # standard errors: significant in 95 of 100 parts
+_FEWEST_PARTS = 2  # informative parts required
 
 MOST_PARTS = 0.75
-"""Of the parts of a trial: in so many an effect has to be found by itself."""
+"""The share of the parts of a trial in which an effect has to be found independently."""
 
 
 def is_coarse(accepted: Acceptance) -> bool:
-    """Whether many things are missing at once, or the model's own forces are off by far more than granted."""
+    """Whether many things are missing at once, or the model's own forces err by far more than the tolerance."""
     surest = max(accepted.lack_of_fit, key=lambda each: each.gain, default=None)
     if surest is None or surest.depends not in (OPERATION, *INTERACTIONS):
-        return False  # what goes with place, time or heading may be anything
+        return False  # a dependence on position, time or heading may have any cause
     far_off = surest.depends == OPERATION and surest.size > COARSE * accepted.evidence.equations.tolerance
     return far_off or len(accepted.names) > CREDIBLE
 
 
 def selected(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
-    """The fourth stage, broken off after two looks where these leave a misfit that no further look would end."""
+    """The fourth stage, stopped after two linearisations if these leave a misfit that no further one would
+    remove."""
     glance = search_on(Selection((), evidence, looks=LOOKS - 2))
     surest = max(lack_of_fit(glance.evidence, glance.names), key=lambda each: each.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
@@ -89,10 +96,7 @@ def selected(evidence: Evidence, progress: Progress = lambda share: None) -> Sel
 
 
 def untested_if_coarse(selection: Selection) -> Acceptance | None:
-    """Nothing accepted, for a model that is off by so much that tests against its noise would say nothing.
-
-    None where it is not so far off.
-    """
+    """An empty acceptance for a model so poor that tests against its noise would be meaningless, else None."""
     found = tuple(each for each in lack_of_fit(selection.evidence, selection.names) if each.found)
     nothing = Acceptance((), {}, selection.evidence, lack_of_fit=found)
     return nothing if is_coarse(nothing) else None
@@ -101,7 +105,8 @@ def untested_if_coarse(selection: Selection) -> Acceptance | None:
 def name_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
-    """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
+    """The effects named beside a remainder, and that remainder; None if there are none or predictions do not
+    improve."""
     looks = list[tuple[_Unseen, Evidence, tuple[str, ...], LinearTracks]]()
     bare = linear_about(first.evidence, {}, number=FEW)
     for number, look in enumerate(_looks(_expecting_few(bare), windows), 1):
@@ -127,10 +132,11 @@ def name_of_coarse_model(
 
 
 def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
-    """The best effect by itself; the best set about the likeliest sizes of all effects, about its own, the best set
-    there, and so on.
+    """Candidate sets: the best single effect; the best set about the posterior mode of all effects; then,
+    repeatedly, the best set about the last one.
 
-    Each comes with the tracks that it was chosen by. Sets do not settle, and a later one is not always better.
+    Each comes with the tracks that it was chosen by. The sets do not converge, and later ones are not always
+    better.
     """
     yield _alone(evidence, windows)
     names = compatible_effects(evidence)
@@ -144,17 +150,18 @@ def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidenc
 
 
 def one_is_enough(before_m: Floats, alone_m: Floats, best_m: Floats, tried: int) -> bool:
-    """Whether one cause is to be believed rather than many, by the distances of each leg.
+    """Whether one cause suffices, judged by the distances of each leg.
 
-    It predicts legs left out better than none, for the best of so many that were tried (5 %, Sidak 1967), and no
-    worse beyond doubt than the best set (cf. the rule of one standard error, Breiman et al. 1984).
+    It predicts held-out legs better than no effect, allowing for the number tried (5 %, Sidak 1967), and not
+    significantly worse than the best set (cf. the one-standard-error rule, Breiman et al. 1984).
     """
     chance = -np.expm1(tried * np.log1p(-min(chance_of_gains(before_m - alone_m), 1.0 - _CERTAIN)))
     return bool(chance < UNSEEN and not worth_it(alone_m, best_m))
 
 
 def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
-    """The one effect that predicts legs left out best, seen about itself; none if it does not replicate."""
+    """The single effect that predicts held-out legs best, linearised about itself; none if it does not
+    replicate."""
     tracks = linear_tracks(windows, evidence)
     names: tuple[str, ...] = (min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean())),)
     for _ in range(_ABOUT_ITSELF):
@@ -164,9 +171,10 @@ def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[
 
 
 def _expecting_few(evidence: Evidence) -> Evidence:
-    """The evidence with priors for all effects at once, of which at most so many are there.
+    """The evidence with priors for all effects at once, of which only a few are present.
 
-    One that is there with a chance p, of a size of standard deviation s, has the standard deviation s times root p.
+    An effect present with probability p, with a size of standard deviation s, has standard deviation s times
+    the square root of p.
     """
     equations = evidence.equations
     share = min(1.0, MOST / len(evidence.names))
@@ -175,13 +183,13 @@ def _expecting_few(evidence: Evidence) -> Evidence:
 
 
 def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
-    """The sizes of ``names`` that all legs but those of each fold give."""
+    """The sizes of ``names`` fitted to all legs but those of each fold."""
     return {fold: fitted_coordinates(rest, names) for fold, rest in rests.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """Sets of effects judged by tracks on legs left out, and by the evidence of each fold's legs alone."""
+    """Sets of effects judged by tracks on held-out legs, and by the evidence of each fold's legs alone."""
 
     evidence: Evidence
     tracks: LinearTracks
@@ -189,15 +197,15 @@ class _Choice:
 
     @classmethod
     def of(cls, evidence: Evidence, windows: UnseenWindows) -> _Choice:
-        """The choice about the sizes that ``evidence`` is linear about."""
+        """The choice at the linearisation of ``evidence``."""
         parts = tuple(evidence_within(windows, evidence).values())
         return cls(evidence_of(evidence.equations, by_leg=True), linear_tracks(windows, evidence), parts)
 
     def best_set(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """The set that predicts legs left out best, from ``names`` on, of effects that replicate
-        and are there by more than chance.
+        """The set of replicating, significant effects that predicts held-out legs best, starting from
+        ``names``.
 
-        What is not is left out one at a time, the least missed first: others may stand without it.
+        Effects that fail are removed one at a time, the least missed first, since others may pass without them.
         """
         barred = frozenset[str]()
         while True:
@@ -209,10 +217,10 @@ class _Choice:
             barred, names = barred | {least}, sets[least]
 
     def _idle(self, names: tuple[str, ...]) -> list[str]:
-        """Those that are not found by themselves in most parts, or are there by chance as likely as not.
+        """Effects not found independently in most parts of the trial, or not significant.
 
-        The chance is by the scatter from leg to leg, which is what the model is off by, not noise: nothing is
-        certain by it that predictions have borne out.
+        Significance is by the scatter from leg to leg, which reflects model errors, not noise; it does not
+        overrule effects that predictions have confirmed.
         """
         found = replications(self.evidence, names, self.parts)
         idle = [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
@@ -222,25 +230,27 @@ class _Choice:
 
 @dataclass(frozen=True, slots=True)
 class _Unseen:
-    """Sets of effects judged by simulated tracks of each fold's legs; ``rests`` is the evidence of all others."""
+    """Sets of effects judged by simulated tracks of each fold's legs; ``rests`` is the evidence of all other
+    legs."""
 
     windows: UnseenWindows
     rests: Mapping[int, Evidence]
 
     def off_m(self, names: Sequence[str]) -> Floats:
-        """The mean distance by leg of what is predicted with ``names`` [legs with windows]."""
+        """The mean distance by leg of predictions with ``names`` [legs with windows]."""
         windows = self.windows
         return windows.by_leg_m(windows.by_other_folds(sizes_without(self.rests, names)))
 
     def better(self, names: Sequence[str]) -> bool:
-        """Whether predictions are better with ``names`` than with none."""
+        """Whether predictions are better with ``names`` than without any effect."""
         return bool(names) and worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
 
 
 def alike(
     off_m: Callable[[tuple[str, ...]], Floats], names: tuple[str, ...], rivals: Mapping[str, Collection[str]]
 ) -> list[tuple[str, str]]:
-    """Named effects with those of their ``rivals`` that predict as well in their place; ``off_m`` judges a set."""
+    """Named effects with those of their ``rivals`` that predict as well in their place; ``off_m`` gives a set's
+    distances."""
     whole_m, found = off_m(names), []
     for name in names:
         others = tuple(each for each in names if each != name)
@@ -250,7 +260,7 @@ def alike(
 
 
 def stands_in(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
-    """Whether a rival in the place of a name would be worth a name, and predicts no worse beyond doubt.
+    """Whether a rival would be worth naming in place of a name, and predicts not significantly worse.
 
     All are distances by leg: with neither, with the rival, with the name.
     """
@@ -258,15 +268,15 @@ def stands_in(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
 
 
 def worth_it(without_m: Floats, with_m: Floats) -> bool:
-    """Whether the second of two distances by leg is the smaller, by enough and on legs throughout."""
+    """Whether the second of two distances by leg is smaller, by enough and consistently over legs."""
     gains = without_m - with_m
     return bool(gains.mean() > WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
 
 
 def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:
-    """How ``names``, fitted to each of ``parts`` alone, agree in sign with the fit to all.
+    """How often ``names``, fitted to each of ``parts`` alone, agree in sign with the fit to all.
 
-    Only parts count that can tell, of which there have to be two: a run ahead says nothing of a thrust astern.
+    Only informative parts count, and there have to be two: a run ahead says nothing about astern thrust.
     """
     whole = fitted_coordinates(evidence, names)
     fits = [(part, part.fit(names, prior=True)) for part in parts]
@@ -283,18 +293,18 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
 
 
 def _standing(part: Evidence, fit: Fit, name: str, along: Floats) -> tuple[float, float]:
-    """The size of an effect in a part of a trial, in the direction that it has in the whole, and its error."""
+    """The size of an effect in a part of a trial, along the direction that it has in the whole, and its error."""
     places = part.places(fit, name)
     return float(along @ fit.values[places]), float(np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along))
 
 
 _LOOKS = 8
 _SHORTEST = 1.0 / 32.0
-_ENOUGH = 1.0  # of the log posterior density: what gains less is at the top
+_ENOUGH = 1.0  # gain in log posterior density below which the search has converged
 
 
 def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
-    """The effects that can be at work together, the likelier of two that cannot."""
+    """The effects that can be present together, the more likely of two that cannot."""
     found = tuple[str, ...]()
     for name in sorted(evidence.names, key=lambda name: -evidence.log_odds([name])):
         found = (*found, name) if evidence.compatible((*found, name)) else found
@@ -302,7 +312,7 @@ def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
 
 
 def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
-    """The evidence with the equations linear about the likeliest sizes of ``names`` together."""
+    """The evidence linearised about the posterior mode of ``names`` together."""
     surprise = _surprise(evidence)
     for _ in range(_LOOKS):
         step = _step(evidence, fitted_coordinates(evidence, names), surprise)
@@ -316,7 +326,7 @@ def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
 
 
 def _step(evidence: Evidence, target: Coordinates, surprise: float) -> tuple[float, Coordinates] | None:
-    """The longest step towards ``target`` that is less of a surprise, and of how much; None where none is."""
+    """The longest step towards ``target`` that lowers the cost, and the cost there; None if none does."""
     equations, share = evidence.equations, 1.0
     while share >= _SHORTEST:
         at = equations.model.bounded(_between(equations.model.at, target, share))
@@ -328,7 +338,7 @@ def _step(evidence: Evidence, target: Coordinates, surprise: float) -> tuple[flo
 
 
 def _between(start: Coordinates, end: Coordinates, share: float) -> dict[str, tuple[float, ...]]:
-    """So much of the way from one set of coordinates to another; what is not there is zero."""
+    """The point at ``share`` of the way between two sets of coordinates; missing ones are zero."""
 
     def of(some: Coordinates, name: str) -> np.ndarray:
         return np.array(some.get(name, 0.0))
@@ -338,7 +348,7 @@ def _between(start: Coordinates, end: Coordinates, share: float) -> dict[str, tu
 
 
 def _surprise(evidence: Evidence) -> float:
-    """Minus the log posterior density of the sizes that the equations are linear about, up to a constant."""
+    """The negative log posterior density at the linearisation, up to a constant."""
     equations = evidence.equations
     gram, data = equations.gram.sum(axis=0), np.array([0])
     left = marginalise(gram, data, equations.nuisance, equations.nuisance_scale)[0][0, 0]

@@ -1,9 +1,9 @@
-"""The course of an effect: one that is not the same in all of a trial.
+"""The course of an effect whose size varies over a trial.
 
-The current of one day is not that of the next, a tow may be dropped and a tide turn. Such an effect has a size in
-each of some pieces of a trial, and its signatures are those of the effect times what each piece has a part in each
-second. It stands in the catalogue of a trial beside the effect that stays as it is, and the evidence tells which of
-the two the data ask for: a further size has to be worth it.
+Currents differ from day to day, a tow may be dropped, a tide turns. Such an effect has a size in each of
+several pieces of a trial, and its signatures are those of the constant effect times the weight of each piece in
+each second. It joins the catalogue beside the constant effect, and the evidence decides between the two: every
+further size has to pay for itself.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from hybrid.vessel.effect import Effect
 
 Shape = Literal["recordings", "until", "since", "step", "drift"]
 
-_MOST = 0.5  # of the time has to be in recordings of which a part can be left out
+_MOST = 0.5  # of the time has to be in recordings with more than one leg
 _LEVELS = 24
-"""Steps in which a drift is followed where the equations are made linear; between them by its slope."""
+"""Steps into which a drift is divided for linearisation; between them it is followed to first order."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """How an effect's size goes over a trial.
+    """The course of an effect's size over a trial.
 
-    A size of its own in each of the ``times_s`` recordings (their numbers); one ``until`` a time, ``since`` a
-    time, or both (``step``); or a ``drift``, even from the first of two times to the second. Times are UTC since
-    1970 [s], ``interval_s`` the ends of the 95 % interval of the time of a change.
+    A separate size in each of the ``times_s`` recordings (their numbers); one size ``until`` a time, ``since``
+    a time, or on both sides of it (``step``); or a linear ``drift`` from the first of two times to the second.
+    Times are UTC since 1970 [s], ``interval_s`` is the 95 % interval of the time of a change.
     """
 
     shape: Shape
@@ -41,11 +41,11 @@ class Course:
 
     @property
     def pieces(self) -> int:
-        """In how many pieces it has a size of its own."""
+        """The number of pieces with separate sizes."""
         return {"recordings": len(self.times_s), "until": 1, "since": 1, "step": 2, "drift": 2}[self.shape]
 
     def shares(self, log: Log) -> Floats:
-        """The part that the size of each piece has in each second [T, pieces]."""
+        """The weight of each piece's size in each second [T, pieces]."""
         if self.shape == "recordings":
             return np.asarray(log.recording[:, None] == np.array(self.times_s), dtype=np.float64)
         if self.shape == "drift":
@@ -57,7 +57,7 @@ class Course:
         return np.column_stack(ends.get(self.shape, (1.0 - late, late)))
 
     def levels(self, log: Log) -> Floats:
-        """The same in few levels, each the same throughout a block."""
+        """The weights rounded to a few levels, each constant within a block."""
         mean = [np.bincount(log.block, weights=each) / np.bincount(log.block) for each in self.shares(log).T]
         levels = _LEVELS if self.shape == "drift" else 1
         return np.asarray(np.round(np.column_stack(mean)[log.block] * levels) / levels)
@@ -65,7 +65,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Varied(Effect):
-    """An effect, ``of`` the catalogue, whose size has a course: the coordinates of one piece after another."""
+    """An effect ``of`` the catalogue whose size follows a course: the coordinates of its pieces in order."""
 
     of: str = ""
     course: Course = Course("since", (0.0,))
@@ -76,22 +76,22 @@ class Varied(Effect):
         return self.of
 
     def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
-        """Free coordinates by pieces of the trial."""
+        """Free coordinates of each piece."""
         width = len(free) // self.course.pieces
         return [tuple(free[first : first + width]) for first in range(0, len(free), width)]
 
     def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
-        """The nearest free coordinates whose values are in bounds, piece by piece."""
+        """The closest free coordinates within bounds, piece by piece."""
         return tuple(each for piece in self.pieces(free) for each in super(Varied, self).bounded(piece))
 
     @property
     def free_scale(self) -> tuple[float, ...]:
-        """The ordinary size of each free coordinate."""
+        """The typical size of each free coordinate."""
         return super().free_scale * self.course.pieces
 
     @property
     def smallest_free(self) -> tuple[float, ...]:
-        """The smallest size of interest in each free coordinate."""
+        """The smallest size of interest of each free coordinate."""
         return super().smallest_free * self.course.pieces
 
 
@@ -102,10 +102,10 @@ def varied(effect: Effect, course: Course) -> Varied:
 
 
 def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
-    """The catalogue with what may have a size of its own in each of several recordings: the sea's and the sensors'.
+    """The catalogue plus environmental and sensor effects with a separate size in each recording.
 
-    The catalogue itself where there is one recording, or most of the time is in recordings of one leg: there is no
-    other from which a size of their own could predict it.
+    The catalogue itself if there is only one recording, or most of the time is in recordings of a single leg:
+    there is no other leg to test such a size on.
     """
     recordings = tuple(np.unique(log.recording).tolist())
     legs = {each: np.unique(log.leg[log.recording == each]).size for each in recordings}
@@ -123,5 +123,5 @@ def courses(names: Iterable[str], catalogue: Catalogue) -> list[Varied]:
 
 
 def base_names(names: Iterable[str], catalogue: Catalogue) -> tuple[str, ...]:
-    """Names as the catalogue has them, each once."""
+    """Names as in the catalogue, each once."""
     return tuple(dict.fromkeys(catalogue[name].base for name in names))

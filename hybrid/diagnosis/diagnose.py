@@ -24,10 +24,10 @@ from hybrid.effects.catalogue import catalogue_of
 from hybrid.vessel.parameters import Vessel
 
 CHANGES = 3
-"""Effects at most that are looked for as changing in the course of a trial."""
+"""The largest number of effects that may vary over a trial."""
 
 TOLERANCE = 0.01
-"""The share of the force range that a reference model is granted to be off by, unless told otherwise."""
+"""The default model error allowed, as a share of the force range."""
 
 
 def diagnose(
@@ -37,10 +37,11 @@ def diagnose(
     catalogue: Catalogue | None = None,
     progress: Progress = lambda share: None,
 ) -> Conclusion:
-    """Diagnose raw tables of the 13 channels against the model of ``vessel``.
+    """Diagnose tables of samples of the ship's channels against the model of ``vessel``.
 
-    ``tolerance`` is the share of the force range that the model is granted. Raises :class:`ConfigurationError` for
-    an impossible tolerance, :class:`DataShortageError` and :class:`InputError` for tables without what it takes.
+    ``tolerance`` is the model error allowed, as a share of the force range. Raises :class:`ConfigurationError`
+    for an impossible tolerance, :class:`DataShortageError` and :class:`InputError` for tables that lack what is
+    needed.
     """
     if not 0.0 < tolerance < 1.0:
         raise ConfigurationError(
@@ -50,7 +51,9 @@ def diagnose(
     def part(first: float, last: float) -> Progress:
         return lambda share: progress(first + (last - first) * share)
 
-    with threadpool_limits(1, user_api="blas"):  # the filter has its own threads, and more only wait for each other
+    with threadpool_limits(
+        1, user_api="blas"
+    ):  # the filter has its own threads; nested ones would only wait for each other
         every = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
         model = model_of(vessel, with_recordings(every, log))
@@ -59,7 +62,7 @@ def diagnose(
 
 
 def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
-    """The second to the fifth stage: the effects that stand all tests, and what they leave."""
+    """Stages two to five: the effects that pass all tests, and what they leave unexplained."""
     estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
     estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
     selection = selected(weigh_evidence(estimate), part_of(progress, 2, 3))
@@ -67,7 +70,7 @@ def accepted_of(linearisation: Linearisation, progress: Progress = lambda share:
 
 
 def with_changes(acceptance: Acceptance) -> Acceptance:
-    """The same, or what is accepted with effects that change in the course of the trial, as long as some do."""
+    """Add effects that vary over the trial, one after another, as long as they are accepted."""
     for _ in range(CHANGES):
         change = likeliest_change(acceptance) if may_change(acceptance) else None
         if change is None:

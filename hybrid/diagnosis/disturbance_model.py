@@ -1,16 +1,16 @@
-"""The ship and what disturbs her: one linear system, its Kalman filter and its smoother.
+"""Ship and disturbances as one linear system, with its Kalman filter and smoother.
 
-States: the ship's six deviations from the motion that the model is linear about; a slow force in each body axis, an
-Ornstein-Uhlenbeck process; the swing in waves, three damped oscillators (north, east, yaw) with their speeds. They
-swing at the frequency at which the ship meets the waves, and in yaw by how much these come from the side. Last come
-slow errors of the sensors, an Ornstein-Uhlenbeck process each. Swing and slow errors are left out where there are
-none. :class:`Noise` has the levels of it all; the system is compiled, for :mod:`analysis.estimation.kalman_kernel`.
+States: the ship's six deviations from the linearisation; a slow force in each body axis (Ornstein-Uhlenbeck);
+the wave motion, three damped oscillators (north, east, yaw) with their rates, at the frequency of encounter,
+the yaw one scaled by how far the waves come from the side; and the drift of each sensor (Ornstein-Uhlenbeck).
+Waves and drift are left out where there are none. :class:`Noise` holds all levels; the system is compiled for
+:mod:`analysis.estimation.kalman_kernel`.
 
-The filter starts each block from a state about which nothing is known, so that every block has a free one. Its
-innovations over their standard deviations are the whitened errors. It is linear: what an effect would do to the
-errors is the filter's answer to the effect's signature, column by column, and a fit of effects to all the data is
-an ordinary least-squares problem from there on. The smoother goes back over each block. Its motion is where the
-equations are made linear anew; its force is a picture of what the model lacks, for people.
+The filter starts each block from an unknown state, so every block has a free start. Innovations divided by
+their standard deviations are the whitened errors. The filter is linear, so the change of these errors with an
+effect is the filter's response to the effect's signature, column by column, and fitting effects to all data
+becomes an ordinary least-squares problem. The smoother runs backwards over each block: its trajectory is the
+next linearisation, its force shows a person what the model lacks.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from analysis.estimation.process_models import decay, oscillator
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, Signature
 
 FORCE_UNITS = np.array([1e3, 1e3, 1e4])
-"""The filter reckons forces in kN and moments in 10 kN m, so that its numbers are of one size."""
+"""The filter uses kN and 10 kN m, which keeps its numbers of similar magnitude."""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations, SI.
 
-    Of a second's mean of each sensor; of the force that changes from second to second (``gust``) and of one that
-    lasts ``slow_s`` (``slow``), along, across [N] and in yaw [N m]; of the swing in waves, north, east [m] (and the
-    correlation of the two) and in yaw [rad], with the frequency that a
-    buoy would see, its damping, and where the waves go: the ship meets them at another frequency, and swings in yaw
-    when they come from the side. ``drift`` is what the sensors err slowly, by position [m], heading [rad], surge,
-    sway [m/s] and yaw rate [rad/s]: an error that lasts ``drift_s``, where a second's noise is forgotten at once.
+    The first five are of each sensor's mean over a second. ``gust`` is the force that changes from second to
+    second, ``slow`` the one with time constant ``slow_s``: surge, sway [N] and yaw [N m]. ``waves`` is the wave
+    motion north, east [m] (with ``wave_correlation``) and in yaw [rad], with the frequency in a fixed frame,
+    the damping and the direction that the waves travel in; the ship meets them at the frequency of encounter
+    and yaws when they come from the side. ``drift`` is the slow error of position [m], heading [rad], surge,
+    sway [m/s] and yaw rate [rad/s], with time constant ``drift_s``.
     """
 
     position_m: float = 0.03
@@ -66,17 +66,17 @@ class Noise:
 
     @property
     def has_waves(self) -> bool:
-        """Whether there is a swing in waves at all."""
+        """Whether there is wave motion."""
         return any(each > 0.0 for each in self.waves)
 
     @property
     def has_drift(self) -> bool:
-        """Whether any sensor errs slowly."""
+        """Whether any sensor drifts."""
         return any(each > 0.0 for each in self.drift)
 
     def as_array(self) -> Floats:
-        """For the filter: sensors 6, gusts 3, slow forces 3, their time; of the waves correlation, 3 levels,
-        frequency, damping, direction; slow errors of the sensors 6, their time."""
+        """For the filter: sensors 6, gusts 3, slow forces 3 and their time constant; of the waves correlation,
+        3 levels, frequency, damping, direction; sensor drift 6 and its time constant."""
         sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
         gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
         swing = [
@@ -92,10 +92,10 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class NoiseEstimate:
-    """The second stage's result: the equations about a better motion, and what nobody can predict in them.
+    """The result of the second stage: a better linearisation, and the noise about it.
 
-    ``linearisation`` is about the motion that the model with its disturbances makes out [T, 6]; ``noise`` are the
-    likeliest standard deviations (SI) of sensors, gusts, slow forces and waves.
+    ``linearisation`` follows the trajectory [T, 6] smoothed with model and disturbances; ``noise`` are the
+    maximum-likelihood standard deviations (SI) of sensors, gusts, slow forces and waves.
     """
 
     linearisation: Linearisation
@@ -103,10 +103,10 @@ class NoiseEstimate:
 
 
 CALM, SWING, DRIFT = 9, 6, 6
-"""The number of states without waves and slow errors of sensors, and how many more each of these are."""
+"""The number of states without waves and sensor drift, and how many each of these adds."""
 
 FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
-"""Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: so wide that nothing is known."""
+"""Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: wide enough to be uninformative."""
 
 _SLOWEST_RADPS = 0.3
 _GRAVITY_MPS2 = 9.81
@@ -117,28 +117,27 @@ _decay, _oscillator = compiled(decay), compiled(oscillator)
 
 @compiled
 def has_waves(noise: Floats) -> bool:
-    """Whether the ship swings."""
+    """Whether there is wave motion."""
     return bool(noise[14] > 0.0 or noise[15] > 0.0 or noise[16] > 0.0)
 
 
 @compiled
 def has_drift(noise: Floats) -> bool:
-    """Whether any sensor errs slowly."""
+    """Whether any sensor drifts."""
     return bool(noise[20:26].max() > 0.0)
 
 
 @compiled
 def states_of(noise: Floats) -> int:
-    """How many states there are."""
+    """The number of states."""
     return CALM + (SWING if has_waves(noise) else 0) + (DRIFT if has_drift(noise) else 0)
 
 
 @compiled
 def measurement_rows(H: Floats, origin: Floats, noise: Floats, rows: Floats) -> None:
-    """How each channel measures the states: fills ``rows`` [6, n]. ``H`` [6, 6] and ``origin`` [6] are of this
-    second.
+    """Fill ``rows`` [6, n], the measurement matrix, with ``H`` [6, 6] and ``origin`` [6] of this second.
 
-    The swing moves the ship over ground; a ship that swings in yaw measures her speed ahead along another axis.
+    Waves move the ship over ground, and their yaw rotates the axes along which her speed is measured.
     """
     for channel in range(6):
         rows[channel, :] = 0.0
@@ -156,7 +155,7 @@ def measurement_rows(H: Floats, origin: Floats, noise: Floats, rows: Floats) -> 
 
 @compiled
 def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -> None:
-    """The covariance at the start of a block: fills ``P`` [n, WIDTH], which is zero before."""
+    """Fill ``P`` [n, WIDTH], zero before, with the covariance at the start of a block."""
     for i in range(6):
         P[i, i] = free[i] ** 2
     for d in range(3):
@@ -176,7 +175,7 @@ def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -
 
 @compiled
 def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
-    """The system over a second from here: fills ``F`` and ``Q``, the process noise, both [n, WIDTH]."""
+    """Fill ``F`` and ``Q`` [n, WIDTH]: transition and process noise over the next second."""
     for i in range(6):
         for j in range(6):
             F[i, j] = A[i, j]
@@ -200,7 +199,7 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
 
 @compiled
 def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
-    """A damped oscillator over a second, exactly, stationary."""
+    """A stationary damped oscillator, discretised exactly over a second."""
     w = _met_frequency(noise, origin)
     a00, a01, a10, a11 = _oscillator(1.0, w, noise[18])
     q00 = 1.0 - a00 * a00 - a01 * a01 * w * w
@@ -218,7 +217,7 @@ def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
 
 @compiled
 def _met_frequency(noise: Floats, origin: Floats) -> float:
-    """The frequency [rad/s] at which the ship meets the waves, deep water."""
+    """The frequency of encounter [rad/s] in deep water."""
     w, along = noise[17], noise[19] - origin[2]
     ahead = origin[3] * cos(along) + origin[4] * sin(along)
     return float(max(abs(w - w * w / _GRAVITY_MPS2 * ahead), _SLOWEST_RADPS))
@@ -226,7 +225,8 @@ def _met_frequency(noise: Floats, origin: Floats) -> float:
 
 @compiled
 def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
-    """Covariance of two directions of the swing: north and east go together, yaw needs waves from the side."""
+    """Covariance of two directions of the wave motion: north and east are correlated, yaw needs waves from the
+    side."""
     common = noise[14 + d] * noise[14 + e]
     if d == 2 and e == 2:
         return float(common * (0.1 + 0.9 * sin(noise[19] - origin[2]) ** 2))
@@ -239,8 +239,8 @@ def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
 def fill_block(A, B, H, origin, noise, F, Q, rows, P) -> None:  # type: ignore[no-untyped-def]
     """The system over the T seconds of a block, as :mod:`analysis.estimation.kalman_kernel` takes it.
 
-    Fills ``F``, ``Q`` [T or more, n, WIDTH], of which number k leads from second k to the next, ``rows`` [T or
-    more, 6, n] and the initial covariance ``P`` [n, WIDTH]. F and Q are zero before, or of another block.
+    Fills ``F``, ``Q`` [T or more, n, WIDTH], where number k leads from second k to the next, ``rows`` [T or
+    more, 6, n] and the initial covariance ``P`` [n, WIDTH]. F and Q are zero before, or hold another block.
     """
     P[:] = 0.0
     initial_covariance(noise, origin[0], FREE, P)
@@ -254,10 +254,10 @@ STAMP = source_stamp(Path(__file__), *(Path(module.__file__ or "") for module in
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """What the filter is asked for, column by column.
+    """The columns that the filter whitens.
 
-    ``drive`` [T, 6, C] enters the next state and ``readings`` [T, 6, C] the measurement; column 0 is the data. A
-    force feature in ``features`` [T, M] makes three columns more, one a body axis, in that order of axes.
+    ``drive`` [T, 6, C] enters the next state and ``readings`` [T, 6, C] the measurement; column 0 is the data.
+    Each force feature in ``features`` [T, M] adds three columns, one for each body axis, in that order of axes.
     """
 
     drive: Floats
@@ -266,12 +266,13 @@ class Columns:
 
     @property
     def count(self) -> int:
-        """How many columns come out."""
+        """The number of whitened columns."""
         return int(self.drive.shape[2] + 3 * self.features.shape[1])
 
 
 def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floats | None = None) -> Columns:
-    """The data and the signatures of effects and force features; an effect predicted is an effect taken off."""
+    """The data, then the signatures of effects and force features, with the sign that removes a predicted
+    effect."""
     drive = np.stack([linear.defect, *(-each.D for each in effects)], axis=2)
     seen = np.stack([linear.observed, *(each.E for each in effects)], axis=2)
     none = np.zeros((len(linear.defect), 0))
@@ -279,9 +280,9 @@ def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floa
 
 
 def whiten(linear: LinearModel, columns: Columns, noise: Noise, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Whitened columns [T, 6, C] and the variances of the innovations [T, 6], 1 where nothing was measured.
+    """Whitened columns [T, 6, C] and variances of the innovations [T, 6], 1 where there was no measurement.
 
-    ``edges`` [blocks + 1] are the rows at which blocks begin, and the end.
+    ``edges`` [blocks + 1] are the first rows of the blocks, and the end.
     """
     z = np.zeros((len(linear.A), 6, columns.count))
     variance = np.ones((len(linear.A), 6))
@@ -293,7 +294,7 @@ def whiten(linear: LinearModel, columns: Columns, noise: Noise, edges: NDArray[n
 def smooth_state(
     linear: LinearModel, data: Columns, noise: Noise, edges: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
-    """The ship's deviation from the motion made linear about [T, 6] and the slow force [T, 3], then its variances.
+    """The smoothed deviation from the linearisation [T, 6] and slow force [T, 3], with their variances.
 
     Returns means [T, 9] and variances [T, 9]; forces in N, N and N m. ``data`` is one column.
     """
@@ -305,12 +306,12 @@ def smooth_state(
 
 
 def _system(linear: LinearModel, noise: Noise) -> tuple[Floats, ...]:
-    """What the compiled loops know of the ship and of what disturbs her."""
+    """The system as arguments of the compiled loops."""
     return linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, noise.as_array()
 
 
 def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.int64]) -> None:
-    """Call compiled ``work`` with the edges of a share of the blocks on each core: it leaves Python alone."""
+    """Call compiled ``work``, which releases the GIL, with a share of the blocks on each core."""
     shares = np.array_split(np.arange(len(edges) - 1), min(get_num_threads(), len(edges) - 1))
     parts = [edges[share[0] : share[-1] + 2] for share in shares]
     if len(parts) == 1:
@@ -323,7 +324,7 @@ def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.in
 
 @compiled
 def _room(noise, edges):  # type: ignore[no-untyped-def]
-    """Room for the system of the longest block, the variances of its samples, and which transition leads where."""
+    """Work arrays for the longest block: system, sample variances, and the transition before each sample."""
     n, longest = states_of(noise), 0
     for block in range(edges.size - 1):
         longest = max(longest, edges[block + 1] - edges[block])
@@ -335,7 +336,7 @@ def _room(noise, edges):  # type: ignore[no-untyped-def]
 
 @compiled
 def _no_gate():  # type: ignore[no-untyped-def]
-    """The gate of a filter that refuses nothing."""
+    """An innovation gate that rejects nothing."""
     return inf, 0.0, 0, np.zeros(0), np.zeros((0, 0), dtype=np.bool_)
 
 
@@ -350,7 +351,7 @@ def _make_whiten(stamp: int) -> Callable[..., None]:
             a, b = edges[block], edges[block + 1]
             T = b - a
             fill_block(A[a:b], B[a:b], H[a:b], origin[a:b], noise, F, Q, rows, P)
-            for k in range(T):  # a feature's force is what the data would show: it is taken off
+            for k in range(T):  # subtracted: a force predicted is a force removed from the data
                 for i in range(6):
                     for d in range(3):
                         gain[k, i, d] = -B[a + k, i, d]

@@ -1,12 +1,13 @@
-"""The noise in a log, a better motion to be linear about, and how thruster settings are to be read between records.
+"""Noise levels of a log, a better linearisation, and the interpolation of thruster settings between records.
 
-The noise levels are those under which what was measured is the most likely: maximum likelihood
-(:mod:`analysis.estimation.likelihood`) on the innovations of the disturbed ship's filter. The data come with every
-effect's part taken off first; else a missing effect passes for noise and hides itself.
+The noise levels maximise the likelihood of the measurements (:mod:`analysis.estimation.likelihood`), computed
+from the innovations of the Kalman filter of ship and disturbances. A draw of all effects is removed from the
+data first; otherwise a missing effect would be estimated as noise and so be hidden.
 
-A drive moves from record to record, and a straight line between them is near the truth. A recorder, or a simulator,
-that takes a setting and holds it until the next makes steps, half a record later or earlier in the mean than the
-line: at one record a second enough to pass for what a ship lacks. The motion itself says which it is, and loudly.
+A drive moves gradually from record to record, and linear interpolation is close to the truth. A recorder or
+simulator that holds each setting until the next record makes steps instead, which lead or lag the line by half
+a record: at one record a second, enough to be mistaken for a missing effect. The motion shows clearly which of
+the two it is.
 """
 
 from __future__ import annotations
@@ -42,9 +43,11 @@ from hybrid.diagnosis.select_effects import log_density, search_effects, select_
 from hybrid.vessel.effect import growth
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
-_DEVIATION = 1.5  # of the logarithm of each level about where the search begins
+_DEVIATION = 1.5  # prior standard deviation of each log level about its start
 _ROOM = 2.0
-_LEAST = np.log([1e-3, 5e-5, 1e-3, 1e-3, 1e-5])  # of the sensors: better there are none, or they are no sensors
+_LEAST = np.log(
+    [1e-3, 5e-5, 1e-3, 1e-3, 1e-5]
+)  # log of the lowest sensor noise [m, rad, m/s, m/s, rad/s]: no sensor is better
 _SENSORS = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 _FORCES = ("gust", "slow", "slow_s")
 _WAVES = ("waves", "wave_frequency_radps", "wave_damping", "wave_correlation", "wave_towards_rad")
@@ -55,25 +58,28 @@ _BOUNDS = {
 _POSITIVE: dict[str, Callable[[Any], Any]] = {
     "wave_correlation": lambda correlation: np.exp(np.arctanh(correlation)), "wave_towards_rad": np.exp
 }  # fmt: skip
-"""What is searched by its logarithm, for what is no level."""
+"""Transformations of the parameters that are not levels; their logarithm is searched."""
 _STILL_WHITE, _TRACE = 0.7, 0.1
 
 _NOISE_S = 1500
-_LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
+_LOOSE = 3.0  # factor on the effects' priors while the noise is estimated
 _ROUNDS = 2
 _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
-_PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # log likelihood that seven, or six, more levels have to bring
+_PRICE_OF_WAVES, _PRICE_OF_DRIFT = (
+    12.0,
+    12.0,
+)  # gain in log likelihood that seven, or six, more parameters must bring
 
-_ENOUGH_S = 600.0  # of the log: how settings are held shows in every turn
-_PLAIN = 20.0  # log likelihood by which steps have to be better than lines
+_ENOUGH_S = 600.0  # seconds of the log: every turn shows the input hold
+_PLAIN = 20.0  # margin in log likelihood by which steps must beat linear interpolation
 
 
 def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
-    """The second stage: the noise in a log, and a motion to be linear about that is better than the smoother's.
+    """The second stage: the noise in a log, and a better trajectory to linearise along than the smoother's.
 
-    The smoother knows nothing of ships: where a thruster moves, it is late. The model with all that may be missing
-    in it, and all that disturbs it, is not. So the noise is estimated twice; the second estimate counts.
+    The smoother knows nothing of ships: where a thruster moves, it lags. The model with all possible effects
+    and disturbances does not. So the noise is estimated twice, and the second estimate is used.
     """
     noise: Noise | None = None
     for round_ in range(2):
@@ -84,7 +90,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
         rest, sensors = _without_effects(design, noise, seed=None)
         moved = design.linear.origin + smooth_state(design.linear, rest, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
-        # the motion moves so little that effects stay what they are, for a draw of them
+        # the trajectory changes so little that the signatures still hold well enough for a draw
         known = None if round_ else linearisation.effects
         linearisation = linearise(log, model, linearisation.tolerance, known)
         progress(0.5 + 0.5 * round_)
@@ -93,8 +99,9 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
 
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
-    """The estimate with settings held as the motion asks for: as lines, or else as steps and the noise anew."""
-    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # the first of equals: lines
+    """The estimate with the input hold that fits the motion best: linear, or else steps with the noise
+    estimated anew."""
+    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # of equals the first: linear
     known = estimate.linearisation
     if hold == known.log.input_hold:
         return estimate
@@ -102,9 +109,10 @@ def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share
 
 
 def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
-    """Of a part of the data with what is missing in the model so read, less what steps have to be better by.
+    """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
-    Where settings come seldom, a lag or a delay is as large as the difference: it has to be selected at its size.
+    With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
+    their size.
     """
     known = estimate.linearisation
     as_it_is = hold == known.log.input_hold
@@ -121,7 +129,7 @@ def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
 
 
 def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
-    """Noise levels from blocks spread over the log, a likely part of all that may be missing taken off first."""
+    """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
     chosen = _spread_blocks(design.log, _NOISE_S)
     linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
     some = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
@@ -139,7 +147,7 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
 
 
 def _first_guess(log: Log, scale: float) -> Noise:
-    """Where the search for the noise begins: what the smoother found, or levels usual for a ship of this scale."""
+    """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
     usual, units = Noise(), ("N", "N", "N m")
     gust, slow = (
         tuple(size * growth(unit, scale) for size, unit in zip(sizes, units, strict=True))
@@ -172,7 +180,8 @@ def _first_guess(log: Log, scale: float) -> Noise:
 
 
 def _both_ways(noise: Noise, scale: float) -> list[Noise]:
-    """Waves along an axis may go either way; where the smoother saw none there may be small ones all the same."""
+    """Starts with both directions of travel along the wave axis; where the smoother found no waves, one with
+    small ones."""
     if not noise.has_waves:
         north, east, yaw = _SMALL_WAVES
         return [noise, replace(noise, waves=(north * growth("m", scale), east * growth("m", scale), yaw))]
@@ -180,7 +189,7 @@ def _both_ways(noise: Noise, scale: float) -> list[Noise]:
 
 
 def _spread_blocks(log: Log, seconds: float) -> NDArray[np.bool_]:
-    """Whole blocks spread evenly over the log, ``seconds`` in all."""
+    """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
     blocks = int(log.block.max()) + 1
     wanted = min(blocks, max(1, round(seconds * blocks / len(log))))
     chosen = np.unique(np.linspace(0, blocks - 1, wanted).round().astype(int))
@@ -188,9 +197,9 @@ def _spread_blocks(log: Log, seconds: float) -> NDArray[np.bool_]:
 
 
 def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
-    """The data with all effects and force features taken off, one column, and what of it is in the sensors [T, 6].
+    """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
-    With a ``seed`` a likely draw of them, without one the likeliest values.
+    With a ``seed`` a posterior draw of them is removed, without one their posterior mode.
     """
     layout, columns = design.layout, design.columns
     gram = gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
@@ -216,9 +225,10 @@ def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tu
 def fit_noise(
     linear: LinearModel, data: Columns, edges: NDArray[np.int64], start: Noise, steps: int
 ) -> tuple[Noise, float]:
-    """The likeliest levels for one column of data, searched from ``start``, and minus the log likelihood.
+    """Maximum-likelihood levels for one column of data, from ``start``, and the negative log likelihood.
 
-    At most ``steps`` steps are made."""
+    Takes at most ``steps`` steps.
+    """
     low, high = _bounds(start, _largest_levels(linear, data))
     begin = np.clip(_parameters(start), low, high)
 
@@ -240,10 +250,12 @@ def _innovations(
 
 
 def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
-    """The logarithm of the largest level that each sensor can have: noise would show in its third differences.
+    """The logarithm of the highest noise level possible for each sensor, from the third differences of its
+    readings.
 
-    Half of them lie below what is given here whatever the ship does; so jumps and jitter do not pass for noise.
-    Differences are of the seconds that have a reading, which at 0.5 Hz is every other one.
+    It is twice the level that the median third difference implies, whatever the ship does, so that jumps and
+    jitter are not taken for noise. Differences are taken between consecutive readings, at 0.5 Hz every other
+    second.
     """
     value = data.readings[:, :, 0] + linear.origin
     read = (column[np.isfinite(column)] for column in value.T)
@@ -254,18 +266,19 @@ def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
 
 
 def _searched(noise: Noise) -> tuple[str, ...]:
-    """The levels that are searched: all that are not zero throughout."""
+    """The parameters that are searched: all that are not zero throughout."""
     return (*_SENSORS, *_FORCES, *(_WAVES if noise.has_waves else ()), *(_DRIFT if noise.has_drift else ()))
 
 
 def _parameters(noise: Noise) -> Floats:
-    """What is searched: logarithms of levels, the inverse hyperbolic tangent of a correlation, a direction."""
+    """The search parameters: logarithms of levels, the inverse hyperbolic tangent of a correlation, a
+    direction."""
     searched = [_POSITIVE.get(name, np.asarray)(getattr(noise, name)) for name in _searched(noise)]
     return np.asarray(np.log(np.hstack(searched)))
 
 
 def _noise(start: Noise, parameters: Floats) -> Noise:
-    """The levels back, of the same kind as ``start``."""
+    """The noise of search parameters; the inverse of :func:`_parameters`."""
     found, level, first = dict[str, Any](), np.exp(parameters), 0
     for name in _searched(start):
         last = first + np.size(getattr(start, name))
@@ -280,7 +293,7 @@ def _noise(start: Noise, parameters: Floats) -> Noise:
 
 
 def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
-    """The least and the largest that each parameter may be; ``most`` [5] of the sensors."""
+    """Lower and upper bounds of the search parameters; ``most`` [5] are upper bounds for the sensors."""
     searched = _searched(kind)
     ends = [np.log(_BOUNDS[name]) if name in _BOUNDS else np.array([-np.inf, np.inf]) for name in searched]
     low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
@@ -289,9 +302,10 @@ def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
 
 
 def start_of_drift(linear: LinearModel, data: Columns, edges: NDArray[np.int64], noise: Noise) -> Noise:
-    """Where a search for slow errors of the sensors begins: as it is, but for those that seem to err slowly.
+    """The start of the search for sensor drift: the given noise, plus a drift for each sensor that seems to
+    have one.
 
-    Each sensor is tried by itself: whether an error as large as its noise that lasts makes the data likelier.
+    Each sensor is tried by itself: does a drift as large as its noise raise the likelihood?
     """
 
     def cost(noise: Noise) -> float:

@@ -1,11 +1,11 @@
-"""The evidence for effects: a linear regression on whitened data, by its Gram matrices.
+"""The evidence for effects: linear regression on whitened data, from Gram matrices.
 
-Data z, signatures S and nuisances N (the tolerance granted to the model and to each sensor), all whitened, give
+Data z, signatures S and nuisances N (the tolerances of the model and of each sensor), all whitened, give
 
     z = S a + N b + e,  e ~ N(0, I),  b ~ N(0, I),  so that  z - S a ~ N(0, V),  V = I + N N'
 
-Everything that follows needs inner products under the inverse of V only (Woodbury), and these follow from the
-Gram matrix of all columns, added up leg by leg. What leaves some legs out subtracts theirs.
+All later steps need only inner products under the inverse of V (Woodbury), and these follow from the Gram
+matrix of all columns, summed over legs. To leave legs out, theirs are subtracted.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from hybrid.effects import Effect
 
 
 def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tuple[Floats, float]:
-    """Inner products under the inverse of V of the columns ``kept`` [K, K], and the logarithm of V's determinant.
+    """Inner products under the inverse of V of the columns ``kept`` [K, K], and the log determinant of V.
 
     ``scale`` [n] is the standard deviation of each column in ``nuisance``.
     """
@@ -58,7 +58,8 @@ def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tupl
 
 
 def explained_by(inner: Floats, own: Ints, others: Ints) -> Floats:
-    """What columns ``others`` at any size explain of the products of columns ``own`` [d, d]."""
+    """The part of the inner products of columns ``own`` [d, d] that columns ``others`` explain at their best
+    fit."""
     scale = np.sqrt(np.maximum(np.diag(inner)[others], 1e-300))
     cross = inner[np.ix_(others, own)] / scale[:, None]
     among = inner[np.ix_(others, others)] / np.outer(scale, scale)
@@ -67,7 +68,7 @@ def explained_by(inner: Floats, own: Ints, others: Ints) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A joint fit of some columns: values and covariance, and how much of z' V^-1 z they explain."""
+    """A joint fit of some columns: values, covariance, and the part of z' V^-1 z that they explain."""
 
     columns: tuple[int, ...]
     values: Floats
@@ -76,7 +77,7 @@ class Fit:
 
 
 def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> Fit:
-    """The fit of ``columns`` to column 0 under reduced products; ``prior`` are standard deviations about zero."""
+    """Fit ``columns`` to column 0 of the reduced inner products; ``prior`` are standard deviations about zero."""
     index = np.array(columns, dtype=int)
     information = inner[np.ix_(index, index)].copy()
     if prior is not None:
@@ -90,10 +91,10 @@ def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = No
 
 
 def draw_columns(inner: Floats, columns: Sequence[int], prior: Floats, seed: int) -> Floats:
-    """One draw of ``columns`` from what the data and the prior leave possible.
+    """A posterior draw of the coefficients of ``columns``.
 
-    What is left of the data when a draw is taken off has the noise's own size; with the likeliest values taken off
-    it would be too small by what they fit of the noise.
+    With a draw removed, the data have the size of the noise; with the mode removed they would be too small by
+    the noise that it has fitted.
     """
     index = np.array(columns, dtype=int)
     information = inner[np.ix_(index, index)].copy()
@@ -105,7 +106,8 @@ def draw_columns(inner: Floats, columns: Sequence[int], prior: Floats, seed: int
 
 
 def log_evidence(inner: Floats, columns: Sequence[int], prior: Floats) -> float:
-    """Log odds of ``columns`` present, with normal priors, against none: half the gain less Occam's term."""
+    """Log odds that ``columns`` are present, with normal priors, against absent: half the gain less the Occam
+    factor."""
     index = np.array(columns, dtype=int)
     if not index.size:
         return 0.0
@@ -120,12 +122,12 @@ def log_evidence(inner: Floats, columns: Sequence[int], prior: Floats) -> float:
 Arrays = TypeVar("Arrays", LinearModel, Columns)
 
 _LEGS_AT_ONCE = 4
-_UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
+_UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is perfectly steady
 
 
 @lru_cache(maxsize=64)
 def _columns_by_effect(effect: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
-    """The columns of each effect; a search asks a million times."""
+    """The columns of each effect; cached, as a search asks for them a million times."""
     result = dict[str, tuple[int, ...]]()
     for column, name in enumerate(effect, 1):
         result[name] = (*result.get(name, ()), column)
@@ -134,11 +136,11 @@ def _columns_by_effect(effect: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class ColumnLayout:
-    """Which column of the products is what: data 0, then effects, tolerated wind errors, varied effects, features.
+    """The meaning of the columns: data (0), effects, tolerated wind errors, varying effects, force features.
 
-    ``effect`` [P] names each effect column's effect, ``varied`` that of each varied one with what it varies with;
-    ``features`` counts the tolerance's features a force axis; those of what is in no catalogue stand behind them in
-    each axis, and ``depends`` says on what each depends.
+    ``effect`` [P] is the effect of each effect column; ``varied`` the varying effect of each such column and
+    what it varies with; ``features`` the number of tolerance features for each force axis, followed in each
+    axis by the features of causes outside the catalogue, of which ``depends`` gives the dependence.
     """
 
     effect: tuple[str, ...]
@@ -157,17 +159,17 @@ class ColumnLayout:
 
     @property
     def first_wind(self) -> int:
-        """The first of the wind errors' columns."""
+        """The first column of the wind errors."""
         return 1 + len(self.effect)
 
     @property
     def first_feature(self) -> int:
-        """The first of the force features' columns."""
+        """The first column of the force features."""
         return self.first_varying + len(self.varying)
 
     @property
     def first_varying(self) -> int:
-        """The first of the varied effects' columns."""
+        """The first column of the varying effects."""
         return self.first_wind + self.wind
 
     def axis(self, axis: int) -> Ints:
@@ -175,16 +177,16 @@ class ColumnLayout:
         return np.arange(self.features) + self.first_feature + axis * (self.features + len(self.depends))
 
     def nuisance_forces(self, axis: int) -> Ints:
-        """The columns of the features of what is in no catalogue, in a body axis."""
+        """The columns of the features of causes outside the catalogue in a body axis."""
         return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
 
 
 @dataclass(frozen=True, slots=True)
 class DesignMatrix(Linearisation):
-    """The columns of the regression before they are whitened, and which is what.
+    """The columns of the regression before whitening, and their layout.
 
-    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``layout`` says which is what;
-    ``force_range`` [3] is that of the trial (N, N, N m), of which ``tolerance`` is a share.
+    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``force_range`` [3] is that of the trial
+    (N, N, N m), of which ``tolerance`` is a share.
     """
 
     columns: Columns
@@ -196,9 +198,9 @@ class DesignMatrix(Linearisation):
 class NormalEquations(Linearisation):
     """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
 
-    ``layout`` says which column is what; ``force_range`` [3] (N, N, N m); ``noise`` (SI) is what the
-    data were whitened with; ``gram`` has the inner products leg by leg [L, C, C]; ``nuisance`` [n] are the columns
-    of N and ``nuisance_scale`` [n] the standard deviations of b.
+    ``layout`` is the meaning of the columns; ``force_range`` [3] (N, N, N m); ``noise`` (SI) whitened the data;
+    ``gram`` has the inner products by leg [L, C, C]; ``nuisance`` [n] are the columns of N and
+    ``nuisance_scale`` [n] the standard deviations of b.
     """
 
     layout: ColumnLayout
@@ -210,7 +212,7 @@ class NormalEquations(Linearisation):
 
 
 def weigh_evidence(estimate: NoiseEstimate) -> Evidence:
-    """The third stage: what the data say of every effect of the catalogue at once."""
+    """The third stage: the evidence for every effect of the catalogue at once."""
     return evidence_of(normal_equations(estimate.linearisation, estimate.noise))
 
 
@@ -221,10 +223,10 @@ def normal_equations(
     progress: Progress = lambda share: None,
     number: int = FEATURES,
 ) -> NormalEquations:
-    """The regression of a log's whitened data on effects and nuisances, by the Gram matrices of its columns.
+    """The regression of a log's whitened data on effects and nuisances, as Gram matrices of its columns.
 
-    ``interactions`` are effects that may change with the operating point (:mod:`.nuisance_basis`); the tolerance
-    has ``number`` features a force axis.
+    ``interactions`` are effects that may vary with the operating point (:mod:`.nuisance_basis`); the tolerance
+    has ``number`` features for each force axis.
     """
     design = design_matrix(linearisation, number, interactions)
     gram = gram_matrices(design.log, design.linear, design.columns, noise, progress)
@@ -237,7 +239,7 @@ def normal_equations(
 def design_matrix(
     linearisation: Linearisation, number: int = FEATURES, interactions: Sequence[str] = ()
 ) -> DesignMatrix:
-    """All columns of the regression before the filter, with so many features of the tolerance a force axis."""
+    """All columns of the regression before whitening, with ``number`` tolerance features for each force axis."""
     log, model, linear = linearisation.log, linearisation.model, linearisation.linear
     effects = linearisation.effects
     wind = wind_errors(log, model, linear.origin)
@@ -262,7 +264,7 @@ def design_matrix(
 
 
 def _tolerated_size(label: str, effect: Effect) -> float:
-    """How uneven an effect may be in the way that its label says; of its form it is granted nothing."""
+    """The allowed variation of an effect in the way that its label states; none for its form."""
     return 0.0 if label.split("*")[1] in INTERACTIONS else _UNEVEN * effect.smallest_free[0]
 
 
@@ -272,7 +274,7 @@ def tolerated_forces(design: DesignMatrix) -> Floats:
 
 
 def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
-    """The columns that stand for what is tolerated, and the standard deviation of each."""
+    """The nuisance columns and the standard deviation of each."""
     layout = design.layout
     some = np.flatnonzero(layout.tolerated > 0.0)
     wind = np.arange(layout.wind) + layout.first_wind
@@ -293,7 +295,7 @@ def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
 def gram_matrices(
     log: Log, linear: LinearModel, columns: Columns, noise: Noise, progress: Progress = lambda share: None
 ) -> Floats:
-    """The products of all whitened columns, leg by leg [L, C, C]; a few legs are in memory at a time."""
+    """Gram matrices of all whitened columns by leg [L, C, C]; only a few legs are in memory at a time."""
     result = np.empty((log.legs, columns.count, columns.count))
     for first in range(0, log.legs, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
@@ -317,11 +319,13 @@ _CLOCKS = 2
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """The third stage's result: what the data say of P free coordinates of effects, nuisances marginalised.
+    """The result of the third stage: the data's evidence on P free coordinates of effects, nuisances
+    marginalised.
 
-    ``inner`` [1+P, 1+P] are inner products under the inverse of V: of the data without any effect, column 0, and of
-    the effects' signatures. ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone`` of each leg
-    by itself; None where nobody asked for legs. ``equations`` is the regression that they come from.
+    ``inner`` [1+P, 1+P] are inner products under the inverse of V, of the data without any effect (column 0)
+    and of the effects' signatures. ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone``
+    those of each leg by itself; None unless legs were asked for. ``equations`` is the regression that they come
+    from.
     """
 
     inner: Floats
@@ -343,14 +347,14 @@ class Evidence:
         return np.asarray(self.equations.layout.prior[np.array(self.columns(names), dtype=int) - 1])
 
     def log_odds(self, names: Sequence[str]) -> float:
-        """Log odds of these effects against none, less what each pays for the catalogue's size: one of so many
-        would be as good by chance."""
+        """Log odds of these effects against none, less a penalty on each for the size of the catalogue, since
+        one of many gains by chance."""
         if not names:
             return 0.0
         return log_evidence(self.inner, self.columns(names), self.prior(names)) - len(names) * log(len(self.names))
 
     def chance(self, gain: float, degrees: int) -> float:
-        """The chance that any of so many effects gains as much where there is none (Sidak 1967)."""
+        """The probability that, of all effects of the catalogue, any gains as much by chance (Sidak 1967)."""
         single = min(float(chi2.sf(max(gain, 0.0), degrees)), 1.0 - 1e-12)
         return -expm1(len(self.names) * log1p(-single))
 
@@ -359,24 +363,24 @@ class Evidence:
         return fit_columns(self.inner, self.columns(names), self.prior(names) if prior and names else None)
 
     def places(self, fit: Fit, name: str) -> list[int]:
-        """Where an effect's coordinates stand in a fit."""
+        """The positions of an effect's coordinates in a fit."""
         return [fit.columns.index(column) for column in self.columns([name])]
 
     def possible(self, names: Sequence[str]) -> bool:
-        """Whether these effects can be at work together, all values within bounds."""
+        """Whether these effects can be present together, with all values within bounds."""
         return self.compatible(names) and all(value is not None for value in self.values(names).values())
 
     def compatible(self, names: Sequence[str]) -> bool:
-        """Whether these effects can be at work together: few enough clocks are wrong.
+        """Whether these effects can be present together: at most three clocks are wrong.
 
-        No effect can be both the same in all of a trial and another in some part of it.
+        No effect can be both constant over the trial and different in a part of it.
         """
         effects = [self.equations.model.catalogue[name] for name in names]
         late = sum(each.family == "clock" for each in effects)
         return late <= _CLOCKS and len({each.base for each in effects}) == len(effects)
 
     def beside(self, at: Mapping[str, tuple[float, ...]]) -> Evidence:
-        """The evidence of all else where effects are known to be ``at`` these free coordinates."""
+        """The evidence of the other effects, given the free coordinates of those in ``at``."""
         if not at:
             return self
         back = np.eye(len(self.inner))
@@ -385,7 +389,7 @@ class Evidence:
         return replace(self, inner=back.T @ self.inner @ back)
 
     def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
-        """The fitted parameters of each, None where they are out of bounds."""
+        """The fitted parameters of each effect, None if they are out of bounds."""
         fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
         for name in names:
             free = fit.values[self.places(fit, name)].tolist()
@@ -397,7 +401,7 @@ class Evidence:
 
 
 def evidence_of(equations: NormalEquations, by_leg: bool = False) -> Evidence:
-    """What the data say of every effect, those of the model itself put back into the data; leg by leg if asked."""
+    """The evidence for every effect, with the model's own effects added back into the data; by leg if asked."""
     total = equations.gram.sum(axis=0)
 
     def inner(gram: Floats) -> Floats:
@@ -411,7 +415,7 @@ def evidence_of(equations: NormalEquations, by_leg: bool = False) -> Evidence:
 
 
 def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tuple[Floats, float]:
-    """Reduced products of the data without any effect and of all effects, and the logarithm of V's determinant."""
+    """Reduced inner products of the data without any effect and of all effects, and the log determinant of V."""
     kept = np.arange(1 + len(equations.layout.effect))
     inner, determinant = marginalise(gram, kept, equations.nuisance, scale)
     back = np.eye(len(kept))
@@ -420,7 +424,7 @@ def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tu
 
 
 def restored_data(equations: NormalEquations) -> Floats:
-    """The data with what the model's own effects have taken off, as a combination of all columns [C]."""
+    """The data with the model's own effects added back, as a linear combination of all columns [C]."""
     back = np.zeros(equations.gram.shape[1])
     back[0] = 1.0
     for name, free in equations.model.at.items():

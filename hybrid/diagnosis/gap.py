@@ -1,11 +1,11 @@
-"""How far predictions are off before and after, on windows that took no part in naming or fitting.
+"""Prediction errors before and after, on windows that were not used for naming or fitting.
 
-The legs are dealt into folds. What is predicted on a fold's windows is predicted by the model with the effects that
-the other folds ask for, at the sizes that they give, so that every window judges once and none judges itself.
-Windows start from the smoothed motion and run with the measured thruster settings, held or not.
+Legs are divided into folds. The windows of a fold are predicted by the model with the effects selected on the
+other folds, at the sizes fitted there, so every window is used for testing once and never for its own
+prediction. Windows start from the smoothed motion and run with the measured thruster settings, held or not.
 
-A simulation of a trial's windows takes a tenth of a second. About a model that predicts well already, what an
-effect does to a predicted track is its size times a slope, and a set of effects is judged in a thousandth
+Simulating a trial's windows takes a tenth of a second. For a model that already predicts well, an effect's
+change of a predicted track is linear in its size, and a set of effects is evaluated in a millisecond
 (:class:`LinearTracks`).
 """
 
@@ -49,7 +49,8 @@ FOLDS = 4
 
 @dataclass(frozen=True, slots=True)
 class HeldOutGap:
-    """The gap, each named effect's share of it, the tracks, and what is named ``without`` the legs of each fold."""
+    """The gap, each named effect's share of it, the tracks, and the effects named ``without`` the legs of each
+    fold."""
 
     gap: Gap
     shares: Mapping[str, float]
@@ -58,9 +59,9 @@ class HeldOutGap:
 
 
 def fold_of(log: Log, number: int = FOLDS) -> Ints:
-    """The fold that the leg of each second is in [T]: legs that follow each other, so a part of each recording.
+    """The fold of each second [T]: consecutive legs, a part of each recording.
 
-    Gusts, current and clocks last longer than a leg: the leg after one that was learned from is less unseen than
+    Gusts, current and clock errors outlast a leg, so the leg after a training leg is less independent than
     another part of the trial.
     """
     folds, first = min(number, max(log.legs, 1)), np.unique(log.leg, return_index=True)[1]
@@ -71,7 +72,7 @@ def fold_of(log: Log, number: int = FOLDS) -> Ints:
 
 
 def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
-    """Rows at which a window of so many seconds begins that stays in one leg, one window after the other."""
+    """First rows of consecutive windows of ``horizon_s`` seconds, each within one leg."""
     starts, row = [], 0
     while row + horizon_s < len(log):
         end = row + horizon_s
@@ -84,9 +85,9 @@ def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
 
 
 def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
-    """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN out of its range.
+    """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN outside its range.
 
-    ``origin`` [T, 6] is the motion that they would report as the log's (:func:`true_states`).
+    ``origin`` [T, 6] is the state that they would report as the log's (:func:`true_states`).
     """
     controls, acting = acting_settings(log, plant)
     rows = starts[:, None] + np.arange(horizon_s)
@@ -97,17 +98,17 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horiz
 
 
 def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
-    """What was measured over each window [N, H+1, 3], brought from the samples' times to full seconds."""
+    """The measured track of each window [N, H+1, 3], interpolated from the sampling times to full seconds."""
     at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
     return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
 
 
 @dataclass(frozen=True, slots=True)
 class UnseenWindows:
-    """Windows of a log to judge models by, each by what the legs of the other folds say.
+    """Test windows of a log, each predicted from the legs of the other folds.
 
-    ``model`` has no effects added; ``starts`` and ``fold`` [N] say where windows begin and which fold they are in,
-    ``measured`` and ``before`` [N, H+1, 3] are the measured tracks and those of the model as it is.
+    ``model`` has no effects added; ``starts`` and ``fold`` [N] are the first rows of the windows and their
+    folds, ``measured`` and ``before`` [N, H+1, 3] the measured tracks and those of the model as it is.
     """
 
     log: Log
@@ -118,23 +119,23 @@ class UnseenWindows:
     before: Floats
 
     def predicted(self, at: Coordinates, mine: NDArray[np.bool_] | None = None) -> Floats:
-        """What the model with the effects ``at`` these sizes, and no others, predicts over the windows ``mine``."""
+        """Tracks predicted with the effects ``at`` these sizes, and no others, over the windows ``mine``."""
         log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
         origin = by_stage(log, model, true_states)
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, each in model.stages(log):
             own = rows[starts]
-            if own.any():  # a short recording may have no window of its own among these
+            if own.any():  # a short recording may have no window here
                 tracks[own] = predicted_tracks(log, each.plant(), origin, starts[own])
         return tracks
 
     def legs_of(self, fold: int) -> NDArray[np.bool_]:
-        """Which legs are in a fold [L]."""
+        """Mask of the legs in a fold [L]."""
         return np.isin(np.arange(self.log.legs), self.log.leg[fold_of(self.log) == fold])
 
     def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
-        """Tracks with the effects that are given for each fold, which its own legs had no part in."""
+        """Tracks of each fold's windows with the effects fitted without its legs."""
         after = self.before.copy()
         for fold, at in without.items():
             mine = self.fold == fold
@@ -142,7 +143,7 @@ class UnseenWindows:
         return after
 
     def by_leg_m(self, track: Floats) -> Floats:
-        """The mean distance of ``track`` [legs with windows], or of ``before`` where it is not known [m]."""
+        """The mean distance of ``track`` [legs with windows] in m, or of ``before`` where it is NaN."""
         off, usual = distances(track, self.measured), distances(self.before, self.measured)
         off = np.where(np.isfinite(off), off, usual)
         legs = self.log.leg[self.starts]
@@ -151,7 +152,7 @@ class UnseenWindows:
 
 
 def unseen_windows(log: Log, model: Model) -> UnseenWindows:
-    """The windows of a log, one after the other, and what ``model`` without effects predicts over them."""
+    """The consecutive windows of a log, with the predictions of ``model`` without added effects."""
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
     origin = true_states(log, plant)
@@ -162,7 +163,8 @@ def unseen_windows(log: Log, model: Model) -> UnseenWindows:
 def gap_on_unseen_legs(
     windows: UnseenWindows, names: Sequence[str], final: Coordinates, without: Mapping[int, Coordinates]
 ) -> HeldOutGap:
-    """The gap for what is named: ``final`` is what all legs give, ``without`` what all but each fold's give."""
+    """The gap of the named effects: ``final`` sizes from all legs, ``without`` those from all legs but each
+    fold's."""
     after, best = windows.by_other_folds(without), windows.predicted(final)
     lacking = [
         windows.by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
@@ -183,7 +185,7 @@ def gap_on_unseen_legs(
 
 
 def _controls(log: Log, starts: Ints) -> dict[str, Floats]:
-    """What each channel of the actuators was second by second of each window [N, H+1], as it is recorded."""
+    """Each actuator channel second by second over each window [N, H+1], as recorded."""
     rows = starts[:, None] + np.arange(HORIZON_S + 1)
     recorded = log.controls[rows, 0] / control_units(log.actuators)
     return {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
@@ -192,7 +194,7 @@ def _controls(log: Log, starts: Ints) -> dict[str, Floats]:
 def named_without(
     windows: UnseenWindows, evidence: Evidence, barred: frozenset[str] = frozenset()
 ) -> dict[int, Coordinates]:
-    """What all legs but those of each fold ask for, and how much of it; nothing of what is ``barred``."""
+    """The effects, with sizes, selected on all legs but those of each fold; none that is ``barred``."""
     return {fold: _asked_for(rest, barred) for fold, rest in evidence_without(windows, evidence).items()}
 
 
@@ -202,7 +204,7 @@ def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Ev
 
 
 def evidence_within(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
-    """The evidence of each fold's legs alone: of disjoint parts of the trial."""
+    """The evidence of each fold's legs alone, which are disjoint parts of the trial."""
     return _evidence_by_fold(windows, evidence, left_out=False)
 
 
@@ -213,14 +215,14 @@ def _evidence_by_fold(windows: UnseenWindows, evidence: Evidence, *, left_out: b
 
 
 def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
-    """Each effect's share of what the gap closes by, from how far predictions are off that lack it [m]."""
+    """Each effect's share of the reduction of the gap, from the errors of predictions without it [m]."""
     shares = {name: max(off_m - gap.after_m, 0.0) for name, off_m in lacking_m.items()}
     whole, closed = sum(shares.values()), max(gap.closed, 0.0)
     return {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
 
 
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
-    """The same with what noise alone would leave as the floor, for a trial of which no model knows everything."""
+    """The gap with the error due to noise alone as the floor, for a trial that no model explains fully."""
     floor_m = left_by_noise_m(equations, window_starts(equations.log), HORIZON_S)
     gap = replace(held.gap, floor_m=min(floor_m, held.gap.after_m))
     ratio = gap.closed / held.gap.closed if held.gap.closed > 0.0 else 1.0
@@ -228,7 +230,7 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
 
 
 def _asked_for(rest: Evidence, barred: frozenset[str]) -> Coordinates:
-    """What some legs ask for, and how much of it."""
+    """The effects selected on some legs, with their sizes."""
     names = search_effects(rest, barred)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}
@@ -241,7 +243,7 @@ def _asked_for(rest: Evidence, barred: frozenset[str]) -> Coordinates:
 
 
 def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
-    """The mean distance [m] over the seconds 1 to H of windows that begin at the rows ``starts``."""
+    """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
     data = Columns(linear.defect[:, :, None], linear.observed[:, :, None], np.zeros((len(linear.A), 0)))
     variance = smooth_state(linear, data, noise, equations.log.edges)[1]
@@ -252,7 +254,7 @@ def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) ->
     distances = []
     for second in range(horizon_s):
         P = _later(linear.A[starts + second], linear.B[starts + second] * FORCE_UNITS, noise, P)
-        # the mean length of a Gaussian vector in the plane, its two variances taken as alike
+        # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
 
@@ -262,7 +264,7 @@ def _slow(noise: Noise) -> Floats:
 
 
 def _later(A: Floats, B: Floats, noise: Noise, P: Floats) -> Floats:
-    """The covariances [N, 9, 9] of motion and slow force a second later."""
+    """The covariances [N, 9, 9] of state and slow force a second later."""
     kept = decay(1.0, noise.slow_s)
     F, Q = np.zeros_like(P), np.zeros_like(P)
     F[:, :6, :6], F[:, :6, 6:] = A, B
@@ -274,19 +276,19 @@ def _later(A: Floats, B: Floats, noise: Noise, P: Floats) -> Floats:
 
 
 DEALS = (2, 3, 4)
-"""Into so many folds the legs are dealt, one deal after the other: one deal has a best set of its own."""
+"""Numbers of folds, used in turn: a single division into folds has a best set of its own."""
 
-_STEP = 0.2  # of an effect's ordinary size
-_FAR = 1e9  # beyond any bounds, in any unit
+_STEP = 0.2  # of an effect's typical size
+_FAR = 1e9  # outside any bounds, in any unit
 
 
 @dataclass(frozen=True, slots=True)
 class _Fold:
-    """n windows of some legs, and what the other legs say.
+    """n windows of some legs, and the evidence of the others.
 
-    ``inner`` [1+P, 1+P] are the products of :class:`.Evidence` of the other legs; ``off`` [n, 2, H] is the
-    predicted track less the measured one about the sizes that it is linear about [m], ``slope`` [n, 2, H, P] how it
-    changes with each free coordinate; ``leg`` [n] numbers the legs that have windows.
+    ``inner`` [1+P, 1+P] are the inner products (:class:`.Evidence`) of the other legs; ``off`` [n, 2, H] the
+    predicted minus measured track at the linearisation [m], ``slope`` [n, 2, H, P] its derivative with respect
+    to each free coordinate; ``leg`` [n] numbers the legs that have windows.
     """
 
     inner: Floats
@@ -295,14 +297,14 @@ class _Fold:
     leg: Ints
 
     def off_m(self, by: Floats) -> Floats:
-        """The mean distance of each window [n] where the sizes are others ``by`` so much [P]."""
+        """The mean distance of each window [n] after a change of the sizes ``by`` [P]."""
         track = self.off + self.slope @ by
         return np.asarray(np.hypot(track[:, 0], track[:, 1]).mean(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class LinearTracks:
-    """Sets of effects judged by tracks on legs left out, linear about the sizes ``at`` [P].
+    """Sets of effects judged by tracks on held-out legs, linear about the sizes ``at`` [P].
 
     ``low`` and ``high`` [P] are the bounds of the free coordinates; ``folds`` those of all :data:`DEALS`.
     """
@@ -314,7 +316,7 @@ class LinearTracks:
     folds: tuple[_Fold, ...]
 
     def by_leg_m(self, names: Sequence[str]) -> Floats:
-        """The mean distance of what is predicted with ``names``, at the sizes that other legs give [legs]."""
+        """The mean distance of predictions with ``names``, at the sizes fitted to other legs [legs]."""
         columns = np.array(self.evidence.columns(names), dtype=int)
         precision = np.diag(self.evidence.prior(names) ** -2.0)
         low, high = self.low[columns - 1], self.high[columns - 1]
@@ -327,7 +329,8 @@ class LinearTracks:
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
     def best_set(self, names: tuple[str, ...], worth: float, most: int, barred: Collection[str]) -> tuple[str, ...]:
-        """At most so many effects from which no step leads to less, each paying its ``worth`` [1] of the distance.
+        """A set of at most ``most`` effects that no step improves, each costing its ``worth`` [1] of the
+        distance.
 
         A step drops one of ``names``, or adds one that is not ``barred``.
         """
@@ -348,7 +351,7 @@ class LinearTracks:
 
 
 def _within(information: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
-    """The likeliest sizes within bounds; beside those at their bounds the others are fitted anew."""
+    """The most likely sizes within bounds; with some at their bounds, the others are refitted."""
     sizes, free = np.zeros(len(right)), np.ones(len(right), dtype=np.bool_)
     while True:
         known = right[free] - information[np.ix_(free, ~free)] @ sizes[~free]
@@ -361,7 +364,7 @@ def _within(information: Floats, right: Floats, low: Floats, high: Floats) -> Fl
 
 
 def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
-    """The tracks over ``windows`` about the sizes that ``evidence`` is linear about."""
+    """The tracks over ``windows`` at the linearisation of ``evidence``."""
     equations = evidence.equations
     model, layout = equations.model, equations.layout
     track, steps = windows.predicted(model.at), list(_coordinates(evidence))
@@ -395,7 +398,7 @@ def _coordinates(evidence: Evidence) -> Iterator[tuple[str, int]]:
 
 
 def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates:
-    """The sizes that the equations are linear about, one coordinate moved as far as its bounds allow."""
+    """The sizes of the linearisation, with one coordinate moved as far as its bounds allow."""
     model = evidence.equations.model
     free = list(model.at.get(name, (0.0,) * len(evidence.columns([name]))))
     free[number] += by
@@ -403,7 +406,7 @@ def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates
 
 
 def _slope(windows: UnseenWindows, evidence: Evidence, name: str, number: int) -> Floats:
-    """How the tracks change with one free coordinate [N, H, 2]."""
+    """The derivative of the tracks with respect to one free coordinate [N, H, 2]."""
     step = _STEP * float(evidence.equations.model.catalogue[name].free_scale[number])
     ends = [_moved(evidence, name, number, side * step) for side in (1.0, -1.0)]
     ahead, behind = (windows.predicted(at)[:, 1:, :2] for at in ends)

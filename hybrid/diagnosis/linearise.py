@@ -1,13 +1,13 @@
-"""The model made linear along the measured motion, second by second.
+"""The model linearised along the measured motion, second by second.
 
-With x the true state, x0 the motion it is made linear about, f the simulator over one second and h the sensors:
+With x the true state, x0 the state of the linearisation, f the simulator over one second and h the sensors:
 
     x[k+1] - x0[k+1] = A (x[k] - x0[k]) + (f(x0[k]) - x0[k+1]) + B force + sum of D_e a_e
     y[k] - h(x0[k])  = H (x[k] - x0[k]) + sum of E_e a_e + noise
 
-All by differences of the simulator itself, so that whatever it can simulate can be diagnosed: an effect is what it
-does to f and h, not a formula of its own here. Because the motion made linear about is the measured one, a model
-that is far off costs nothing: its error stands in the defect f(x0[k]) - x0[k+1] of one second.
+All matrices are finite differences of the simulator itself, so whatever can be simulated can be diagnosed: an
+effect is its change of f and h, and needs no formula of its own here. The linearisation follows the measured
+motion, so a poor model does no harm: its error over one second is the defect f(x0[k]) - x0[k+1].
 """
 
 from __future__ import annotations
@@ -39,18 +39,20 @@ from hybrid.vessel.simulate import simulate_batch
 DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
-_PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
+_PART, _ONE_SIDED_PART = 0.2, 0.5  # finite-difference steps, in typical sizes of the effect
 _ROUNDS = 4
-_RANGE = 1.69  # of three readings, on average, in standard deviations: wider, and a slow turn back is missed
-_MOST_STAGES = 8  # of effects that change in steps; a drift has more, and signatures take most of the time
+_RANGE = 1.69  # mean range of three normal readings, in standard deviations; a wider one misses slow reversals
+_MOST_STAGES = (
+    8  # for effects that change in steps; drifts have more, and computing signatures takes most of the time
+)
 
 
 @dataclass(frozen=True, slots=True)
 class LinearModel:
-    """T seconds of the linear model: ``A`` [T, 6, 6], ``B`` [T, 6, 3] (per N, N, N m), ``H`` [T, 6, 6].
+    """The linear model over T seconds: ``A`` [T, 6, 6], ``B`` [T, 6, 3] (per N, N, N m), ``H`` [T, 6, 6].
 
-    ``defect`` [T, 6] belongs to the second after each node; ``observed`` [T, 6] is y - h(x0), NaN where nothing was
-    measured; ``origin`` [T, 6] is x0.
+    ``defect`` [T, 6] is that of the second after each node; ``observed`` [T, 6] is y - h(x0), NaN where there
+    is no measurement; ``origin`` [T, 6] is x0.
     """
 
     A: Floats
@@ -63,7 +65,8 @@ class LinearModel:
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """What one free coordinate of an effect does: ``D`` [T, 6] to the next state, ``E`` [T, 6] to the sensors."""
+    """The sensitivity to one free coordinate of an effect: ``D`` [T, 6] of the next state, ``E`` [T, 6] of the
+    sensors."""
 
     effect: str
     coordinate: int
@@ -73,10 +76,10 @@ class Signature:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A reference plant, and the effects added to it by their free coordinates.
+    """A reference plant and the effects added to it, by their free coordinates.
 
-    ``base`` has no effects; ``given`` are those of the vessel's own file, ``at`` is what is added to these and to
-    others. ``vessel`` is the file's content, where there is one.
+    ``base`` has no effects; ``given`` are the effects in the vessel file; ``at`` are coordinates added to those
+    or to zero. ``vessel`` is the content of the vessel file, if there is one.
     """
 
     base: Plant
@@ -87,13 +90,13 @@ class Model:
 
     @property
     def scale(self) -> float:
-        """How many times as long the ship is as the usual one, in powers of two (:mod:`hybrid.vessel.effect`)."""
+        """The ship's length over the reference length, as a power of two (:mod:`hybrid.vessel.effect`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
     def stages(self, log: Log, most: float = inf) -> list[tuple[NDArray[np.bool_], Model]]:
-        """The seconds [T] in which what is added stays as it is, and the model there; one stage where all does.
+        """Masks [T] of the stages in which the added effects are constant, with the model of each stage.
 
-        Where there were more than ``most``, one of what is added in the mean.
+        A single stage, with the mean of the added effects, if there would be more than ``most``.
         """
         changing = courses(self.at, self.catalogue)
         if not changing:
@@ -113,20 +116,20 @@ class Model:
         return found
 
     def plant(self) -> Plant:
-        """The plant with the effects; where some of them change, of one of the :meth:`stages`."""
+        """The plant with the effects; if some of them change with time, use it on the models of :meth:`stages`."""
         names = [*self.given, *(name for name in self.at if name not in self.given)]
         values = {name: self.values(name, self.at.get(name)) for name in names}
         return apply_effects(self.base, values, self.catalogue)
 
     def values(self, name: str, added: Sequence[float] | None = None) -> dict[str, float]:
-        """The parameters of an effect when ``added`` comes to what is given of it.
+        """The parameters of an effect, with ``added`` on top of the coordinates in the vessel file.
 
-        Raises :class:`ConfigurationError` where they are out of bounds.
+        Raises :class:`ConfigurationError` if they are out of bounds.
         """
         return self.piecewise(name, added)[-1]
 
     def piecewise(self, name: str, added: Sequence[float] | None = None) -> list[dict[str, float]]:
-        """The same in each piece of the trial in which the effect has a size of its own."""
+        """The same for each part of the trial in which the effect has its own size."""
         effect = self.catalogue[name]
         pieces = effect.pieces(added or (0.0,) * len(effect.free_scale))
         given = self.given.get(effect.base, (0.0,) * len(pieces[0]))
@@ -139,7 +142,8 @@ class Model:
         return found
 
     def bounded(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
-        """The nearest free coordinates that, added to what is given, are in bounds."""
+        """The free coordinates closest to ``at`` that, together with those in the vessel file, are within
+        bounds."""
         result = {}
         for name, added in at.items():
             pieces = self.catalogue[name].pieces(added)
@@ -149,7 +153,7 @@ class Model:
         return result
 
     def plant_with_step(self, name: str, coordinate: int, by: float) -> Plant | None:
-        """The plant with one coordinate moved, or None where the effect is not defined there."""
+        """The plant with one coordinate changed, or None if the effect is not defined there."""
         free = list(self.at.get(name, (0.0,) * len(self.catalogue[name].free_scale)))
         free[coordinate] += by
         try:
@@ -159,7 +163,7 @@ class Model:
 
 
 def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
-    """The model of a vessel file, its own effects among what may change."""
+    """The model of a vessel file; the file's own effects may change as well."""
     given = {
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
     }
@@ -169,12 +173,12 @@ def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
 
 @dataclass(frozen=True, slots=True)
 class Linearisation:
-    """The first stage's result: a model made linear along a log, and what each effect does to both.
+    """The result of the first stage: a model linearised along a log, and the sensitivities to each effect.
 
-    ``log`` has the T seconds; ``model`` stands at the effects that it is made linear about; ``tolerance`` [1] is
-    the share of the force range that the model is granted to be off by. ``linear`` holds A, B, H and the data (SI,
-    angles in radians); ``effects`` the signatures D, E [T, 6] of the P free coordinates of the catalogue, in its
-    order, each per unit of its coordinate.
+    ``log`` has T seconds; ``model`` holds the effects at which it is linearised; ``tolerance`` [1] is the model
+    error allowed for, as a share of the force range. ``linear`` holds A, B, H and the data (SI, angles in
+    radians); ``effects`` the signatures D, E [T, 6] of the P free coordinates of the catalogue, in its order,
+    per unit of each coordinate.
     """
 
     log: Log
@@ -187,10 +191,10 @@ class Linearisation:
 def linearise(
     log: Log, model: Model, tolerance: float, effects: Sequence[Signature] | None = None
 ) -> Linearisation:
-    """Make ``model`` linear along ``log``; ``effects`` are signatures that are at hand, else they are computed.
+    """Linearise ``model`` along ``log``; signatures are computed unless given as ``effects``.
 
-    Raises :class:`ConfigurationError` for an effect whose bounds are too narrow for its ordinary size, and
-    :class:`InputError` for a log of a ship with other actuators than the model's.
+    Raises :class:`ConfigurationError` for an effect whose bounds are narrower than its typical size, and
+    :class:`InputError` if the log and the model have different actuators.
     """
     check_ship(log.actuators, model.base)
     linear = _linear_by_stages(log, model)
@@ -199,7 +203,8 @@ def linearise(
 
 
 def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence[Signature]) -> LinearModel:
-    """The same with what changing effects are beside the levels of :meth:`Model.stages`, by their slopes."""
+    """The linear model corrected, to first order, for the part of changing effects that :meth:`Model.stages`
+    leaves out."""
     defect, observed = linear.defect, linear.observed
     for each in courses(model.at, model.catalogue):
         beside = each.course.shares(log) - each.course.levels(log)
@@ -211,11 +216,11 @@ def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence
 
 
 def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
-    """What ``of`` a log, a plant and parts of ``arrays`` [T, ...] comes to in each stage of a model, [T, ...]."""
+    """``of(log, plant, *arrays)`` evaluated in each stage of a model; arrays and result [T, ...]."""
     stages = model.stages(log)
     if len(stages) == 1:
         return of(log, stages[0][1].plant(), *arrays)
-    with threads_for(0):  # batches of a stage are so short that threads cost more than they save
+    with threads_for(0):  # the batches of a stage are too short for threads to pay
         parts = [of(log.subset(rows), each.plant(), *(some[rows] for some in arrays)) for rows, each in stages]
     return _joined([rows for rows, _ in stages], parts)
 
@@ -239,11 +244,11 @@ def _linear_by_stages(log: Log, model: Model) -> LinearModel:
 
 
 def linear_model(log: Log, plant: Plant) -> LinearModel:
-    """The linear model of a log about its smoothed motion, freed of what the plant's sensors do to it."""
+    """The linear model along a log's smoothed motion, corrected for the errors of the plant's sensors."""
     origin = true_states(log, plant)
     ways = one_second_paths(log, plant, origin)
     A, B = np.tile(np.eye(6), (len(log), 1, 1)), np.empty((len(log), 6, 3))
-    for column in range(2, 6):  # a force of the catalogue does not depend on where the ship is
+    for column in range(2, 6):  # no force in the catalogue depends on position
         step = np.zeros(6)
         step[column] = _STATE_STEPS[column]
         ahead, behind = (next_states(log, plant, origin + side * step) for side in (1.0, -1.0))
@@ -261,9 +266,9 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
 
 
 def sampling_offset(log: Log, ways: Floats) -> Floats:
-    """How the mean state at the samples' times differs from that at the full second [T, 6].
+    """The mean state at the sampling times minus that at the full second [T, 6].
 
-    ``ways`` are those of :func:`one_second_paths`.
+    ``ways`` come from :func:`one_second_paths`.
     """
     half = STEPS_PER_SECOND // 2
     ahead = ways[:, 1 : half + 1] - ways[:, :1]
@@ -276,9 +281,10 @@ def sampling_offset(log: Log, ways: Floats) -> Floats:
 
 
 def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> list[Signature]:
-    """What each free coordinate of each effect does about ``origin``, by differences of simulator and sensors.
+    """The sensitivities to each free coordinate of each effect about ``origin``, by finite differences of
+    simulator and sensors.
 
-    About effects that drift, in the mean: what that changes in the slopes of others is of second order.
+    Drifting effects are held at their mean: the change of the other sensitivities is of second order.
     """
     stages, names = model.stages(log, _MOST_STAGES), list(names)
     plain = [name for name in names if not isinstance(model.catalogue[name], Varied)]
@@ -295,7 +301,7 @@ def _coordinates(model: Model, names: Iterable[str]) -> list[tuple[str, int]]:
 
 
 def varied_signatures(log: Log, changing: Sequence[Varied], known: Sequence[Signature]) -> list[Signature]:
-    """The signatures of effects with a course, from those ``known`` of the effects that they are of."""
+    """The signatures of effects that vary with time, from the ``known`` ones of the constant effects."""
     result = []
     for each in changing:
         own = [signature for signature in known if signature.effect == each.base]
@@ -326,7 +332,8 @@ def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: in
 
 
 def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]]:
-    """The plant with a coordinate moved by two steps: to both sides, or to one where the other is out of bounds."""
+    """The plant at two steps of a coordinate: one to each side, or both to one side where the other is out of
+    bounds."""
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
         plants = [(model.plant_with_step(name, coordinate, step * size), step * size) for step in steps]
@@ -337,25 +344,25 @@ def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]
 
 
 def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:
-    """Where the simulator takes each of ``origin`` [T, 6] within a second: [T, 6]."""
+    """The states [T, 6] that the simulator reaches one second after each of ``origin`` [T, 6]."""
     return one_second_paths(log, plant, origin)[:, -1]
 
 
 def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
-    """The way the simulator takes from each of ``origin`` [T, 6], quarter by quarter of a second: [T, 5, 6]."""
+    """The simulated states every quarter of a second from each of ``origin`` [T, 6]: [T, 5, 6]."""
     controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
     runs = simulate_batch(prompt(plant), origin, controls, wind, DT_S, 1, acting)
-    if not runs.inside.all():  # a second beyond the model's range says nothing: as if she went on as she is
+    if not runs.inside.all():  # outside the model's range a second carries no information: assume steady motion
         runs.states[~runs.inside] = origin[~runs.inside, None]
     return runs.states
 
 
 def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
-    """The settings that act in each quarter of a second [T, 4, 5], and those that act at its start [T, 5].
+    """The controls that act in each quarter of a second [T, 4, controls] and at its start [T, controls].
 
-    As reported but for the delay of the plant's feedback and the play behind it, and at the start its lag, which
-    the simulator goes on with (:func:`prompt`).
+    As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
+    simulator continues (:func:`prompt`).
     """
     lags_s, plays_rad = lags_of(plant), plays_of(plant)
     if plant.command_delay_s == 0.0 and not lags_s.any() and not plays_rad.any():
@@ -378,16 +385,17 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
 
 
 def prompt(plant: Plant) -> Plant:
-    """The plant for controls as :func:`acting_settings` gives them: without delay and play."""
+    """The plant for the controls of :func:`acting_settings`: without delay and play."""
     tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.actuators if PLAY in KINDS[each.kind].numbers}
     still = replace(plant, command_delay_s=0.0)
     return still.replaced(**tight) if plays_of(plant).any() else still
 
 
 def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
-    """How far the end of a gear with play is from its motor's side [K], recorded every ``step_s`` [s].
+    """The offset of a gear's output from its motor's side due to play [K], recorded every ``step_s`` [s].
 
-    Noise of the feedback would drag the end along to its extremes: what stays in its usual range moves nothing.
+    Feedback noise would drag the output to its extremes, so movements within the usual range of the noise are
+    ignored.
     """
     every = max(1, round(step_s * STEPS_PER_SECOND))
     noise_rad = 1.4826 * float(np.median(np.abs(np.diff(motor[::every], 2)))) / sqrt(6.0)
@@ -396,13 +404,13 @@ def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
 
 
 def _stretches(log: Log) -> Iterator[tuple[int, int]]:
-    """The rows at which each stretch without a break in time begins and ends."""
+    """First and last row of each stretch without a gap in time."""
     breaks = np.flatnonzero(np.diff(log.time_s) != 1) + 1
     return itertools.pairwise([0, *breaks.tolist(), len(log)])
 
 
 def lags_of(plant: Plant) -> Floats:
-    """The time constant [s] with which each control of a plant acts after it is reported [controls]."""
+    """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
     for each in plant.actuators:
         kind = KINDS[each.kind]
@@ -412,7 +420,7 @@ def lags_of(plant: Plant) -> Floats:
 
 
 def plays_of(plant: Plant) -> Floats:
-    """The play [rad] between each control of a plant as it is reported and as it acts [controls]."""
+    """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
     for each in plant.actuators:
         kind = KINDS[each.kind]
@@ -422,7 +430,7 @@ def plays_of(plant: Plant) -> Floats:
 
 
 def _lagged(series: Floats, lags_s: Floats) -> Floats:
-    """What acts at the start of each step of a series [K, controls] when each follows with its first-order lag."""
+    """Each control of a series [K, controls] after its first-order lag, at the start of each step."""
     result = series.copy()
     for column in np.flatnonzero(lags_s > 0.0):
         own = series[:, column]
@@ -433,22 +441,23 @@ def _lagged(series: Floats, lags_s: Floats) -> Floats:
 
 
 def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
-    """States [T, 6] as the plant's sensors report them, delays along each unbroken stretch."""
-    if not report_late(plant):  # the way there and back tells nothing
+    """States [T, 6] as the plant's sensors report them, with delays applied within each unbroken stretch."""
+    if not report_late(plant):  # without delays, readings equal states
         return measure(states[:, None], plant, 1.0)[:, 0]
     return _seen(log, plant, one_second_paths(log, plant, states))
 
 
 def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
-    """What the sensors report at the start of each way [T, 5, 6] of :func:`one_second_paths`: [T, 6]."""
+    """The sensor readings [T, 6] at the start of each path [T, 5, 6] of :func:`one_second_paths`."""
     return _around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
 
 
 def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)) -> Floats:
-    """What the sensors report by quarters from half a second before each start of a way to half a second after.
+    """The sensor readings every quarter of a second, from half a second before each path's start to half a
+    second after.
 
-    [T, 5, 6], or of some of the quarters. Seen from a start, the simulator says what was before and after: if the
-    start is off, so are these.
+    [T, 5, 6], or only some of the quarters. They are simulated from the start state: an error in it carries
+    over.
     """
     result, half = np.empty((len(ways), len(quarters), 6)), STEPS_PER_SECOND // 2
     delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
@@ -467,7 +476,7 @@ def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = rang
 
 
 def _track(ways: Floats) -> Floats:
-    """Ways [T, 5, 6] joined to one track [4 T + 1, 6]: bent as the simulator's, jumps made up for evenly."""
+    """Paths [T, 5, 6] joined to one track [4 T + 1, 6]; jumps between them are spread evenly over each second."""
     share = np.arange(STEPS_PER_SECOND)[:, None] / STEPS_PER_SECOND
     jumps = np.concatenate([ways[1:, :1] - ways[:-1, -1:], np.zeros_like(ways[:1, :1])])
     return np.concatenate([(ways[:, :-1] + share * jumps).reshape(-1, 6), ways[-1:, -1]])
@@ -482,7 +491,7 @@ def true_states(log: Log, plant: Plant) -> Floats:
 
 
 def _sensor_slopes(plant: Plant, origin: Floats) -> Floats:
-    """How the reported state changes with the true one of the same second [T, 6, 6]."""
+    """The derivative of the reported state with respect to the true state of the same second [T, 6, 6]."""
     H = np.tile(np.eye(6), (len(origin), 1, 1))
     for column in range(6):
         step = np.zeros(6)

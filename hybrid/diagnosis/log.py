@@ -1,10 +1,9 @@
-"""The log of a trial: one row a second of what was measured, and what drove the ship between the rows.
+"""The log of a trial: one row a second of measurements, and the controls and wind between the rows.
 
-A measured value is the mean of all samples within half a second, and the model is asked for the mean at the
-same times, so that neither the rate of a recording nor the curvature of the motion matters. Samples that jump
-away from their neighbours are refused. The smoothed motion is only where the equations are made linear first:
-it need not be right, just near. All that was recorded is used, not only windows in which the thrusters were
-held: those hide inertia and lags.
+A measured value is the mean of all samples within half a second, and the model's mean is taken at the same
+times, so neither the rate of a recording nor the curvature of the motion matters. Outlying samples are
+rejected. The smoothed motion is only the first linearisation: it need not be exact, just close. Everything
+recorded is used, not only windows with steady thrusters, which hide inertia and lags.
 """
 
 from __future__ import annotations
@@ -34,10 +33,10 @@ from hybrid.vessel.actuators import control_units
 from hybrid.vessel.channels import STATE_UNITS
 
 BLOCK_S = 60
-"""Each block starts from a state of its own that nobody knows; longer ones gain nothing that can be measured."""
+"""Length of a block [s], which starts from an unknown state; longer blocks gain nothing measurable."""
 
 LEG_S = 180
-"""Blocks of so long a stretch are kept together when some are left out."""
+"""Length of a leg [s]: the blocks that are held out together."""
 
 _SHORTEST_BLOCK_S = 12
 _LONGEST_BREAK_S = 60
@@ -47,15 +46,15 @@ _LONGEST_BREAK_S = 60
 class Log:
     """T seconds of one or more trials, in blocks of consecutive seconds.
 
-    ``measured`` [T, 6] is the mean of the reported state at the samples' times, NaN where there is none; ``weight``
-    [T, 6, 5] says which, as weights of the quarters of a second from half a second before to half a second after;
-    ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad],
-    speed [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up
-    from 0; ``recording`` [T] counts the recordings, which are called ``names``. All SI, angles in radians, heading
-    without jumps. ``refused`` counts samples that lay off by themselves, ``setting_step_s`` is how often thruster
-    settings were recorded, ``input_hold`` what they are taken to do between, ``held`` has the controls [T, 4, 5]
-    under other holds; ``levels`` is what the smoother thought of noise. ``cut_from`` is the log that this is a part
-    of, and the rows of it: what acts hangs on what was before.
+    ``measured`` [T, 6] is the mean of the reported state at the sampling times, NaN without samples; ``weight``
+    [T, 6, 5] gives these times, as weights of the quarters of a second from half a second before to half a
+    second after; ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, controls] and ``wind`` [T, 2]
+    (direction FROM [rad], speed [m/s]) act in the second that follows; ``time_s`` [T] is UTC since 1970.
+    ``block`` and ``leg`` [T] count from 0; ``recording`` [T] numbers the recordings ``names``. All SI, angles
+    in radians, heading unwrapped. ``refused`` counts rejected outliers, ``setting_step_s`` is the interval at
+    which thruster settings were recorded, ``input_hold`` the interpolation between them, ``held`` the controls
+    under other holds; ``levels`` are the smoother's noise levels. ``cut_from`` is the log that this is a part
+    of, with the rows: what acts depends on what was before.
     """
 
     measured: Floats
@@ -81,7 +80,7 @@ class Log:
 
     @property
     def edges(self) -> Ints:
-        """Where each block begins, and the end of the last: [blocks + 1]."""
+        """The first row of each block, and the end of the last: [blocks + 1]."""
         starts = np.flatnonzero(np.diff(self.block, prepend=-1))
         return np.append(starts, len(self)).astype(np.int64)
 
@@ -91,7 +90,7 @@ class Log:
         return int(self.leg.max()) + 1
 
     def subset(self, rows: NDArray[np.bool_]) -> Log:
-        """Some blocks of this log: those whose rows are chosen."""
+        """The blocks of this log whose rows are chosen."""
         chosen = {name: getattr(self, name)[rows] for name in _ARRAYS}
         for name in ("block", "leg"):
             chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
@@ -100,7 +99,7 @@ class Log:
         return replace(self, held=held, cut_from=(whole, places[rows]), **chosen)
 
     def with_input_hold(self, hold: InputHold) -> Log:
-        """The same with the thruster settings held otherwise between their records."""
+        """The log with another interpolation of the thruster settings between records."""
         cut_from = self.cut_from and (self.cut_from[0].with_input_hold(hold), self.cut_from[1])
         return replace(self, controls=self.held[hold], input_hold=hold, cut_from=cut_from)
 
@@ -109,11 +108,11 @@ _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block
 
 
 def log_of(tables: Sequence[pd.DataFrame]) -> Log:
-    """The log of raw tables of one ship's channels, at any rate and with NaN where a channel has no sample.
+    """The log of tables of samples of one ship's channels, at any rate, with NaN where a channel has no sample.
 
-    Wind that was not recorded counts as none; tables that name the same recording are parts of one. Raises
-    :class:`InputError` for a table without pose or thrusters, :class:`DataShortageError` where no stretch is long
-    enough.
+    Wind that was not recorded counts as calm; tables with the same recording's name are parts of it. Raises
+    :class:`InputError` for a table without position, heading or thrusters, :class:`DataShortageError` if no
+    stretch is long enough.
     """
     parts = [_one(table) for table in tables]
     first_block, first_leg, joined = 0, 0, list[Log]()
@@ -166,7 +165,8 @@ def _one(table: pd.DataFrame) -> Log:
 
 
 def _blocks(usable: NDArray[np.bool_]) -> Ints:
-    """Number of the block of each second, -1 outside: usable stretches in even blocks of about :data:`BLOCK_S`."""
+    """The block of each second, -1 outside: usable stretches divided evenly into blocks of about
+    :data:`BLOCK_S`."""
     block = np.full(len(usable), -1, dtype=np.int64)
     number = 0
     for first, last in zip(*runs(usable), strict=True):
@@ -181,7 +181,7 @@ def _blocks(usable: NDArray[np.bool_]) -> Ints:
 
 
 def _legs(block: Ints, seconds: Ints) -> Ints:
-    """Number of the leg of each second: blocks together until they are long enough, never across a long break."""
+    """The leg of each second: consecutive blocks, never across a long gap."""
     leg = np.zeros(len(block), dtype=np.int64)
     number, length, before = -1, np.inf, 0
     for current in range(int(block.max(initial=-1)) + 1):
@@ -197,22 +197,22 @@ STEPS_PER_SECOND = 4
 """Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
 
 InputHold = Literal["line", "until the next record", "since the last record"]
-"""What a setting does between two records: moves on a straight line, stays as it was, or is already what comes."""
+"""Interpolation of settings between records: linear, previous value held, or next value already acting."""
 
 INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
 
 MOTION = (*POSE, *VELOCITY)
 """The channels of the motion."""
 
-_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded more seldom: what moved meanwhile is anyone's guess
+_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded less often: what moved meanwhile is unknown
 _GAP_STEPS = 2.5
-SELDOM_S = 0.3  # between samples of a setting: what happens meanwhile matters
+SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
 _OUTLIER = 6.0
 
 
 def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
-    """The motion without waves at full seconds: their times [s], states [T, 6] and rates of change [T, 6],
-    and the levels of noise."""
+    """The motion without waves at full seconds: times [s], states [T, 6], their rates [T, 6], and the noise
+    levels."""
     smoothed = smooth(_thinned(table), 1.0)
     slow = smoothed.slow
     seconds = (times_ns(slow) // NANO).astype(np.int64)
@@ -228,7 +228,7 @@ def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLev
 
 
 def _thinned(table: pd.DataFrame) -> pd.DataFrame:
-    """The motion at two rows a second at most: enough for a smoothed motion, and quickly smoothed."""
+    """The motion at two rows a second at most, which is enough for smoothing and fast."""
     motion = table[list(MOTION)].dropna(how="all")
     half = times_ns(motion) // (NANO // 2)
     if np.unique(half).size > 0.7 * len(motion):
@@ -237,7 +237,7 @@ def _thinned(table: pd.DataFrame) -> pd.DataFrame:
     for name in CIRCULAR.intersection(MOTION):
         known = np.isfinite(columns[name])
         columns[name][known] = unwrap(columns[name][known])
-    middles = pd.DataFrame(columns).groupby(half).median()  # an outlier among several samples does no harm
+    middles = pd.DataFrame(columns).groupby(half).median()  # robust against an outlier among several samples
     thin = pd.DataFrame({name: middles[name].to_numpy() for name in MOTION})
     thin["heading_deg"] %= 360.0
     thin.index = pd.DatetimeIndex(
@@ -250,7 +250,7 @@ def _thinned(table: pd.DataFrame) -> pd.DataFrame:
 def averaged_motion(
     table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
 ) -> tuple[Floats, Floats, int]:
-    """The mean measured state near each second [T, 6], its weights [T, 6, 5], and how many samples were refused."""
+    """The mean measured state of each second [T, 6], its weights [T, 6, 5], and the number of samples rejected."""
     nodes = (seconds - seconds[0]).astype(float)
     measured, refused = np.full_like(motion, np.nan), 0
     weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
@@ -276,7 +276,7 @@ def averaged_motion(
 
 
 def _near(values: Floats, times_s: Floats) -> Floats:
-    """The median of the neighbours within a third of a second of each sample, without itself; of four at least."""
+    """The median of each sample's neighbours within a third of a second, without itself; of four at least."""
     if values.size < 5:
         return np.full(values.size, np.median(values) if values.size else 0.0)
     reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
@@ -285,7 +285,8 @@ def _near(values: Floats, times_s: Floats) -> Floats:
 
 
 def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
-    """Means [count] of the values within half a second of each node; the times' weights on quarters [count, 5]."""
+    """Means [count] of the values within half a second of each node; weights of their times on the quarters
+    [count, 5]."""
     node = np.floor(times_s + 0.5).astype(int)
     place = (times_s - node + 0.5) * STEPS_PER_SECOND
     lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
@@ -311,7 +312,7 @@ def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "l
 
 
 def setting_step_s(table: pd.DataFrame) -> float:
-    """How often thruster settings were recorded [s], the rarest of them."""
+    """The interval between records of thruster settings [s], the longest of all."""
     steps = [0.0]
     for name in table_controls(table):
         times = times_ns(table)[table[name].notna().to_numpy()] / NANO
@@ -321,7 +322,7 @@ def setting_step_s(table: pd.DataFrame) -> float:
 
 
 def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
-    """Direction the wind comes from [rad] and its speed [m/s] in the second after each node, 0 if not recorded."""
+    """Wind direction FROM [rad] and speed [m/s] in the second after each node, 0 if not recorded."""
     edges = np.arange(len(seconds) + 1) + float(seconds[0])
     if not set(ENVIRONMENT) <= set(table.columns):
         return np.zeros((len(seconds), 2))
@@ -329,12 +330,12 @@ def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
     towards = pd.DataFrame({"n": speed * np.cos(np.deg2rad(direction)), "e": speed * np.sin(np.deg2rad(direction))})
     towards.index = table.index
     north, east = (_filled(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
-    # The mean of the vane's own noise makes no wind: components, not speeds, are averaged.
+    # Components, not speeds, are averaged, so that the vane's noise adds no wind.
     return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
 
 
 def _filled(values: Floats) -> Floats:
-    """Unknown values taken from between the known ones; none where nothing is known."""
+    """Missing values interpolated; unchanged where all are missing."""
     known = np.flatnonzero(np.isfinite(values))
     if not known.size:
         return np.zeros(len(values))
@@ -342,7 +343,7 @@ def _filled(values: Floats) -> Floats:
 
 
 def _means(table: pd.DataFrame, name: str, edges_s: Floats, input_hold: InputHold = "line") -> Floats:
-    """The mean of a channel, as read between its samples, from each edge to the next; NaN across long gaps."""
+    """The mean of a channel between consecutive edges, interpolated between samples; NaN across long gaps."""
     values = table[name].to_numpy(dtype=float)
     rows = np.isfinite(values)
     times, values = times_ns(table)[rows] / NANO, values[rows]
@@ -360,7 +361,7 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats, input_hold: InputHol
 
 
 def _path(times_s: Floats, values: Floats, input_hold: InputHold) -> tuple[Floats, Floats]:
-    """Points that are joined by straight lines: with corners between the samples, or two at each step."""
+    """Vertices of the piecewise linear signal: with corners between samples, or two at each step."""
     if input_hold == "line":
         return _with_corners(times_s, values)
     times, twice = np.repeat(times_s, 2), np.repeat(values, 2)
@@ -368,7 +369,7 @@ def _path(times_s: Floats, values: Floats, input_hold: InputHold) -> tuple[Float
 
 
 def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
-    """The integral from the first sample on of what is linear between samples."""
+    """The integral from the first sample of a piecewise linear signal."""
     steps = np.diff(times_s)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
     index = np.clip(np.searchsorted(times_s, until_s, side="right") - 1, 0, times_s.size - 2)
@@ -378,10 +379,10 @@ def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
 
 
 def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Samples that come seldom, with those between at which a drive began or ended to move at an even rate.
+    """Sparse samples, with added corners where a drive began or stopped moving at a constant rate.
 
-    Where the lines through the two samples before and the two behind meet within a step, they meet in a corner that
-    a straight line from sample to sample would cut; what it cuts off passes for a force. Noise makes no corners.
+    Where the lines through the two samples before and the two after intersect within a step, they form a corner
+    that linear interpolation would cut off; the difference would be taken for a force. Noise forms no corners.
     """
     steps = np.diff(times_s)
     if times_s.size < 4 or np.median(steps) < SELDOM_S or (steps <= 0.0).any():
@@ -400,11 +401,11 @@ def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 def _without_blips(times_s: Floats, values: Floats) -> Floats:
-    """The values with those that jump away from their neighbours and back at once taken from between the others."""
-    if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # more seldom, a jump may be true
+    """The values with single-sample outliers replaced by interpolation."""
+    if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # at lower rates a jump may be real
         return values
     away = np.abs(values - median_filter(values, 5, mode="nearest"))
-    # A drive that turns back is away from its neighbours too, by what it moves in a step.
+    # A reversing drive also differs from its neighbours, by its movement in a step.
     moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
     good = away <= _OUTLIER * 1.4826 * np.median(away) + 3.0 * moves + 1e-9
     return np.asarray(np.interp(times_s, times_s[good], values[good]))

@@ -1,10 +1,10 @@
-"""Where model and trial disagree: the force that the model lacks, and its errors of a second, cell by cell.
+"""Where model and trial disagree: the missing force and the one-second prediction errors, cell by cell.
 
-A cell is seconds of a log that are alike in speed, turning, drift, heading, wind, thrusters, time or place; its
-edges are round numbers, so that a person can say where it is. In force space each cell has a steady force of
-its own on each body axis, estimated through the filter with all that disturbs the ship and all that is granted
-to the sensors; in state space the errors of one second are averaged, and how they scatter from leg to leg says
-what that is worth. A map for people: the selection of effects does not look at it.
+A cell holds the seconds of a log that are similar in speed, turning, drift, heading, wind, thrusters, time or
+position; its edges are round numbers that a person can quote. In force space each cell has a steady force on
+each body axis, estimated through the filter with all disturbances and sensor tolerances; in state space the
+errors of one second are averaged, with standard errors from their scatter between legs. The map is for people:
+the selection of effects does not use it.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ _FINEST = {
     "pitch_percent": 5.0,
 }
 _FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
-"""Steps below which a cell would part what no sensor or drive tells apart."""
+"""The finest cell width of each quantity; finer cells would separate what no sensor or drive resolves."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Some seconds of a log, ``rows`` [T], and the spans that say which: from, to (less than)."""
+    """Some seconds of a log, ``rows`` [T], and the spans that define them: from, to (less than)."""
 
     quantity: str
     span: dict[str, tuple[float, float]]
@@ -59,7 +59,7 @@ class Cell:
 
 
 def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
-    """What the cells are of, each [T], NaN where it means nothing: there is no drift angle without way."""
+    """The quantities of the cells, each [T], NaN where undefined: without speed there is no drift angle."""
     u, v = origin[:, 3], origin[:, 4]
     moving, windy = np.hypot(u, v) > _MOVING_MPS, log.wind[:, 1] > _WIND_MPS
     drift = np.degrees(np.arctan2(-v, u))
@@ -76,15 +76,14 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
 
 
 def recorded_s(log: Log) -> Floats:
-    """The time since the log began [T] in s, without what lies between one recording and the next."""
+    """The time since the start of the log [T] in s, without the breaks between recordings."""
     between = np.where(np.diff(log.recording) != 0, np.diff(log.time_s) - 1, 0)
     return np.asarray(log.time_s - log.time_s[0] - np.append(0, np.cumsum(between)), dtype=np.float64)
 
 
 def _settings(log: Log) -> dict[str, Floats]:
-    """The actuators' settings: mean shaft speed of those that drive the ship, what one runs faster than the next,
-    their mean pitch, the mean angle of each kind that has one, and each tunnel thruster's shaft.
-    """
+    """The actuators' settings: mean shaft speed of the propulsors, differences between them, their mean pitch,
+    the mean angle of each kind that has one, and each tunnel thruster's shaft speed."""
     controls = log.controls.mean(axis=1) / control_units(log.actuators)
     mean = dict(zip(control_names(log.actuators), controls.T, strict=True))
     tunnels = {f"{name}_rpm": mean[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
@@ -98,14 +97,14 @@ def _drives(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Float
     turning = {name: mean[f"{name}_rpm"] for name in names}
     pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
     return {
-        "rpm": np.mean(list(turning.values()), axis=0),  # signed: thrust astern is another than ahead
+        "rpm": np.mean(list(turning.values()), axis=0),  # signed: thrust astern differs from thrust ahead
         **{f"{one}_less_{other}_rpm": turning[one] - turning[other] for one, other in itertools.pairwise(names)},
         **({"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}),
     }
 
 
 def _angles(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Floats]:
-    """The mean angle of each kind [deg], the short way round; of what drives the ship only while it runs."""
+    """The circular mean angle of each kind [deg]; of propulsors only while they run."""
     found = {}
     for kind, quantity in ANGLES.items():
         names = names_of(actuators, kind)
@@ -120,7 +119,7 @@ def _angles(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Float
 
 
 def cells_of(log: Log, origin: Floats) -> list[Cell]:
-    """All cells with enough seconds, by quantity; a quantity with one cell only says nothing and is left out."""
+    """All cells with enough seconds, by quantity; a quantity with a single cell is left out."""
     found = [
         Cell(name, {name: span}, _inside(values, span))
         for name, values in quantities(log, origin).items()
@@ -152,9 +151,9 @@ def _finest(name: str) -> float:
 
 
 def round_edges(low: float, high: float, finest: float) -> Floats:
-    """Round edges between about five cells over ``low`` to ``high``, none narrower than ``finest`` or half a step.
+    """Round edges of about five cells over ``low`` to ``high``, none narrower than ``finest`` or half a step.
 
-    Where the values lie on both sides of zero, a cell has zero in its middle.
+    If the values lie on both sides of zero, a cell is centred on zero.
     """
     raw = max((high - low) / _WANTED, finest)
     power = 10.0 ** np.floor(np.log10(raw))
@@ -165,7 +164,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
 
 
 def _above(value: float) -> float:
-    """The next number: the end of a span that is to hold ``value``."""
+    """The next floating-point number: the end of a span that includes ``value``."""
     return float(np.nextafter(value, np.inf))
 
 
@@ -195,17 +194,17 @@ def _places(origin: Floats) -> list[Cell]:
 MOTIONS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 SIGNIFICANT = 0.05
-"""The chance that a map of a model without error shows anything."""
+"""The probability that the map of an exact model shows anything."""
 
 _MOST, _LEAST = 40, 10
 _ENOUGH_LEGS = 10
 _SLOW_S = 60.0
 _DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
-_WIDE = 10.0  # times the force range: what a cell's force may be before any data
+_WIDE = 10.0  # prior standard deviation of a cell's force, in force ranges
 
 
 def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:
-    """Those that stand out for so many cells, forty at most; of any map the ten largest."""
+    """The significant places, corrected for the number of cells, forty at most; at least the ten largest."""
     ranked = sorted(places, key=lambda each: -abs(each.z))
     limit = float(norm.isf(0.5 * SIGNIFICANT / max(len(ranked), 1)))
     sure = sum(abs(each.z) > limit for each in ranked)
@@ -213,20 +212,20 @@ def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:
 
 
 def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
-    """The whole map: of the reference model, or of the model ``with_effects`` that were added."""
+    """The whole map of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
     data = columns_of(linear, []) if with_effects else _without_effects(equations)
     cells = cells_of(log, linear.origin)
     tolerated, scale = _tolerated(equations)
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
-    surge, sway, yaw = equations.force_range.tolist()  # so large a slow force holds none back
+    surge, sway, yaw = equations.force_range.tolist()  # a prior wide enough not to shrink the slow force
     any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
     force = smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 
 def _without_effects(equations: NormalEquations) -> Columns:
-    """The data as the model without its added effects leaves them, one column."""
+    """The data relative to the model without its added effects, one column."""
     data = columns_of(equations.linear, [])
     added = [
         (value, signature)
@@ -239,7 +238,7 @@ def _without_effects(equations: NormalEquations) -> Columns:
 
 
 def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
-    """What is tolerated of sensors, drives and wind, with its standard deviations."""
+    """The tolerated errors of sensors, drives and wind, with their standard deviations."""
     layout = equations.layout
     some = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
     winds = wind_errors(equations.log, equations.model, equations.linear.origin)
@@ -250,7 +249,7 @@ def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
 def _forces(
     equations: NormalEquations, data: Columns, cells: Sequence[Cell], tolerated: list[Signature], scale: Floats
 ) -> list[Place]:
-    """The steady force of each cell by generalised least squares, a quantity's cells and axes together."""
+    """The steady force of each cell by generalised least squares, a quantity's cells and axes jointly."""
     extra = columns_of(equations.linear, tolerated)
     columns = Columns(
         np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
@@ -273,7 +272,7 @@ def _forces(
 
 
 def _fitted_forces(inner: Floats, equations: NormalEquations, number: int) -> tuple[Floats, Floats]:
-    """Forces [3, cells] that the model lacks and their standard errors, which hold what the model is granted."""
+    """Missing forces [3, cells] and their standard errors, which include the tolerances."""
     extent = equations.force_range
     fit = fit_columns(inner, range(1, 1 + 3 * number), np.repeat(_WIDE * extent / FORCE_UNITS, number))
     unit = FORCE_UNITS[:, None]
@@ -285,10 +284,10 @@ def _fitted_forces(inner: Floats, equations: NormalEquations, number: int) -> tu
 def _errors(
     equations: NormalEquations, data: Columns, cells: Sequence[Cell], tolerated: list[Signature], scale: Floats
 ) -> list[Place]:
-    """The mean error of a prediction of one second in each cell and motion channel: measured less predicted."""
+    """The mean error of one-second predictions in each cell and motion channel: measured less predicted."""
     log = equations.log
     error = -data.drive[:, :, 0]
-    within = np.append(np.diff(log.block) == 0, False)  # a block's last second is predicted by none
+    within = np.append(np.diff(log.block) == 0, False)  # nothing predicts across the end of a block
     cluster = log.leg if log.legs >= _ENOUGH_LEGS else log.block
     allowance = _allowance(equations, tolerated, scale)
     result: list[Place] = []
@@ -306,9 +305,9 @@ def _errors(
 
 
 def _allowance(equations: NormalEquations, tolerated: list[Signature], scale: Floats) -> Floats:
-    """What each tolerated thing at its standard deviation does to the errors of a second [T, 6, n].
+    """The change of the one-second errors with each tolerated error at its standard deviation [T, 6, n].
 
-    A sensor that is off shifts where a second seems to begin and where it seems to end.
+    A sensor error shifts both the start and the end of the second.
     """
     linear = equations.linear
     force = linear.B * (equations.tolerance * equations.force_range)
@@ -320,9 +319,10 @@ def _allowance(equations: NormalEquations, tolerated: list[Signature], scale: Fl
 
 
 def _clustered(values: Floats, cluster: Ints) -> tuple[Floats, Floats]:
-    """Means [C] of values [n, C] and their standard errors by the scatter of clusters (White 1980).
+    """Means [C] of values [n, C] and their standard errors from the scatter of clusters (White 1980).
 
-    Few clusters know little of their scatter: the error is widened so that it bounds 95 % like a normal one.
+    With few clusters the scatter is uncertain: the error is widened so that its 95 % interval is that of a
+    normal one.
     """
     mean = values.mean(axis=0)
     number = np.unique(cluster, return_inverse=True)[1]

@@ -1,16 +1,14 @@
-"""The nuisance basis: what may be wrong with model, sensors and sea without being an effect of the catalogue.
+"""The nuisance basis: errors of model, sensors and environment that are no effect of the catalogue.
 
-Three kinds of columns stand beside the effects' own in the design matrix, each with a standard deviation.
+Three kinds of columns accompany the effects in the design matrix, each with a standard deviation:
 
-- The model's tolerance. No reference model is exact: with the sensors' noise alone as the yardstick every trial
-  would show a missing effect. So the model is granted an error of a stated share of the force range and of
-  unknown shape: a Gaussian process over speeds and thruster settings, by random Fourier features (Rahimi and
-  Recht 2007).
-- Errors that every sensor and drive has anyway: the catalogue's own ``tolerance``, the wind that a vane reports
-  in still air, and settings that are recorded now and then only.
-- Families of smooth forces over heading, place, time and azimuth, and effects that vary. They name nothing:
-  they say whether something remains when the named effects have had their say, along which axis, and on what it
-  depends.
+- The model's tolerance. No reference model is exact: against the sensors' noise alone, every trial would show a
+  missing effect. So the model is allowed an error of a given share of the force range and of unknown shape: a
+  Gaussian process over speeds and thruster settings, by random Fourier features (Rahimi and Recht 2007).
+- Errors that every sensor and drive has: the catalogue's own ``tolerance``, the wind that an anemometer reports
+  in still air, and settings that are recorded only now and then.
+- Families of smooth forces over heading, position, time and azimuth, and of varying effects. They name nothing:
+  they show whether anything remains beside the named effects, along which axis, and what it depends on.
 """
 
 from __future__ import annotations
@@ -36,30 +34,31 @@ from hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 AXES = ("surge", "sway", "yaw")
 
 TOLERATED_SHARE = {"heading": 0.1, "place": 0.1, "time": 0.1, "azimuth": 1.0}
-"""What the model may be off by in each way, as a share of the tolerance: only what depends on speeds and thrusters
-is the model's own; but no sea is quite even."""
+"""The error allowed in each family, as a share of the tolerance. The model's own error depends on speeds and
+thrusters; the others are small, but no sea is uniform."""
 
 OPERATION = "operating point"
-"""What the forces depend on that the model's tolerance stands for: speeds and thruster settings."""
+"""The dependence of the tolerance's forces: speeds and thruster settings."""
 
 INTERACTIONS = ("speed", "drift", "turning", "thrust", "side thrust")
-"""With what a named effect may change that is rather a relative of the one that it is named for."""
+"""The quantities that a named effect may vary with if the truth is a related effect."""
 
 _HARMONICS, _TIMES = 4, 6
 _PLACES = {1.5: 8, 5.0: 16}
-"""So many waves over the place, by how many radians they turn over the area's size: banks are narrow."""
+"""Number of waves over the position, and by how many radians they turn over the size of the area: banks are
+narrow."""
 
 _EDGES = (0.25, 0.5, 0.75)  # of the largest azimuth that is used
-_FAINT = 0.1  # of a basis's largest singular value: a shape that is so faint is the difference of two alike
-_STAYS = 0.01  # of its usual range: what changes less says nothing of a change
+_FAINT = 0.1  # of the largest singular value: fainter shapes are differences of nearly equal ones
+_STAYS = 0.01  # of its usual range: with less variation nothing can be learned
 _SEED = 20260902
 _VARYING = {"ocean_current": ("place", "time"), "heading_bias": ("heading", "time"), "yaw_rate_bias": ("time",)}
-"""Effects of the catalogue that, varying, are none of it: a sheared current, a thrust that fades."""
+"""Effects that, when they vary, are no longer in the catalogue: a sheared current, a thrust that fades."""
 
 
 @dataclass(frozen=True, slots=True)
 class NuisanceBasis:
-    """Force features [T, M], what each depends on, and the signatures of effects that vary."""
+    """Force features [T, M], the quantity that each depends on, and the signatures of varying effects."""
 
     features: Floats
     depends: tuple[str, ...]
@@ -69,10 +68,10 @@ class NuisanceBasis:
 def nuisance_basis(
     log: Log, origin: Floats, effects: Sequence[Signature], interactions: Sequence[str] = ()
 ) -> NuisanceBasis:
-    """The families for a log. Constants are in none of them: they are effects of the catalogue.
+    """The families for a log. They contain no constants, which are effects of the catalogue.
 
-    Effects in ``interactions`` may also change with each of :data:`INTERACTIONS`, as a relative of theirs does that
-    is in no catalogue: a resistance for one that goes with the thrust.
+    Effects in ``interactions`` may also vary with each of :data:`INTERACTIONS`, as a related effect outside the
+    catalogue would: a resistance, say, for one that is proportional to the thrust.
     """
     bases = {
         "heading": _even(_harmonics(origin[:, 2], _HARMONICS)),
@@ -94,15 +93,16 @@ def nuisance_basis(
 
 
 def _variations(effect: str) -> tuple[str, ...]:
-    """With what an effect may vary: see :data:`_VARYING`; a thrust that fades, of each actuator by itself."""
+    """The quantities that an effect may vary with (:data:`_VARYING`); a fading thrust for each actuator
+    separately."""
     of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
     return ("time",) if of_one else _VARYING.get(effect, ())
 
 
 def _even(shapes: Floats) -> Floats:
-    """Shapes that span the same, orthogonal and of unit mean square over the log [T, at most M].
+    """An orthogonal basis of the same span, of unit mean square over the log [T, at most M].
 
-    So the squares of their coefficients add up to the mean square of what they make together.
+    So the sum of squared coefficients is the mean square of their combination.
     """
     if not shapes.shape[1]:
         return shapes
@@ -119,13 +119,13 @@ def _harmonics(angle_rad: Floats, number: int) -> Floats:
 
 
 def _times(time_s: Ints) -> Floats:
-    """Half waves over the whole of the time [T, 6]."""
+    """Half waves over the whole time span [T, 6]."""
     share = (time_s - time_s[0]) / max(float(time_s[-1] - time_s[0]), 1.0)
     return np.asarray(np.sqrt(2.0) * np.cos(np.pi * share[:, None] * np.arange(1, _TIMES + 1)))
 
 
 def _places(position_m: Floats) -> Floats:
-    """Smooth functions of the place [T, 24], long and short waves over the area."""
+    """Smooth functions of position [T, 24]: long and short waves over the area."""
     away = position_m - position_m.mean(axis=0)
     extent = max(float(np.sqrt((away**2).sum(axis=1).mean())), 1.0)
     generator = np.random.default_rng(_SEED)
@@ -139,15 +139,12 @@ def _places(position_m: Floats) -> Floats:
 
 
 def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
-    """Each of :data:`INTERACTIONS` [T, 1], away from its mean, of unit mean square.
-
-    Those that hardly change are left out.
-    """
+    """Each of :data:`INTERACTIONS` [T, 1], centred, of unit mean square; those that hardly vary are left out."""
     surge, sway, yaw_rate, *pushes = operating_point(log, origin).T
     ahead, aside = np.zeros(len(log)), np.zeros(len(log))
     for turns in thrusts(log).values():
         parts = [pushes.pop(0) for _ in turns]
-        if len(parts) == 2:  # what turns pushes along and across the ship; what does not is left out
+        if len(parts) == 2:  # turnable actuators push in surge and sway; the others are left out
             ahead, aside = ahead + parts[0], aside + parts[1]
     every = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(aside))
     return {
@@ -158,9 +155,9 @@ def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
 
 
 def _hinges(log: Log) -> Floats:
-    """How far what steers is beyond certain angles to either side [T, 6], zero below; [T, 0] without any.
+    """Hinge functions of the steering angles beyond certain angles to either side [T, 6]; [T, 0] without any.
 
-    Angles count as a stern azimuth's, positive to port: a rudder's has the other sign.
+    Angles are signed as for a stern azimuth thruster, positive to port; a rudder's sign is reversed.
     """
     angles = angle_columns(log.actuators)
     if not angles:
@@ -175,20 +172,21 @@ def _hinges(log: Log) -> Floats:
 
 
 FEATURES = 200
-"""So many a force: with 40 the tolerance is too poor a family, and every second trial shows a false effect."""
+"""Features for each force: with 40 the tolerance is too poor a family, and every second trial shows a false
+effect."""
 
 FEW = 50
-"""So many are enough for the noise, and where a model is off by far more than it is granted."""
+"""Enough for estimating the noise, and for models whose error is far beyond the tolerance."""
 
 _FEATURES_SEED = 20260901
 _LEAST_SHARE = 0.3
 
 
 def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
-    """The largest forces [3] (N, N, N m; 99 of 100 seconds are below) that the actuators exert in a trial.
+    """The actuators' force range in a trial [3] (N, N, N m): the 99th percentile.
 
-    Sideways and in yaw at least a share of what they push ahead would make there: a trial of straight runs is
-    no proof of a model that is exact across.
+    For sway and yaw at least a share of what the surge thrust would make there: a trial of straight runs does
+    not prove a model exact in sway.
     """
     forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
@@ -198,7 +196,7 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
 
 
 def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
-    """Random Fourier features [T, number] of unit mean square, of speeds and thruster settings."""
+    """Random Fourier features [T, number] of unit mean square, over speeds and thruster settings."""
     inputs = operating_point(log, origin)
     generator = np.random.default_rng(_FEATURES_SEED)
     frequency = generator.standard_normal((inputs.shape[1], number))
@@ -207,7 +205,7 @@ def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
 
 
 def thrusts(log: Log) -> dict[str, tuple[Floats, ...]]:
-    """Each actuator's thrust by its name, by its square-law size [T]: ahead and aside where it turns."""
+    """Each actuator's thrust [T] by name, as square-law magnitude: surge, and sway if it can be turned."""
     found, first, mean = dict[str, tuple[Floats, ...]](), 0, log.controls.mean(axis=1).T
     for each in log.actuators:
         angles = KINDS[each.kind].angles
@@ -219,9 +217,9 @@ def thrusts(log: Log) -> dict[str, tuple[Floats, ...]]:
 
 
 def operating_point(log: Log, origin: Floats) -> Floats:
-    """What a model error may depend on, each over its usual range: [T, quantities].
+    """The quantities that a model error may depend on, each over its usual range: [T, quantities].
 
-    Surge, sway, yaw rate; for each actuator the square-law size of its thrust, along and across where it turns.
+    Surge, sway, yaw rate; for each actuator its square-law thrust, in surge and sway if it can be turned.
     """
     pushes = [part for parts in thrusts(log).values() for part in parts]
     columns = np.column_stack([origin[:, SURGE : YAW_RATE + 1], *pushes])
@@ -251,7 +249,7 @@ _WIND_MPS = 0.3
 
 
 def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
-    """The standard deviation of what is tolerated of each signature's free coordinate [P], 0 for none."""
+    """The tolerated standard deviation of each signature's free coordinate [P], 0 for none."""
     result = []
     for each in signatures:
         effect = catalogue[each.effect]
@@ -264,7 +262,7 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
 
 
 def wind_error_mps(model: Model) -> float:
-    """What an anemometer is off by in each direction: its noise has a mean, and the ship disturbs the air."""
+    """The error [m/s] of an anemometer in each direction: its noise has a mean, and the ship disturbs the air."""
     return _WIND_MPS * growth("m/s", model.scale)
 
 

@@ -1,10 +1,10 @@
-"""From what remains to a new effect: the regime of operation that explains most of it, fitted and judged.
+"""New effects from residuals: the operating regime that explains most of them, fitted and tested.
 
-Where something systematic remains beside what is named, or nothing can be named, the force that the model as it is
-lacks second by second is searched for the regime in which it acts: astern or ahead, slow or fast, across, with a
-tunnel thruster under way, with the wind from one side. What explains most of one axis' force in parts of the trial
-that had no part in its size becomes an effect like any other (:mod:`hybrid.effects.regime`): it is fitted, and kept
-where it is there in most parts of the trial and brings predictions closer on legs left out.
+If something systematic remains beside the named effects, or nothing can be named, the force that the model
+lacks second by second is searched for the regime in which it acts: astern or ahead, slow or fast, sideways,
+with a tunnel thruster while under way, with the wind from one side. The regime that explains most of one axis'
+force in held-out parts of the trial becomes an effect like any other (:mod:`hybrid.effects.regime`): it is
+fitted, and kept if it is found in most parts of the trial and brings predictions of held-out legs closer.
 """
 
 from __future__ import annotations
@@ -30,25 +30,26 @@ from hybrid.diagnosis.select_effects import fitted_coordinates, linear_about
 from hybrid.effects import Effect
 from hybrid.effects.regime import Regime, quantities_along, regime_effect
 
-_LEAST_S = 30  # of a regime: half a minute of a force that changes with the ship's own time constant
-_LEAST_SHARE, _FEW = 0.2, 3  # of an axis' force that the model lacks: its largest causes
-_PLAIN = 0.02  # of that share, which a steeper growth or one more edge has to bring
-_SECOND = 0.05  # of it, which a second span has to bring
+_LEAST_S = 30  # of a regime: about a time constant of the ship
+_LEAST_SHARE, _FEW = 0.2, 3  # of an axis' missing force; number of regimes
+_PLAIN = 0.02  # extra share required for a higher power or another edge
+_SECOND = 0.05  # extra share required for a second span
 _GROWING = ("speed_mps", "sway_mps", "yaw_rate_dps", "rpm", "wind_mps")
 _FINEST = {
     "speed_mps": 0.25, "surge_mps": 0.25, "sway_mps": 0.25, "yaw_rate_dps": 0.25, "wind_mps": 1.0,
     "drift_angle_deg": 5.0, "azimuth_deg": 5.0, "rudder_deg": 2.0, "nozzle_deg": 2.0,
 }  # fmt: skip
 _FINEST_RPM = 10.0
-_ONLY_RUNNING = ("azimuth_deg", "nozzle_deg")  # the angle of what does not push means nothing
+_ONLY_RUNNING = ("azimuth_deg", "nozzle_deg")  # meaningful only while it pushes
 
 
 @dataclass(frozen=True, slots=True)
 class FoundRegime:
-    """A regime, the effect that it is written as, and what the data say of that.
+    """A regime, the effect that it is written as, and the evidence for it.
 
-    ``value`` and ``error`` are the force (N, or N m in yaw) and its standard error; ``share`` is that of the axis'
-    force that the model lacks, ``after_m`` the mean distance on legs left out with it and those found before [m].
+    ``value`` and ``error`` are the force (N, or N m in yaw) and its standard error; ``share`` is its share of
+    the missing force of its axis, ``after_m`` the mean distance on held-out legs with it and those found before
+    [m].
     """
 
     name: str
@@ -65,7 +66,7 @@ _Priced: TypeAlias = tuple[Regime, float]
 
 @dataclass(frozen=True, slots=True)
 class _Explained:
-    """A regime, its force, the share that it explains, and what it has to explain more than the plainest."""
+    """A regime, its force, the share that it explains, and the extra share required of it for its complexity."""
 
     regime: Regime
     size: float
@@ -78,10 +79,11 @@ class _Explained:
 
 
 def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) -> list[tuple[Regime, float, float]]:
-    """The regime that explains most of each axis of ``force`` [T, 3], its force and its share; the largest first.
+    """The regime that explains most of each axis of ``force`` [T, 3], with its force and share, the largest
+    first.
 
-    ``quantities`` are [T] each, ``fold`` [T] the part of the trial that each second is in: a share is that of parts
-    that had no part in the size. None of an axis where nothing explains a fifth of it.
+    ``quantities`` are [T] each, ``fold`` [T] the part of the trial of each second: shares are computed on parts
+    that were not used for the size. No regime for an axis where none explains a fifth.
     """
     tried = list(_candidates(quantities))
     best = [_narrowed(each, tried, quantities, force, fold) for each in _best(tried, quantities, force, fold)]
@@ -91,7 +93,7 @@ def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) ->
 def _narrowed(
     found: _Explained, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
 ) -> _Explained:
-    """A regime with a second span, where that explains so much more."""
+    """A regime restricted by a second span, where that explains enough more."""
     more = [
         (replace(found.regime, within={**found.regime.within, **other.within}), found.price + _SECOND)
         for other, _ in tried
@@ -102,7 +104,7 @@ def _narrowed(
 
 
 def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
-    """Regimes of one span, or of none, and what each has to explain more than the plainest."""
+    """Regimes of one span, or of none, and the extra share required of each for its complexity."""
     growing = {
         name: _round(values) for name, values in quantities.items() if name in _GROWING or name.endswith("_rpm")
     }
@@ -118,7 +120,7 @@ def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
 
 
 def _spans(name: str, values: Floats) -> Iterator[tuple[tuple[float, float], float]]:
-    """Either side of zero, either side of each round edge, between two of them."""
+    """Spans on either side of zero, on either side of each round edge, and between two edges."""
     known = values[np.isfinite(values)]
     if len(known) < _LEAST_S:
         return
@@ -135,13 +137,13 @@ def _spans(name: str, values: Floats) -> Iterator[tuple[tuple[float, float], flo
 
 
 def _round(values: Floats) -> float:
-    """A round number near the largest size of a quantity."""
+    """A round number near the largest magnitude of a quantity."""
     size = float(np.nanquantile(np.abs(values), 0.95))
     return float(f"{size:.1g}") if size > 0.0 else 1.0
 
 
 def shape_of(regime: Regime, quantities: Mapping[str, Floats]) -> Floats:
-    """The share of its force that acts second by second [T]."""
+    """The share of a regime's force that acts in each second [T]."""
     shape = np.ones(len(next(iter(quantities.values()))))
     if regime.grows_with is not None:
         growth = quantities[regime.grows_with]
@@ -155,7 +157,7 @@ def shape_of(regime: Regime, quantities: Mapping[str, Floats]) -> Floats:
 def _best(
     tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
 ) -> list[_Explained]:
-    """For each axis the regime whose share less its price is largest, where any explains enough."""
+    """For each axis the regime with the largest share less its required extra, if any explains enough."""
     if not tried:
         return []
     shapes = np.column_stack([shape_of(regime, quantities) for regime, _ in tried])
@@ -172,10 +174,11 @@ def _best(
 
 
 def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
-    """What each of ``shapes`` [T, M] explains of ``force`` [T, 3]: its size, its share, and whether parts agree.
+    """The size, the share of ``force`` [T, 3] explained, and the consistency over parts, of each of ``shapes``
+    [T, M].
 
-    [M, 3] each. The share is that of the squares in each part with the size of all others; most parts agree in
-    sign.
+    [M, 3] each. The share is that of the squares in each part with the size fitted to all others; consistent
+    means that most parts agree in sign.
     """
     parts = [fold == each for each in np.unique(fold)]
     products = np.array([shapes[part].T @ force[part] for part in parts])
@@ -189,10 +192,12 @@ def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats
 
 
 def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
-    """Where the model as it is lacks most, whatever is named of it; ``bare`` is the evidence of that model.
+    """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is the evidence of that
+    model.
 
-    Without the effect that is missing, a search names what imitates it. One is added after the other, as long as
-    each explains a fifth of an axis' force that is missing then and brings predictions on legs left out closer.
+    Without the missing effect in the catalogue, a search names imitations of it. Regimes are added one after
+    the other as long as each explains a fifth of an axis' remaining force and brings predictions of held-out
+    legs closer.
     """
     found, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
     while len(found) < _FEW:
@@ -206,7 +211,7 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    """Effects, the evidence linear about them, and the mean distance by leg with them [legs with windows]."""
+    """Effects, the evidence linearised about them, and the mean distance by leg with them [legs with windows]."""
 
     names: tuple[str, ...]
     evidence: Evidence
@@ -214,12 +219,12 @@ class _Fitted:
 
     @classmethod
     def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
-        """``names`` fitted, the equations linear about them."""
+        """``names`` fitted, and the evidence linearised about them."""
         linear = linear_about(evidence, fitted_coordinates(evidence, names), number=FEW)
         return cls(names, linear, _off_m(windows, linear, names))
 
     def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:
-        """The same with one effect more, whose signature is all that is new."""
+        """The same with one more effect; only its signature is new."""
         equations, names = self.evidence.equations, (*self.names, effect.name)
         model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
         own = signatures(equations.log, model, equations.linear.origin, [effect.name])
@@ -232,7 +237,7 @@ class _Fitted:
 def _added(
     now: _Fitted, windows: UnseenWindows, regime: Regime, size: float, share: float
 ) -> tuple[FoundRegime, _Fitted] | None:
-    """A regime fitted beside what there is; None where it brings too little or is not there throughout."""
+    """A regime fitted beside the existing effects; None if it gains too little or is not consistent."""
     effect = regime_effect(_name_of(regime), regime, size)
     if effect.name in now.names:
         return None
@@ -248,7 +253,7 @@ def _added(
 
 
 def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
-    """The size of an effect of one parameter and its standard error, over the scatter from leg to leg."""
+    """The size of a one-parameter effect and its standard error, from the scatter between legs."""
     evidence, names = fitted.evidence, fitted.names
     fit = evidence.fit(names, prior=True)
     (place,) = evidence.places(fit, name)
@@ -257,21 +262,21 @@ def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
 
 
 def _lacking(evidence: Evidence) -> list[tuple[Regime, float, float]]:
-    """The regimes in which the model with what is added lacks most."""
+    """The regimes in which the model with its effects lacks most."""
     log, linear = evidence.equations.log, evidence.equations.linear
     seen = quantities_along(log.actuators, linear.origin, log.controls.mean(axis=1), log.wind)
     return find_regimes(seen, map_of(evidence.equations, with_effects=True).force, fold_of(log))
 
 
 def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
-    """The mean distance by leg with ``names`` at the sizes that all other folds give [legs with windows]."""
+    """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     known = replace(windows, model=replace(windows.model, catalogue=catalogue))
     return known.by_leg_m(known.by_other_folds(sizes_without(evidence_without(known, evidence), names)))
 
 
 def _name_of(regime: Regime) -> str:
-    """A name by the axis and the regime: ``surge_force_rpm_below_0``."""
+    """A name from the axis and the regime: ``surge_force_rpm_below_0``."""
     spans = [_span_name(each, *span) for each, span in regime.within.items()]
     growth = [] if regime.grows_with is None or spans else [f"with_{_bare(regime.grows_with)}"]
     return "_".join([regime.axis, "moment" if regime.axis == "yaw" else "force", *(spans or growth)])

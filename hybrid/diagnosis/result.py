@@ -1,6 +1,7 @@
-"""What a diagnosis comes to: results that print, and go to JSON and back (:mod:`acquisition.core.serialisation`).
+"""Results of a diagnosis, which print and are written to and read from JSON
+(:mod:`acquisition.core.serialisation`).
 
-The fields that are not left out, in their order, are ``diagnosis.json`` and ``ladder.json``.
+The serialised fields, in their order, are ``diagnosis.json`` and ``ladder.json``.
 """
 
 from __future__ import annotations
@@ -31,10 +32,11 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """One effect of the catalogue as the ranking shows it.
+    """One effect of the catalogue in the ranking.
 
-    ``evidence`` is the log odds by which the model is better with it alone, ``p_value`` is corrected for the size
-    of the catalogue. ``limit`` is the size of the first parameter that would be found in 9 of 10 such trials.
+    ``evidence`` is the log odds by which the model is better with it alone, ``p_value`` is corrected for the
+    size of the catalogue. ``limit`` is the size of the first parameter that would be found in 9 of 10 such
+    trials.
     """
 
     name: str
@@ -47,7 +49,8 @@ class Suspect:
 
 @dataclass(frozen=True, slots=True)
 class Replication:
-    """In how many of so many disjoint parts of a trial an effect is found by itself, with its sign in the whole."""
+    """The number of disjoint parts of a trial in which an effect is found independently, with its sign in the
+    whole."""
 
     parts: int
     found: int
@@ -55,7 +58,7 @@ class Replication:
 
 @dataclass(frozen=True, slots=True)
 class When:
-    """The part of a trial in which an effect has the size that is given: a recording, until or since a time (UTC).
+    """The part of a trial in which an effect has the given size: a recording, until or since a time (UTC).
 
     ``low`` and ``high`` are the ends of the 95 % interval of that time.
     """
@@ -69,7 +72,8 @@ class When:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """What an effect drifted from, evenly ``since`` a time ``until`` another (UTC), to the size that is given."""
+    """The size from which an effect drifted linearly, ``since`` one time ``until`` another (UTC), to the given
+    size."""
 
     since: str
     until: str
@@ -78,11 +82,12 @@ class Drift:
 
 @dataclass(frozen=True, slots=True)
 class NamedEffect:
-    """An effect that was named, with its share of the gap on windows that took no part.
+    """A named effect, with its share of the gap on windows not used for fitting.
 
-    Its ``scope`` says whether it is the ship's, the day's or a recording's. Where it is not the same in all of the
-    trial, there is one for each part, each with its ``when``; the share of the gap, the chance and the replication
-    are those of the whole. ``in_vessel`` says whether it is still there at the end and the ship's to keep.
+    ``scope`` is the ship, the day or a recording. An effect that varies over the trial has one entry for each
+    part, each with its ``when``; the share of the gap, the p-value and the replication are those of the whole.
+    ``in_vessel`` says whether it is still present at the end and belongs to the ship, and so is written to the
+    vessel file.
     """
 
     name: str
@@ -101,7 +106,7 @@ class NamedEffect:
 
     @property
     def part(self) -> str:
-        """The part of the trial that the sizes are of, for a table; nothing where it is all of it."""
+        """The part of the trial of these sizes, for a table; empty if all of it."""
         if self.when is None:
             return "" if self.drift is None else f" at {self.drift.until}"
         if self.when.recording is not None:
@@ -120,7 +125,7 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class UnknownCause:
-    """What no effect of the catalogue explains: its share of the gap, on what it depends, what it looks like."""
+    """What no effect of the catalogue explains: its share of the gap, what it depends on, what it resembles."""
 
     share_of_gap: Number
     where: tuple[str, ...]
@@ -129,8 +134,8 @@ class UnknownCause:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What stays unexplained beside effects that are named: its share of the force range and of the gap, on what it
-    depends, what it looks like."""
+    """What remains unexplained beside the named effects: its share of the force range and of the gap, what it
+    depends on, what it resembles."""
 
     share_of_range: Number
     share_of_gap: Number
@@ -140,11 +145,11 @@ class Remainder:
 
 @dataclass(frozen=True, slots=True)
 class RegimeEffect:
-    """A force that the model lacks in a regime of operation, written as an effect (:mod:`hybrid.effects.regime`).
+    """A force that the model lacks in an operating regime, written as an effect (:mod:`hybrid.effects.regime`).
 
-    ``within`` has the ends of each quantity's span, None where it is open; ``parameters`` its size;
-    ``share_of_force`` is that of its axis' force that was missing before, ``after_m`` the mean distance on legs
-    left out with it and those before it [m].
+    ``within`` has the ends of each quantity's span, None if open; ``parameters`` its size; ``share_of_force``
+    its share of the missing force of its axis, ``after_m`` the mean distance on held-out legs with it and those
+    before it [m].
     """
 
     name: str
@@ -172,9 +177,9 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Mean distance of predicted from measured tracks [m], over windows that took no part in naming or fitting.
+    """Mean distance of predicted from measured tracks [m], over windows not used for naming or fitting.
 
-    ``constant_velocity_m`` is that of holding the surge, sway and yaw rate of a window's start.
+    ``constant_velocity_m`` is that of keeping surge, sway and yaw rate of a window's start.
     """
 
     before_m: Number
@@ -187,7 +192,7 @@ class Gap:
     @computed_field  # type: ignore[prop-decorator]
     @property
     def closed(self) -> float:
-        """The share of what could be closed that is."""
+        """The share closed of the gap that could be closed."""
         could = self.before_m - self.floor_m
         return (self.before_m - self.after_m) / could if could > 0.0 else 1.0
 
@@ -196,9 +201,9 @@ class Gap:
 class Tracks:
     """Windows of H seconds [N]: measured and predicted tracks [N, H+1, 3] (north, east [m], heading [rad]).
 
-    ``before`` is the reference model's, ``after`` that of the model with what other legs named, ``floor`` with what
-    all legs together give; ``constant_velocity`` keeps the first speed. ``leg`` and ``start_s`` [N] say where and
-    when, ``controls`` what the actuators did, by channel [N, H+1].
+    ``before`` is the reference model's, ``after`` that with the effects from other legs, ``floor`` that with
+    the effects from all legs; ``constant_velocity`` keeps the initial speeds. ``leg`` and ``start_s`` [N]
+    locate the windows, ``controls`` has the actuator channels [N, H+1].
     """
 
     measured: Floats
@@ -224,11 +229,11 @@ class Ratio:
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """What a calibrator adds: mean distances [m] by rung, with 95 % intervals by legs, on held windows of legs that
-    took no part.
+    """The gain of a calibrator: mean distances [m] by rung, with 95 % intervals over legs, on held windows of
+    held-out legs.
 
-    The rungs are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the named
-    model only where something was named. Without rungs ``why_not`` says why there are none.
+    The rungs are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the
+    named model only if something was named. Without rungs ``why_not`` gives the reason.
     """
 
     horizon_s: int
@@ -240,26 +245,26 @@ class Ladder:
     why_not: str | None = None
 
     def ratio(self, of: str, to: str) -> Ratio:
-        """The ratio of two rungs. Raises :class:`StopIteration` where it is none of :attr:`ratios`."""
+        """The ratio of two rungs. Raises :class:`StopIteration` if it is none of :attr:`ratios`."""
         return next(each for each in self.ratios if (each.of, each.to) == (of, to))
 
 
 @dataclass(frozen=True, slots=True)
 class Correlation:
-    """How the estimates of the named effects hang together: a name for each free coordinate, and the matrix [P,
+    """Correlations of the estimates of the named effects: a name for each free coordinate, and the matrix [P,
     P]."""
 
     names: tuple[str, ...]
     matrix: Floats
 
     def correlated_pairs(self) -> list[tuple[str, str, float]]:
-        """Pairs that these data cannot tell apart in size, and their correlation."""
+        """Pairs whose sizes these data cannot separate, with their correlation."""
         return correlated_pairs(self.names, self.matrix)
 
 
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
-    """The trial to make next: what it is, which effects it separates, and the evidence expected from it."""
+    """The next trial: the manoeuvre, the effects it separates, and the evidence expected from it."""
 
     what: str
     separates: tuple[str, str]
@@ -269,13 +274,14 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedCorrection:
-    """A refit of the model's coefficients that a diagnosis starts from, and what its structure can close.
+    """A refit of the model's coefficients that a diagnosis starts from, and how much the model structure can
+    close.
 
-    ``before_m`` and ``after_m`` are mean distances over windows of legs that took no part in the refit, of the
-    model as it was and with the coefficients of the other legs; ``applied`` says whether the diagnosis starts from
-    the refit, which it does where these legs come closer. ``forces`` are what the refit to all legs changes, root
-    mean square along the trial as shares of the range of the forces; ``coefficients`` what it comes to and
-    ``start`` what it came from; ``known`` are those that the data tell by themselves.
+    ``before_m`` and ``after_m`` are mean distances over windows of held-out legs, of the model as it was and
+    with the coefficients fitted to the other legs; ``applied`` says whether the diagnosis starts from the
+    refit, which it does if it improves these. ``forces`` are the changes of the forces by the refit to all
+    legs, root mean square along the trial as shares of the force range; ``coefficients`` are its values and
+    ``start`` the ones before; ``known`` are those that the data determine.
     """
 
     applied: bool
@@ -292,7 +298,8 @@ class IdentifiedCorrection:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The whole of it: what is named or not, how sure that is, and what it changes; ``diagnosis.json``."""
+    """A diagnosis: the named effects, how certain they are, and how they change predictions;
+    ``diagnosis.json``."""
 
     verdict: Verdict
     tolerance: float
@@ -312,7 +319,7 @@ class Diagnosis:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """The contract's JSON object; numbers that are not finite are None."""
+        """The JSON object; numbers that are not finite are None."""
         return dict(to_json(self))
 
     def __str__(self) -> str:
@@ -338,14 +345,14 @@ class Diagnosis:
 
 
 FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
-"""The forces of a map, along the ship, across and in yaw."""
+"""The forces of a map: surge, sway and yaw."""
 
 
 @dataclass(frozen=True, slots=True)
 class Map:
-    """Where model and trial disagree: all cells, and the force that the model lacks second by second.
+    """Where model and trial disagree: all cells, and the missing force second by second.
 
-    ``force`` [T, 3] is the reconstructed slow force [N, N, N m], ``quantities`` [T] what the cells are of.
+    ``force`` [T, 3] is the reconstructed slow force [N, N, N m], ``quantities`` [T] are those of the cells.
     """
 
     places: tuple[Place, ...]
@@ -355,10 +362,11 @@ class Map:
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """One contradiction: the sensor effect that explains it best, and its size.
+    """A contradiction between sensors: the sensor fault that explains it best, and its size.
 
     ``free`` and ``standard_errors`` are of its free coordinates, in the units of its parameters; ``p_value`` is
-    corrected for the number of effects tested. ``alike`` are effects that without a ship model look the same.
+    corrected for the number of effects tested. ``alike`` are effects that are indistinguishable without a ship
+    model.
     """
 
     effect: str
@@ -371,9 +379,9 @@ class Consistency:
 
 @dataclass(frozen=True, slots=True)
 class Extras:
-    """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, the
-    sensors' contradictions, how the estimates are correlated, and what a calibrator adds (None where nobody
-    looked)."""
+    """What the page shows besides the diagnosis: the maps of the reference model and of the repaired one,
+    contradictions between sensors, correlations of the estimates, and the gain of a calibrator (None if not
+    computed)."""
 
     map: Map | None = None
     map_after: Map | None = None

@@ -1,8 +1,8 @@
-"""Stepwise selection: which effects the data ask for, by forward, backward and swap steps over the catalogue.
+"""Stepwise selection of effects by evidence: forward, backward and swap steps over the catalogue.
 
-The evidence for a set of effects weighs how well they explain the data against how much they could have explained
-(MacKay 1992, Kass and Raftery 1995); each effect pays besides for the catalogue's size. Whatever the search brings
-must then stand the tests of :mod:`.acceptance` by itself, given the others.
+The evidence for a set of effects weighs how well they explain the data against how much they could have
+explained (MacKay 1992, Kass and Raftery 1995); each effect also pays a penalty for the size of the catalogue.
+Every selected effect must then pass the tests of :mod:`.acceptance`, given the others.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, r
 from hybrid.diagnosis.linearise import Signature, linearise
 
 CLOSE = 4.5
-"""A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
+"""A rival that lacks less log evidence than this stays in the answer: the truth is excluded once in 700 times."""
 
 SEEN = 3.0
-"""So many times as much a rival lacks that is told of, or looked at about itself."""
+"""A factor: rivals that lack up to this many times as much are reported, or examined at their own
+linearisation."""
 
 _PAIRS_OF = 8
-_EXACT = 1e-9  # as numbers of 64 bits go
-_SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
+_EXACT = 1e-9  # relative rounding error allowed in 64 bits
+_SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, and of the size
 MOST = 6
-"""Effects at once that a search looks for."""
+"""The largest number of effects in a search."""
 
 LOOKS = 10
-"""So often the equations are made linear anew at most."""
+"""The largest number of linearisations."""
 
-_CLOSER = 3  # delays by themselves that are looked at closer where several effects seem to be at work
-_SWAPS, _DOUBT = 2, 0.25  # rivals that are looked at closer, where they lack less than this of the evidence
+_CLOSER = 3  # single delays examined more closely where several effects seem present
+_SWAPS, _DOUBT = 2, 0.25  # rivals examined more closely, if they lack less than this share of the evidence
 
 Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
 def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """The set of at most :data:`MOST` effects with the highest evidence that steps from nothing, or any good pair,
-    lead to."""
+    """The set of at most :data:`MOST` effects with the highest evidence, reached by steps from the empty set or
+    any good pair."""
     allowed = [name for name in evidence.names if name not in barred]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
@@ -53,7 +54,7 @@ def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> 
 
 
 def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
-    """Adding, dropping and swapping one effect at a time, the best step first, until no step gains."""
+    """Add, drop or swap one effect at a time, the best step first, until no step gains."""
     best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
     while True:
         steps = _steps(names, allowed)
@@ -73,32 +74,29 @@ def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ..
 
 
 def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
-    """Effects that could stand in the place of ``name``: others than itself over the same or another part of the
-    trial."""
+    """Effects that could replace ``name``, other than itself over the same or another part of the trial."""
     others, catalogue = tuple(each for each in names if each != name), evidence.equations.model.catalogue
     every = [each for each in evidence.names if each not in names and catalogue[each].base != catalogue[name].base]
     return [each for each in every if evidence.possible((*others, each))]
 
 
 def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
-    """Effects that would explain almost as much in the place of ``name``: by how much less, in log evidence."""
+    """Effects that would explain almost as much in the place of ``name``, with the log evidence that they lack."""
     others = tuple(each for each in names if each != name)
     mine = evidence.log_odds(names)
     return {rival: mine - evidence.log_odds((*others, rival)) for rival in possible_rivals(evidence, names, name)}
 
 
 def log_density(evidence: Evidence, names: Sequence[str]) -> float:
-    """Log density of the data with these effects and their priors, up to what all views have in common."""
+    """Log density of the data with these effects and their priors, up to a constant common to all
+    linearisations."""
     equations = evidence.equations
     determinant = restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
     return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
 
 
 def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
-    """The free coordinates at which the equations are to be made linear next.
-
-    Beside those that are at their bounds the others are fitted anew.
-    """
+    """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
     model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
     while True:
         rest, free = evidence.beside(held), [name for name in names if name not in held]
@@ -114,9 +112,9 @@ def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
 def has_converged(
     evidence: Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
 ) -> bool:
-    """Whether the equations are linear about what is found already.
+    """Whether the linearisation is already about the solution.
 
-    Nothing moves by more than so many standard errors and a share of its size.
+    No coordinate moves by more than a fraction of its standard error plus a share of its size.
     """
     if set(names) != set(at):
         return False
@@ -128,11 +126,11 @@ def has_converged(
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The fourth stage's result: the effects that explain the data best, before they are tested.
+    """The result of the fourth stage: the effects that explain the data best, before testing.
 
-    ``names`` are the effects and ``evidence`` is linear about ``at``, their free coordinates; ``barred`` may not be
-    selected any more. ``tried`` has the log density of the data with each set that the search began from, linear
-    about itself; ``looks`` counts how often the equations were made linear.
+    ``names`` are the effects and ``evidence`` is linearised about ``at``, their free coordinates; ``barred``
+    ones may no longer be selected. ``tried`` has the log density of the data with each starting set, linearised
+    about itself; ``looks`` counts the linearisations.
     """
 
     names: tuple[str, ...]
@@ -144,13 +142,14 @@ class Selection:
 
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
-    """The fourth stage: stepwise selection by evidence, linear anew about what is found until that stays."""
+    """The fourth stage: stepwise selection by evidence, linearised anew about the result until it no longer
+    changes."""
     at, tried = _starting_point(evidence)
     return search_on(Selection((), evidence, at, tried=tried), progress)
 
 
 def search_on(selection: Selection, progress: Progress = lambda share: None) -> Selection:
-    """Search among what is not barred, first about the coordinates of ``selection``, until what is found stays."""
+    """Search among the effects not barred, starting from the linearisation of ``selection``, until converged."""
     evidence, at = selection.evidence, selection.at
     for number in range(selection.looks + 1, LOOKS + 1):
         evidence = linear_about(evidence, at) if at else evidence
@@ -165,9 +164,10 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
 def linear_about(
     evidence: Evidence, at: Coordinates, known: Sequence[Signature] | None = None, number: int | None = None
 ) -> Evidence:
-    """The evidence of the same data with the equations linear about effects ``at`` these free coordinates.
+    """The evidence of the same data, linearised about effects ``at`` these free coordinates.
 
-    ``known`` are signatures that are at hand; the tolerance has ``number`` features, by default as before.
+    ``known`` are signatures that are already computed; the tolerance has ``number`` features, by default as
+    before.
     """
     before = evidence.equations
     linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known)
@@ -176,10 +176,10 @@ def linear_about(
 
 
 def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
-    """What to be linear about first, and how well each set that was tried explains the data, linear about itself.
+    """The first linearisation, and the log density of the data with each set tried, linearised about itself.
 
-    It is what the search finds with the equations linear about no effect, or what is almost as good there: the
-    linear signature of a large effect, taken at zero, is not its signature at its size.
+    It is the result of a search linearised about no effect, or one that is almost as good there: the
+    sensitivity to a large effect at zero is not its sensitivity at its size.
     """
     names = search_effects(evidence)
     starts = list(dict.fromkeys([
@@ -197,7 +197,7 @@ def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ..
 
 
 def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Coordinates, Evidence]:
-    """A set of effects at the values that explain most, as far as two steps go, and the evidence about them."""
+    """A set of effects at the values that explain most, as far as two steps reach, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
     seen = linear_about(evidence, at)
     if not seen.possible(names) or has_converged(seen, names, at, _SETTLED, _SETTLED_SHARE):
@@ -207,7 +207,8 @@ def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Co
 
 
 def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Strong delays, each by itself: linear about zero, a long one looks like several others as much as itself."""
+    """Strong delays, each by itself: linearised about zero, a long delay resembles several others as much as
+    itself."""
     late = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
     if len(names) < 2 or not late & set(names):
         return []
@@ -216,7 +217,7 @@ def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str
 
 
 def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The same effects with a rival in the place of one that it comes close to, for the evidence there is."""
+    """The same effects with one replaced by a close rival, to be compared at their own linearisation."""
     found = []
     for name in names:
         others = tuple(each for each in names if each != name)
@@ -229,7 +230,7 @@ def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class Swap:
-    """``names``, in which ``rival`` stands in the place of ``name``, and the evidence linear about them."""
+    """``names``, in which ``rival`` replaces ``name``, and the evidence linearised about them."""
 
     name: str
     rival: str
@@ -238,10 +239,10 @@ class Swap:
 
 
 def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[Swap]:
-    """What may stand in the place of one of ``names``, each seen at the sizes that explain most with it.
+    """Candidates to replace one of ``names``, each linearised about its own best fit.
 
-    These are the same lag or play on other drives, from the same size on, and the closest of those that seem to
-    lack little: about another effect a rival is not what it is about itself.
+    These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
+    linearised about another effect, a rival looks different.
     """
     at, found = fitted_coordinates(evidence, names), list[Swap]()
     for name in names:
@@ -270,9 +271,10 @@ def _on_other_drives(evidence: Evidence, name: str, others: Sequence[str]) -> li
 
 
 def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """The same effects with a lag or a play on other drives in the place of one that is found.
+    """The same effects with a lag or a play found on one drive moved to others.
 
-    They have one side only, and far from nothing do other than near it: one drive is easily taken for another.
+    They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for
+    another.
     """
     found = []
     for name in names:
@@ -284,7 +286,7 @@ def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ..
 def rival_deficits(
     evidence: Evidence, names: tuple[str, ...], tried: Mapping[tuple[str, ...], float]
 ) -> dict[tuple[str, str], float]:
-    """What rivals lack that were tried in the place of one of ``names``."""
+    """The log evidence that rivals of ``names`` lack, where they were tried."""
     mine, result = log_density(evidence, names), {}
     for some, density in tried.items():
         out, put = set(names) - set(some), set(some) - set(names)

@@ -1,9 +1,9 @@
-"""Which sensors contradict each other, found with no ship model at all.
+"""Sensor faults found from contradictions between sensors, without a ship model.
 
-Speeds over ground turned by the heading must add up to the track, and yaw rates to the heading, whatever moves the
-ship. So the filter is asked with forces so irregular that the dynamics say nothing, and only what sensors do is
-searched. Water, hull and thrusters cannot show here; nor can an error that all sensors share, such as one delay
-of all.
+Speeds over ground rotated by the heading must integrate to the track, and yaw rates to the heading, whatever
+moves the ship. So the filter is run with process noise so large that the dynamics carry no information, and
+only sensor effects are searched. Water, hull and thrusters cannot show here; nor can errors that all sensors
+share, such as a common delay.
 """
 
 from __future__ import annotations
@@ -41,17 +41,18 @@ from hybrid.diagnosis.select_effects import (
 from hybrid.effects import Catalogue
 from hybrid.vessel.sensors import HEADING
 
-_UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
-_SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: that much all sensors together may be off, and nobody would know
+_UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: uninformative change of speed in a second
+_SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: undetectable error shared by all sensors
 _DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
 _LOOKS = 6
 _SETTLED = 0.5  # of a standard error
 
 
 def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | None:
-    """The sensor effects with which the sensors of ``log`` contradict each other, selected as others are; or None.
+    """The sensor effects that explain the contradictions in ``log``, selected like other effects; None without
+    any.
 
-    ``model`` gives the catalogue, and the plant only what happens within a second; its effects are left out.
+    ``model`` provides the catalogue, and its plant the motion within a second; its effects are left out.
     """
     sensors = motion_sensors(log, model)
     if not sensors:
@@ -67,7 +68,7 @@ def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | No
 
 
 def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Of two that look alike the one that stands first in the catalogue, the commoner; the other is its rival."""
+    """Of two indistinguishable effects the first in the catalogue, the more common one; the other is its rival."""
     order = list(evidence.names)
     for name in names:
         less = rivals_of(evidence, names, name)
@@ -80,7 +81,7 @@ def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def motion_sensors(log: Log, model: Model) -> Catalogue:
-    """The sensor effects that change what is reported of the motion: not those of the wind sensor."""
+    """The sensor effects on the reported motion, not those of the wind sensor."""
     sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
     plain = replace(model, at={})
     seen = {each.effect for each in signatures(log, plain, log.nominal, sensors) if np.abs(each.E).max() > 0.0}
@@ -88,17 +89,17 @@ def motion_sensors(log: Log, model: Model) -> Catalogue:
 
 
 def without_dynamics(noise: Noise, linear: LinearModel) -> Noise:
-    """``noise`` with forces so irregular that a second's speed says nothing of the next one's."""
+    """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(each) for each in _UNKNOWN / np.maximum(answer, 1e-12))
     return replace(noise, gust=(surge, sway, yaw))
 
 
 def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
-    """The effects that stand their tests, seen where the equations about them explain the data best.
+    """The effects that pass their tests, at the linearisation that explains the data best.
 
-    To be linear about what was found mostly helps; but a long delay, made by interpolation between seconds, is no
-    better than the slope of a short one.
+    Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
+    better than the first-order effect of a short one.
     """
     barred: frozenset[str] = frozenset()
     at: Coordinates = {}
@@ -121,11 +122,11 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, .
 
 
 def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
-    """The log through the sensors' effects only; what is tolerated of each sensor is a nuisance.
+    """The regression on the sensor effects only; the tolerance of each sensor is a nuisance.
 
-    The motion that the equations are linear about stays: sensors that err are no reason to doubt where the ship
-    went, and only what they report of it moves with the effects. What all sensors share, one delay, another point
-    or another axis of the ship, is a nuisance too: it shows only as far as speeds do not change evenly in a second.
+    The trajectory of the linearisation is kept: sensor errors do not change where the ship went, only what is
+    reported of it. Errors shared by all sensors (one delay, another reference point or axis) are nuisances too:
+    they show only where speeds change nonlinearly within a second.
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
@@ -156,7 +157,8 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
 
 
 def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], list[Signature]]:
-    """What each sensor effect does, and what all sensors may share; what hangs on the motion, by kinematics."""
+    """The signatures of each sensor effect and of the errors shared by all sensors; those that depend on the
+    motion by kinematics."""
     none, known = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
     steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, Varied)]
@@ -174,7 +176,7 @@ def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature]
 
 
 def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
-    """What a second of delay, a metre of lever arm and a degree of turn do to what is reported [T, 6]."""
+    """The change of the readings [T, 6] with a second of delay, a metre of lever arm and a degree of rotation."""
     late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
@@ -191,10 +193,10 @@ def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
-    """How the mean state ``late_s`` before the samples' times differs from that at the full second [T, 6].
+    """The mean state ``late_s`` before the sampling times minus that at the full second [T, 6], by kinematics
+    alone.
 
-    By kinematics alone.
-    From second to second speeds change evenly; a ship model that lacks a force would bend them.
+    Speeds change linearly within a second; a ship model that lacks a force would bend them.
     """
     inside = np.diff(log.block) == 0
     gained = np.diff(origin[:, 3:], axis=0) * inside[:, None]
@@ -205,7 +207,7 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
     for quarter in range(STEPS_PER_SECOND + 1):
         tau = quarter / STEPS_PER_SECOND - 0.5 - late_s
         change = behind if tau < 0.0 else ahead
-        u, v, r = (origin[:, 3:] + 0.5 * tau * change).T  # the mean over the way there
+        u, v, r = (origin[:, 3:] + 0.5 * tau * change).T  # the mean over that interval
         psi = origin[:, 2] + 0.5 * tau * (origin[:, 5] + 0.25 * tau * change[:, 2])
         around[:, quarter, 0] = tau * (u * np.cos(psi) - v * np.sin(psi))
         around[:, quarter, 1] = tau * (u * np.sin(psi) + v * np.cos(psi))

@@ -1,8 +1,8 @@
-"""What a diagnosis shows, on disk and back: the numbers behind every figure of its page and of its notebook.
+"""Reading and writing a diagnosis: the numbers behind every figure of its page and notebook.
 
-``diagnosis.json`` and ``ladder.json`` are the contract's; ``shown.json`` has what the page shows beside them,
-``map.parquet`` the force that the model lacks second by second and ``tracks.parquet`` the windows that were left
-out, measured and predicted.
+``diagnosis.json`` and ``ladder.json`` have a fixed form (a contract); ``shown.json`` has what else the page
+shows, ``map.parquet`` the missing force second by second and ``tracks.parquet`` the held-out windows, measured
+and predicted.
 """
 
 from __future__ import annotations
@@ -38,14 +38,15 @@ _WAYS = ("measured", "before", "after", "floor", "constant_velocity")
 _CONTROL = "control_"
 _TRACK = ("north_m", "east_m", "heading_rad")
 _UNITS = {"_m": "m", "_rad": "rad", "_s": "s", "_mps": "m/s", "_dps": "deg/s", "_deg": "deg", "rpm": "rpm"}
-"""Units by the names' endings, in a spelling for people."""
+"""Units by the endings of names, in their printed form."""
 
 
 @dataclass(frozen=True, slots=True)
 class FigureData:
-    """What ``shown.json`` has: what the page shows and ``diagnosis.json`` does not.
+    """The content of ``shown.json``: what the page shows and ``diagnosis.json`` does not have.
 
-    ``evidence`` is by named effect, ``minutes`` of the next manoeuvre, ``cells`` of the maps before and after.
+    ``evidence`` is by named effect, ``minutes`` those of the next manoeuvre, ``cells`` those of the maps before
+    and after.
     """
 
     horizon_s: int
@@ -58,7 +59,8 @@ class FigureData:
 
 
 def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> None:
-    """Write all but the page and the vessel; files of an earlier diagnosis go. Raises :class:`StorageError`."""
+    """Write everything but the page and the vessel, and remove files of an earlier diagnosis. Raises
+    :class:`StorageError`."""
     after = diagnosis.next_manoeuvre
     shown = FigureData(
         horizon_s=diagnosis.gap.horizon_s,
@@ -83,9 +85,9 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
 
 
 def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
-    """A diagnosis and what its page shows beside it, from what ``seatrial diagnose`` wrote into ``folder``.
+    """Read a diagnosis, and what else its page shows, from the ``folder`` of ``seatrial diagnose``.
 
-    Raises :class:`InputError` for a folder that holds none, or one of another version.
+    Raises :class:`InputError` for a folder without one, or with one of another version.
     """
     folder = Path(folder)
     said, shown = read_json(folder / DIAGNOSIS), read_json(folder / SHOWN)
@@ -107,7 +109,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
 
 
 def _map_table(extras: Extras) -> pd.DataFrame | None:
-    """A row a second and map: the force that lacks, and what the cells are of."""
+    """One row for each second and map: the missing force, and the quantities of the cells."""
     parts = [
         pd.DataFrame({"map": name, **dict(zip(FORCES, each.force.T, strict=True)), **each.quantities})
         for name, each in extras.maps.items() if each is not None
@@ -129,7 +131,7 @@ def _maps_of(folder: Path, cells: Mapping[str, tuple[Place, ...] | None]) -> lis
 
 
 def _tracks_table(tracks: Tracks | None) -> pd.DataFrame | None:
-    """A row a window and second; columns like ``before_north_m`` and ``control_port_rpm``."""
+    """One row for each window and second; columns like ``before_north_m`` and ``control_port_rpm``."""
     if tracks is None:
         return None
     windows, seconds = tracks.measured.shape[:2]
@@ -174,7 +176,7 @@ def _write_json(result: Any, path: Path, indent: int | None = None) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object. Raises :class:`InputError` for anything else."""
+    """Read a JSON object. Raises :class:`InputError` for anything else."""
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError as error:

@@ -1,4 +1,5 @@
-"""The verdict: what stays named, its sizes and rivals, the gap on legs left out, and the trial to make next."""
+"""The verdict: the effects that stay named, their sizes and rivals, the gap on held-out legs, and the next
+trial."""
 
 from __future__ import annotations
 
@@ -40,25 +41,25 @@ from hybrid.effects import Effect
 from hybrid.planning.information import limits
 from hybrid.planning.next_manoeuvre import Pair, next_manoeuvre
 
-_RIVALS = 10  # of one effect, the closest, that a manoeuvre is chosen to separate
+_RIVALS = 10  # closest rivals of an effect that a manoeuvre is chosen to separate
 
 WEAK = 9.0
-"""A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""
+"""A name whose rivals all lack more than ``CLOSE`` is certain; below this limit another trial is worthwhile."""
 
 _WIDTH = 1.96
 
 
 @dataclass(frozen=True, slots=True)
 class Conclusion:
-    """The sixth stage's result: what is named in the end, as numbers; :mod:`hybrid.report` puts it into words.
+    """The result of the sixth stage: the diagnosis as numbers; :mod:`hybrid.report` puts it into words.
 
-    ``first`` is what was accepted, ``accepted`` what stays named beside what no effect explains; ``sensors`` are
-    the effects with which the sensors contradict each other, None where they agree. ``gap`` is measured on legs
-    left out [m]; ``rivals`` could stand in the place of a named effect, by the log odds that they lack;
-    ``composites`` are groups that may be one effect which is not in the catalogue, ``tied`` all groups that these
-    data cannot tell apart; ``replicated`` says of each named effect in how many parts of the trial it is found by
-    itself; ``regimes`` are where the model as it is lacks most; ``withdrawn`` are effects that explain the record
-    and make predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
+    ``first`` is what was accepted, ``accepted`` what stays named beside a remainder; ``sensors`` are the sensor
+    faults that explain contradictions between the sensors, None if they agree. ``gap`` is measured on held-out
+    legs [m]; ``rivals`` could replace a named effect, with the log odds that they lack; ``composites`` are
+    groups that may be one effect outside the catalogue, ``tied`` all groups that these data cannot distinguish;
+    ``replicated`` tells in how many parts of the trial each named effect is found independently; ``regimes``
+    are where the model as it is lacks most; ``withdrawn`` are effects that explain the record but make
+    predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
     """
 
     verdict: Verdict
@@ -83,12 +84,12 @@ class Conclusion:
 
 
 def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) -> Conclusion:
-    """The sixth stage: what stays named, how far that closes the gap, and what could stand in its place."""
+    """The sixth stage: the effects that stay named, how far they close the gap, and what could replace them."""
     equations, found = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
     windows = unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
-    if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
+    if found:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
         accepted = named or that_predict(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
@@ -121,10 +122,9 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
 
 
 def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
-    """Errors of sensors without any of which legs left out are predicted worse; None where there is none.
+    """The sensor faults each of which improves predictions of held-out legs; None if there are none.
 
-    That sensors contradict each other does not say which of them errs, nor that an error would be the same on
-    another day.
+    A contradiction between sensors does not tell which of them is wrong, nor that the error persists.
     """
     if sensors is None:
         return None
@@ -147,7 +147,8 @@ def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptan
 def _judged(
     accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]
 ) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
-    """What stays named, the gap, and what is withdrawn: no name that makes predictions on legs left out worse."""
+    """The effects that stay named, the gap, and the effects withdrawn because they make predictions of held-out
+    legs worse."""
     gap = _gap(accepted, windows, found)
     if not accepted.names or not makes_worse(windows, gap.without):
         return accepted, gap, ()
@@ -156,7 +157,7 @@ def _judged(
 
 
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
-    """Whether legs left out are predicted worse with what all ``without`` them name, by enough and throughout."""
+    """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return worth_it(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
 
 
@@ -174,7 +175,7 @@ def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Ma
 
 
 def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
-    """The parameters of a named effect with their 95 % intervals, in each part of the trial that has its own."""
+    """The parameters of a named effect with their 95 % intervals, for each part of the trial with its own size."""
     evidence, model = accepted.evidence, accepted.evidence.equations.model
     effect, fit = model.catalogue[name], evidence.fit(accepted.names, prior=True)
     found = []
@@ -202,7 +203,7 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
 
 
 def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
-    """A size and a direction: deviations along and across the vector."""
+    """Magnitude and direction, with errors along and across the vector."""
     along, across = free
     size = max(hypot(along, across), 1e-12)
     ahead = np.array([along, across]) / size
@@ -228,10 +229,10 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
 
 
 def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
-    """The log evidence that each rival lacks in the place of ``name``, the least where it was looked at twice.
+    """The log evidence that each rival lacks in the place of ``name``, the least of two linearisations.
 
-    About itself it may be possible where about another effect it is not. Beside a remainder those count alone that
-    predict as well: the search left out some that would explain something, and they are no rivals for that.
+    A rival out of bounds at one linearisation may be possible at its own. Beside a remainder only rivals that
+    predict as well count: the search has left out effects that explain something but are no rivals.
     """
     found = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
     closer = {rival: less for (one, rival), less in accepted.rival_deficits.items() if one == name}
@@ -239,7 +240,7 @@ def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
 
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
-    """What these data cannot tell apart: each named effect with its close rivals."""
+    """Groups that these data cannot distinguish: each named effect with its close rivals."""
     result = []
     for name in names:
         tied = [each.name for each in rivals if each.instead_of == name and each.evidence < CLOSE]
@@ -249,7 +250,7 @@ def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...
 
 
 def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
-    """One word for it."""
+    """The verdict in one word."""
     if unknown:
         return "unknown"
     if not names:
@@ -258,7 +259,7 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
 
 
 def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
-    """The log through the whole model with what is named in it."""
+    """The regression with all named effects in the model."""
     last = first.evidence.equations
     if accepted is first:
         return last
@@ -266,10 +267,10 @@ def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
 
 
 def _gap(accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]) -> HeldOutGap:
-    """The gap on legs left out.
+    """The gap on held-out legs.
 
-    Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.
-    Beside a remainder they size what is named: the search is of the whole trial.
+    The other legs choose among the effects named in the end, or all effects where nothing is missing or
+    everything is explained. Beside a remainder they only fit the sizes: the choice is that of the whole trial.
     """
     evidence, names = accepted.evidence, accepted.names
     if accepted.beside_remainder:
@@ -281,7 +282,7 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit
 
 
 def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> Manoeuvre | None:
-    """What to do next where a rival is close; where it is not, but not far either, too."""
+    """The next manoeuvre, if a rival is close or not far off."""
     pairs = [pair for name in accepted.names for pair in _pairs(accepted, name, rivals)]
     vessel, catalogue = accepted.evidence.equations.model.vessel, accepted.evidence.equations.model.catalogue
     if not pairs or vessel is None or courses(accepted.names, catalogue):
@@ -291,7 +292,7 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
 
 
 def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pair]:
-    """A named effect and its closest rivals, each against each: whichever is true, by how likely it is."""
+    """A named effect and its closest rivals in pairs, weighted by their probability."""
     others = tuple(each for each in accepted.names if each != name)
     steady = set(base_names(accepted.evidence.names, accepted.evidence.equations.model.catalogue))
     mine = [each for each in rivals if each.instead_of == name and each.name in steady]
@@ -307,12 +308,12 @@ def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pai
 
 
 def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
-    """Every effect of the catalogue by how much better the model is with it alone."""
+    """Every effect of the catalogue, ranked by how much it improves the model by itself."""
     smallest, result = limits(evidence.equations), []
     catalogue = evidence.equations.model.catalogue
     for name in base_names(evidence.names, catalogue):
         effect = catalogue[name]
-        fit = evidence.fit([name], prior=True)  # of some these data say nothing at all
+        fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
         result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda each: -each.evidence))
