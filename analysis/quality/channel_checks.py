@@ -26,8 +26,9 @@ WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
 _SPARSE_S = 0.4  # waves of 3 s have hardly eight samples then
 _BLOCK = 64
-_POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("environment", "m/s"): 2.0,
-                  ("environment", "deg"): 10.0, ("velocity", "m/s"): 0.3, ("velocity", "deg/s"): 1.0}  # fmt: skip
+_POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("command", "%"): 30.0,
+                  ("environment", "m/s"): 2.0, ("environment", "deg"): 10.0, ("velocity", "m/s"): 0.3,
+                  ("velocity", "deg/s"): 1.0}  # fmt: skip
 _POSSIBLE_ACCELERATION = {("pose", "m"): 0.5, ("pose", "deg"): 2.0}
 
 

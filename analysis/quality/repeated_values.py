@@ -139,7 +139,7 @@ def expected_rates(table: pd.DataFrame) -> dict[str, TimedValues]:
     return {name: rate for name, rate in rates.items() if rate[0].size}
 
 
-EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0}
+EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0, "%": 1.0}
 _COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}
 _DEGREES_OF_POSITION = 2e-7
 _FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5

@@ -11,10 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
+from acquisition.core.actuators import KINDS, Actuator
 from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Bools, Floats, Series
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from analysis.quality.channel_checks import (
+    channel_faults,
     find_backwards,
     find_duplicates,
     find_gaps,
@@ -184,3 +187,19 @@ def test_values_that_a_decoder_doubted_are_no_samples(tmp_path: object) -> None:
     quality = np.array([1, 4, 3], dtype=np.uint8)
     series = Series(times, times, np.arange(3.0), quality, ("a",), np.zeros(3, np.int32))
     assert np.isnan(valid_values(series)).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("channel", [
+    pytest.param(channel, id=f"{kind} {channel.name}")
+    for kind in KINDS
+    for actuator in [Actuator("main", kind)]
+    for channel in (*actuator.channels, *actuator.orders)
+])  # fmt: skip
+def test_every_control_and_order_of_every_kind_of_actuator_is_checked(channel: Channel) -> None:
+    values = 0.4 * channel.high + 0.3 * noise(600)
+    sound = channel_faults(channel, samples(values)).quality(named=False, jumps=[])
+    assert (sound.grade, sound.spikes, sound.stuck) == ("good", 0, ())
+    values[300] -= 0.3 * channel.high
+    assert places(channel_faults(channel, samples(values)).masks["spike"]) == [300]
+    rounded = 5.0 * np.round(6.0 * np.sin(np.arange(600) / 30.0) + 0.1 * noise(600))
+    assert [each.size for each in channel_faults(channel, samples(rounded)).listed["quantised"]] == [5.0]
