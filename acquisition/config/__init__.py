@@ -1,1 +1,1 @@
-"""A trial's TOML file: read, checked, and every complaint names the line to change."""
+"""A trial's TOML file: reading and checking; every error names the line to change."""

@@ -1,4 +1,4 @@
-"""A trial's TOML file read and checked: what is wrong names its line and the way out."""
+"""Reading and checking a trial's TOML file; every error names the line and how to correct it."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ CONFIGURATION = "configuration.toml"
 """The name of the configuration among a recording's attachments."""
 
 PACK_ENDING = ".pack"
-"""How a pack's attachment is called, after its name."""
+"""The ending of the name of a pack's attachment."""
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -109,7 +109,7 @@ class TrialConfig:
 
     @property
     def attachments(self) -> dict[str, bytes]:
-        """What a recording needs beside itself to be decoded anew: this configuration, its DBC files and packs."""
+        """The attachments needed to decode a recording again: this configuration, its DBC files and packs."""
         dbc = {
             f"{source.name}.dbc": source.dbc.read_bytes()
             for source in self.sources
@@ -125,7 +125,7 @@ class TrialConfig:
 
     @property
     def known_channels(self) -> ChannelsByName:
-        """The channels by name, those that are declared among them."""
+        """The channels by name, including declared ones."""
         return with_declared(tuple(each.channel for each in self.declared))
 
     @property
@@ -135,7 +135,7 @@ class TrialConfig:
 
     @property
     def watched_channels(self) -> tuple[str, ...]:
-        """The channels whose coming is watched: the trial's, and what is declared and listed for a source."""
+        """The channels watched for gaps: the trial's, and declared ones listed for a source."""
         names = trial_names(self.actuators)
         declared = (each.channel.name for each in self.declared)
         return (*names, *(name for name in declared if name in self.expected_channels and name not in names))
@@ -155,7 +155,7 @@ def load_config(path: Path | str) -> TrialConfig:
 
 
 def parse_config(text: str, path: Path | str, carried: Carried | None = None) -> TrialConfig:
-    """Check a configuration's text; what a recording has ``carried`` stands in for the files that it names.
+    """Check a configuration's text; files that a recording has ``carried`` replace those that it names.
 
     Raises :class:`ConfigurationError` naming the line.
     """
@@ -220,11 +220,11 @@ def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], t
 
 
 _MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"}
-"""Where a source of a kind says what carries which channel."""
+"""The key under which each kind of source maps messages to channels."""
 
 
 def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path: Path | str) -> None:
-    """Refuse a channel that no message of the source can carry: it would stay silent all day."""
+    """Refuse a channel that no message of the source can carry: it would never have a value."""
     for number, source in enumerate(sources):
         possible = possible_channels(source, ship.actuators, ship.declared)
         for channel in source.channels:
@@ -237,7 +237,7 @@ def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path:
 
 
 def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
-    """A log file has times of its own, which a recording of today cannot be mixed with."""
+    """Refuse log files beside live sources: their times belong to another day."""
     files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
     if files and len(files) < len(sources):
         raise ConfigurationError(
@@ -257,7 +257,7 @@ def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
 
 
 def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
-    """What comes in by a port or a serial line can be read by one source only."""
+    """Refuse two sources that would read the same port or serial line."""
     for number, source in enumerate(sources):
         for earlier in sources[:number]:
             key = _shared_input(source, earlier)
@@ -271,12 +271,12 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
 
 
 def _shared_input(one: AnySource, other: AnySource) -> str | None:
-    """The key of what two sources would both open; None if there is none."""
+    """The key of the input that two sources would both open; None if there is none."""
     if isinstance(one, _LISTENING) and isinstance(other, _LISTENING) and one.port == other.port:
         first, second = (_LOCAL.get(each.address, each.address) for each in (one, other))
         return "port" if first == second or "" in (first, second) else None
     if isinstance(one, _SERIAL) and isinstance(other, _SERIAL):
-        first, second = (os.path.realpath(each.device) for each in (one, other))  # it may have several names
+        first, second = (os.path.realpath(each.device) for each in (one, other))  # a device may have several names
         return "device" if first == second else None
     return None
 
@@ -284,7 +284,7 @@ def _shared_input(one: AnySource, other: AnySource) -> str | None:
 _LISTENING = (UdpSource, MavlinkSource)
 _SERIAL = (SerialSource, MavlinkSerialSource)
 _LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
-"""Addresses by another name; the empty one stands for all of this computer's."""
+"""Other names of addresses; the empty one means all of this computer's."""
 _MAPPING_HINT = {
     "can": "say which DBC signal does in [source.signals], or for a shaft its engine's turns for one of its own in"
     " reduction_ratios, or take it off the source's channels",
@@ -308,7 +308,7 @@ _NAUTICAL = frozenset({
 
 
 def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:
-    """The channels that a source's protocol and its mapping can carry, of those that are ``declared``, too."""
+    """The channels that a source's protocol and mapping can carry, including ``declared`` ones."""
     return _channels_from(source, actuators) | _declared_from(source, declared)
 
 
@@ -328,7 +328,7 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
 
 
 def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
-    """The channels whose declarations name an origin that the source can have."""
+    """The channels declared with an origin that the source can have."""
     kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
     kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
     kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
@@ -338,21 +338,21 @@ def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
 
 
 def _has_groups(source: CanFrames) -> bool:
-    """Whether a source says that NMEA 2000 comes by it: any line may be a gateway's, but most are none."""
+    """Whether a source is configured to carry NMEA 2000: any line may be a gateway's, but most are not."""
     if isinstance(source, CanSource | FileSource | CanFileSource):
         return True
     return bool(source.form or source.devices or source.dbc)
 
 
 def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:
-    """The channels of actuators in the groups of NMEA 2000: rudders and their orders, shafts by their engines."""
+    """The actuator channels in NMEA 2000 parameter groups: rudders and their orders, shafts by their engines."""
     steering = (each for each in actuators if each.name in rudders(actuators))
     angles = {channel.name for each in steering for channel in (*each.channels, *each.orders)}
     return angles | {f"{name}_rpm" for name in source.reduction_ratios}
 
 
 def _in_sentences(actuators: Actuators) -> set[str]:
-    """The channels of actuators, and of the orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
+    """The channels of actuators, and of orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
     whole = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
     numbered = shaft_numbers(numbered_shafts(actuators))
     return {

@@ -1,8 +1,8 @@
-"""The channels that a file declares, and where each comes from: ``[[channel]]`` and ``[[pack]]``.
+"""Declared channels and their origins: ``[[channel]]`` and ``[[pack]]``.
 
-A pack is a file of such declarations. One of ``trials/packs`` is known by its name, another by its path; what is
-declared for each of several equal things, engines say, has ``{each}`` in its name and may number them by
-``{number}``. A channel that is known anyway may be given further origins.
+A pack is a file of such declarations, found in ``trials/packs`` by name or elsewhere by path. Declarations for
+each of several equal devices, such as engines, have ``{each}`` in their names and may number them by
+``{number}``. Known channels may be given further origins.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ _TAG = re.compile(r"[A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,}")
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Conversion:
-    """How a number that comes becomes a channel's value: ``scale * (number in the channel's unit) + offset``.
+    """The conversion of a received number to a channel's value: ``scale * (number in the channel's unit) +
+    offset``.
 
-    ``unit`` is the number's; without it the origin's own unit where the protocol tells it, else the channel's. With
-    ``full_scale``, in the channel's unit, the number is a share of that, in percent.
+    ``unit`` is the number's; by default the origin's own unit if the protocol defines one, else the channel's.
+    With ``full_scale``, in the channel's unit, the number is a percentage of it.
     """
 
     unit: str | None = None
@@ -47,9 +48,9 @@ class Conversion:
     full_scale: Finite | None = None
 
     def step_to(self, channel: Channel, usual: str | None = None) -> Linear:
-        """The step to the channel's unit, ``usual`` being the unit where none is given.
+        """The conversion to the channel's unit, from ``usual`` if no unit is given.
 
-        Raises :class:`ConfigurationError` where the one does not measure what the other does.
+        Raises :class:`ConfigurationError` if the units measure different quantities.
         """
         unit, of_full = self.unit or usual, (self.full_scale or 0.0) / 100.0
         if self.full_scale is None:
@@ -72,10 +73,10 @@ def _tag(sentence: str) -> str:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class SentenceField(Conversion):
-    """A field of an NMEA 0183 sentence, counted from 1 after the comma, as manuals do.
+    """A field of an NMEA 0183 sentence, counted from 1 after the first comma, as in manuals.
 
-    ``sentence`` is what follows the talker, of a maker's own the whole tag (``PSXN``). ``when`` says what other
-    fields have to hold, ``time`` which field tells the time of day (hhmmss).
+    ``sentence`` is the formatter after the talker, or a proprietary sentence's whole tag (``PSXN``). ``when``
+    gives required values of other fields, ``time`` the field with the time of day (hhmmss).
     """
 
     sentence: Annotated[str, AfterValidator(_tag)]
@@ -88,17 +89,17 @@ class SentenceField(Conversion):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Transducer(Conversion):
-    """A transducer in XDR sentences, by its name there; its unit is the one that the sentence tells."""
+    """A transducer in XDR sentences, by its name there; its unit is the one in the sentence."""
 
     transducer: str
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class GroupField(Conversion):
-    """A field of a parameter group of NMEA 2000 or J1939, by its name in canboat's database or by its place.
+    """A field of a parameter group of NMEA 2000 or J1939, by its name in canboat's database or by its position.
 
-    A place is ``"first bit:number of bits"``, with the ``step`` of a number and whether it is ``signed``. ``where``
-    says what other fields, of lookups and codes, have to hold; ``address`` who has to send it.
+    A position is ``"first bit:number of bits"``, with the ``step`` of a number and whether it is ``signed``.
+    ``where`` gives required values of other fields (lookups and codes); ``address`` the required sender.
     """
 
     group: Annotated[int, Field(ge=0, le=0x3FFFF)]
@@ -111,7 +112,7 @@ class GroupField(Conversion):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class MavlinkField(Conversion):
-    """A field of a MAVLink message; ``index`` of an array's element; ``where`` as in :class:`GroupField`."""
+    """A field of a MAVLink message; ``index`` of an array element; ``where`` as in :class:`GroupField`."""
 
     message: Annotated[str, StringConstraints(pattern=r"^[A-Z][A-Z0-9_]*$")]
     field: str
@@ -123,7 +124,7 @@ Origin = SentenceField | Transducer | GroupField | MavlinkField
 
 
 def _kind_of(given: Any) -> str | None:
-    """What kind of origin this is, by the key that each kind has; no such word is a key itself."""
+    """The kind of an origin, by the key that only this kind has."""
     kinds = ("sentence", "transducer", "group", "message")
     return next((f"by {key}" for key in kinds if isinstance(given, dict) and key in given), None)
 
@@ -143,10 +144,10 @@ _AnyOrigin = Annotated[
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class ChannelSection:
-    """A channel: its name, which ends in its unit, the unit, the range of values that are possible, its origins.
+    """A channel: its name, which ends in its unit, the unit, the range of possible values, its origins.
 
-    A ``state`` is a code or a count, which holds until it is told anew. Of a channel that is known anyway only its
-    name and its origins are given.
+    A ``state`` is a code or a count that keeps its value until the next one. For a known channel only the name
+    and the origins are given.
     """
 
     name: str
@@ -159,7 +160,7 @@ class ChannelSection:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class PackSection:
-    """A pack of channels that a file takes in: its name or its file, and the names of what it is about ``each``."""
+    """A pack of channels used by a file: its name or path, and the names of the devices for ``each``."""
 
     name: str
     each: tuple[Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]*$")], ...] = Field(
@@ -174,19 +175,19 @@ class _Pack:
 
 @plain_dataclass(frozen=True, slots=True)
 class DeclaredChannel:
-    """A channel and where it comes from; one that is known anyway has further origins."""
+    """A channel and its origins; for a known channel these are further ones."""
 
     channel: Channel
     origins: tuple[Origin, ...] = ()
 
 
 Declarations = tuple[DeclaredChannel, ...]
-"""The channels that a configuration declares, or gives further origins to."""
+"""The channels that a configuration declares or gives further origins."""
 
 
 @plain_dataclass(frozen=True, slots=True)
 class PackFile:
-    """A pack as it was read: what it is called in the file that takes it in, where it is, its text."""
+    """A pack as read: its name in the file that uses it, its path, its text."""
 
     name: str
     path: Path
@@ -206,7 +207,7 @@ def find_pack(name: str, folder: Path) -> Path:
 def read_packs(
     packs: Iterable[PackSection], folder: Path, carried: Mapping[str, str], text: str, path: Path | str
 ) -> tuple[PackFile, ...]:
-    """The packs' files; ``carried`` by name are texts that stand in for them, as a recording carries them.
+    """The packs' files; texts ``carried`` by a recording, by name, replace them.
 
     ``text`` and ``path`` are of the file that names them. Raises :class:`ConfigurationError`.
     """
@@ -231,7 +232,7 @@ def declarations_of(
     text: str,
     path: Path | str,
 ) -> Declarations:
-    """What a file and its packs declare, the file's own before a pack's of the same name.
+    """The declarations of a file and its packs; the file's take precedence over a pack's.
 
     ``known`` are the ship's channels. Raises :class:`ConfigurationError` naming the file and the line.
     """
@@ -259,7 +260,7 @@ def _refuse_twins(sections: tuple[ChannelSection, ...], text: str, path: Path | 
 
 
 def _of_pack(pack: PackSection, file: PackFile) -> Iterator[tuple[ChannelSection, int]]:
-    """A pack's channels with their number in its file, those of ``{each}`` once for each that is named."""
+    """A pack's channels with their number in its file, those with ``{each}`` once for each name."""
     raw = parse_toml(file.text, file.path)
     for place, name in enumerate(pack.each):
         filled = validate(_filled(raw, name, place), file.text, file.path, _Pack).channel
@@ -269,7 +270,7 @@ def _of_pack(pack: PackSection, file: PackFile) -> Iterator[tuple[ChannelSection
 
 
 def _filled(given: Any, each: str, number: int) -> Any:
-    """A declaration with the name and the number of one of several equal things put in."""
+    """A declaration with the name and number of one device filled in."""
     if isinstance(given, dict):
         return {key: _filled(value, each, number) for key, value in given.items()}
     if isinstance(given, list):
@@ -305,7 +306,7 @@ def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> Declared
 
 @contextmanager
 def complaints_about(channel: Channel) -> Iterator[None]:
-    """Let a complaint name the channel whose declaration it is about."""
+    """Add the channel to an error in its declaration."""
     try:
         yield
     except ConfigurationError as error:
@@ -313,7 +314,7 @@ def complaints_about(channel: Channel) -> Iterator[None]:
 
 
 def carried_by(declared: Declarations, channels: Iterable[str], kind: Any) -> list[tuple[Channel, Any]]:
-    """The channels and origins of one kind, of those that are listed for a source."""
+    """The channels and origins of one kind, among those listed for a source."""
     wanted = frozenset(channels)
     return [
         (each.channel, origin)

@@ -1,8 +1,8 @@
-"""The sections of a trial's TOML file as frozen objects, one class a kind of source.
+"""The sections of a trial's TOML file as frozen objects, one class for each kind of source.
 
-Each source says which channels it provides; where several provide one, the order in the file is the order of
-preference. ``clock = "source"`` stamps a source's samples with the time that the source itself tells; the
-default stamps them with the time of reception and keeps the source's own beside it.
+Each source lists the channels it provides; where several provide one, their order in the file is the order of
+preference. ``clock = "source"`` stamps a source's samples with the time reported by the source; the default
+stamps them with the time of reception and stores the source's own time as well.
 """
 
 from __future__ import annotations
@@ -59,13 +59,13 @@ from acquisition.core.topics import covers, overlap
 from acquisition.core.trial import Trial
 from acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
-_MOST_LETTERS = 10  # of the name of a named value in MAVLink
+_MOST_LETTERS = 10  # in the name of a MAVLink named value
 
 Model = TypeVar("Model")
 
 
 def _actuators(info: ValidationInfo) -> Actuators:
-    """The actuators that the file lists that is being read, else R/V Gunnerus'."""
+    """The actuators listed in the file being read, else R/V Gunnerus'."""
     known: Actuators = (info.context or {}).get("actuators", DEFAULT)
     return known
 
@@ -75,7 +75,7 @@ def _own_channel(name: str, info: ValidationInfo) -> str:
 
 
 def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared = ()) -> str:
-    """The name of a channel of a ship, or one that is declared; :class:`ValueError` with what may be meant for
+    """Check the name of a channel of a ship, or a declared one; :class:`ValueError` with similar names for
     another."""
     known = channel_names(actuators, declared)
     if name not in known:
@@ -99,7 +99,7 @@ def _own_rotor(name: str, info: ValidationInfo) -> str:
 
 
 def _absolute(path: Path, info: ValidationInfo) -> Path:
-    """A path as the file means that is being read, or what stands in for a source's DBC file."""
+    """A path relative to the file being read, or the replacement of a source's DBC file."""
     context = info.context or {"folder": Path(), "dbc_files": {}}
     standing_in = context["dbc_files"].get(info.data["name"]) if info.field_name == "dbc" else None
     return Path(standing_in or context["folder"] / path)
@@ -109,7 +109,7 @@ ChannelName = Annotated[str, AfterValidator(_own_channel)]
 ReductionRatios = dict[
     Annotated[str, AfterValidator(_own_shaft)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 ]
-"""The turns of the engine for one of the shaft, by actuator."""
+"""Engine turns for one turn of the shaft, by actuator."""
 
 RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]]
 """The rpm at 100 %, by actuator."""
@@ -120,7 +120,7 @@ Form = Literal[
     "nmea0183", "candump", "canboat", "yacht_devices", "n2k_ascii", "ikonvert", "seasmart", "mxpgn", "garmin",
     "opencpn", "actisense", "ebl", "ydvr", "yd_can", "pcap", "pcapng",
 ]  # fmt: skip
-"""What gateways send and logs hold, by the names of ``acquisition/sources``' tables."""
+"""The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
 FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
@@ -130,7 +130,7 @@ IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lowe
 
 @dataclass(frozen=True, config=STRICT)
 class ActuatorSection:
-    """One of the ship's actuators, as in a vessel file: its name, and its kind."""
+    """One of the ship's actuators, as in a vessel file: name and kind."""
 
     name: str
     kind: str
@@ -150,7 +150,7 @@ class _Ship:
 
 
 class Ship(NamedTuple):
-    """The ship that a file speaks of: her actuators, the channels that it declares, and the packs it takes in."""
+    """The ship of a file: her actuators, the channels that it declares, and the packs it uses."""
 
     actuators: Actuators
     declared: Declarations
@@ -159,7 +159,7 @@ class Ship(NamedTuple):
 
 @dataclass(frozen=True)
 class Carried:
-    """What a recording carries beside its configuration: DBC files by source, packs' texts by name, the ship's
+    """What a recording carries besides its configuration: DBC files by source, packs' texts by name, the ship's
     actuators."""
 
     dbc_files: Mapping[str, Path] = field(default_factory=dict)
@@ -170,12 +170,12 @@ class Carried:
 def parse_for_ship(
     text: str, path: Path | str, model: type[Model], carried: Carried | None = None
 ) -> tuple[Model, Ship]:
-    """A TOML text as ``model``, its channels those of the ship whose actuators it lists as ``[[actuator]]``, and
+    """A TOML text as ``model``, with the channels of the ship whose actuators it lists as ``[[actuator]]``, and
     those that it declares.
 
-    Without such a list they are those that are ``carried`` by a recording, as the files are that stand in for those
-    it names; else those of the ship that ``[trial]`` names, else R/V Gunnerus'. Paths in it are relative to the
-    file's folder. Raises :class:`ConfigurationError` naming the line.
+    Without such a list the actuators are those ``carried`` by a recording, as are the files that it names; else
+    those of the ship named in ``[trial]``, else R/V Gunnerus'. Paths are relative to the file's folder. Raises
+    :class:`ConfigurationError` naming the line.
     """
     raw, carried, folder = parse_toml(text, path), carried or Carried(), Path(path).resolve().parent
     given = validate({each.name: raw[each.name] for each in fields(_Ship) if each.name in raw}, text, path, _Ship)
@@ -194,7 +194,7 @@ def parse_for_ship(
 
 
 def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
-    """The actuators that a file lists, none where it lists none. Raises :class:`ConfigurationError`."""
+    """The actuators listed in a file, none if there are none. Raises :class:`ConfigurationError`."""
     try:
         return check_actuators(Actuator(each.name, each.kind) for each in listed) if listed else ()
     except ConfigurationError as error:
@@ -203,7 +203,7 @@ def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | st
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Signal(Conversion):
-    """One signal of a DBC file that carries a channel; the unit is that of the file's physical value."""
+    """A signal of a DBC file that carries a channel; the unit is that of the signal's physical value."""
 
     message: str
     signal: str
@@ -212,17 +212,17 @@ class Signal(Conversion):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class NamedValue(Conversion):
-    """One MAVLink NAMED_VALUE_FLOAT that carries a channel; MAVLink has room for ten letters."""
+    """A MAVLink NAMED_VALUE_FLOAT that carries a channel; its name has at most ten letters."""
 
     name: Annotated[str, Field(pattern=rf"^[\x21-\x7e]{{1,{_MOST_LETTERS}}}$")]
     unit: str
 
 
 class Thrusters(BaseModel):
-    """The numbers that TRD and TRC sentences give the actuators, by name: unless given, odd at the bow, even aft.
+    """The numbers of the actuators in TRD and TRC sentences, by name; by default odd at the bow, even aft.
 
-    ``channels_from = "demand"`` fills the thruster channels from TRC, the orders, where a vessel sends no
-    responses; the default takes the responses and keeps orders in channels of their own.
+    ``channels_from = "demand"`` fills the thruster channels from TRC, the orders, on vessels that send no
+    responses; by default the channels are the responses, and orders have channels of their own.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True)
@@ -257,10 +257,10 @@ class Thrusters(BaseModel):
 
 @dataclass(frozen=True, config=STRICT)
 class Mounting:
-    """How a source's sensors are mounted; every angle is added to what the sensor says.
+    """The mounting of a source's sensors; angles are added to the reported values.
 
-    ``heading_deg`` to compass and course-independent headings, ``wind_angle_deg`` to bow-relative wind angles;
-    ``forward_m`` and ``starboard_m`` say where positions and speeds are measured, from the reference point.
+    ``heading_deg`` to compass headings, ``wind_angle_deg`` to wind angles relative to the bow; ``forward_m``
+    and ``starboard_m`` are the place, from the reference point, at which positions and speeds are measured.
     """
 
     heading_deg: Angle = 0.0
@@ -271,9 +271,9 @@ class Mounting:
 
 @dataclass(frozen=True, config=STRICT)
 class Device:
-    """One device on an NMEA 2000 bus, known by its 64-bit NAME (16 hexadecimal digits) or by its address.
+    """A device on an NMEA 2000 bus, identified by its 64-bit NAME (16 hexadecimal digits) or by its address.
 
-    The order of a source's devices is the order of preference; ``channels`` limits what it may provide.
+    The order of a source's devices is the order of preference; ``channels`` limits what a device may provide.
     """
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
@@ -288,10 +288,12 @@ class Device:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Source:
-    """What every source says: its name, the channels it provides, whose clock stamps them, how it is mounted.
+    """The settings of every source: its name, the channels it provides, the clock that stamps them, its
+    mounting.
 
-    ``rates_hz`` is how often a channel is expected to come; the display grades it by that. ``budget_kb_s`` is how
-    much of a live source is kept in the long run [kB/s]: unless given, four times a full CAN bus of 500 kbit/s.
+    ``rates_hz`` are the expected rates of channels, by which the display grades them. ``budget_kb_s`` limits
+    how much of a live source is stored in the long run [kB/s]; by default four times a full CAN bus of 500
+    kbit/s.
     """
 
     name: str
@@ -304,16 +306,16 @@ class _Source:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Engines(_Source):
-    """What tells the speed of engines: with the ``reduction_ratios`` it counts as that of their shaft."""
+    """A source of engine speeds, which with ``reduction_ratios`` give those of their shafts."""
 
     reduction_ratios: ReductionRatios = field(default_factory=dict)
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _CanFrames(_Engines):
-    """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file.
+    """The settings of every stream of CAN frames: its devices, and the vessel's own frames by a DBC file.
 
-    ``addresses`` are the source addresses on the bus that are believed; unless given, all are.
+    ``addresses`` are the accepted source addresses on the bus, by default all.
     """
 
     devices: tuple[Device, ...] = ()
@@ -326,7 +328,7 @@ class _CanFrames(_Engines):
 class CanSource(_CanFrames):
     """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
 
-    ``options`` go to python-can's interface as they are (bitrate, port, hop_limit ...).
+    ``options`` are passed to python-can's interface unchanged (bitrate, port, hop_limit ...).
     """
 
     type: Literal["can"]
@@ -337,9 +339,9 @@ class CanSource(_CanFrames):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Port(_Source):
-    """A port of UDP or TCP: of this address, that datagrams are sent to or that we connect to.
+    """A UDP or TCP port: one of this computer that receives datagrams, or a remote one that we connect to.
 
-    ``senders`` are the addresses or networks whose input is taken; unless given, everybody's is.
+    ``senders`` are the accepted addresses or networks, by default all.
     """
 
     port: Port
@@ -349,10 +351,11 @@ class _Port(_Source):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Sentences(_Engines):
-    """What every source of NMEA 0183 says. TRD, TRC and PRC in percent count as rpm with the ``rated_rpm``.
+    """The settings of every source of NMEA 0183. With ``rated_rpm``, percentages in TRD, TRC and PRC become
+    rpm.
 
-    ``theoretical_wind`` is what MWV's "T" refers to on this vessel: instruments differ, and the sentence does not
-    tell.
+    ``theoretical_wind`` is the reference of MWV's "T" on this vessel: instruments differ, and the sentence does
+    not tell.
     """
 
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
@@ -362,9 +365,9 @@ class _Sentences(_Engines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Lines(_Sentences, _CanFrames):
-    """What every line says: of NMEA 0183, of a gateway that sends NMEA 2000, or of both.
+    """The settings of every line: of NMEA 0183, of a gateway that sends NMEA 2000, or of both.
 
-    ``form`` is what a gateway sends or a log holds where the content is not to tell.
+    ``form`` is the format of a gateway or log, needed where it cannot be recognised.
     """
 
     form: Form | Literal[""] = ""
@@ -403,7 +406,7 @@ class FileSource(_Lines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class CanFileSource(_Lines):
-    """The same, by its earlier name for logs of CAN frames."""
+    """An older name of a log file of CAN frames."""
 
     type: Literal["can_file"]
     path: AbsolutePath
@@ -413,11 +416,11 @@ _ABBREVIATIONS = (
     ("starboard", "stbd"), ("_angle_deg", "_ang"), ("_pitch_percent", "_pitch"), ("propeller", "prop"),
     ("rudder", "rud"), ("thruster", "thr"), ("_", ""),
 )  # fmt: skip
-"""How the names of channels are shortened until MAVLink has room for them."""
+"""Abbreviations that shorten channel names until they fit MAVLink."""
 
 
 def _short(name: str) -> str:
-    """A channel's name as that of a named value: ``starboard_angle_deg`` is ``stbd_ang``."""
+    """A channel's name as that of a named value: ``starboard_angle_deg`` becomes ``stbd_ang``."""
     for number, (word, shorter) in enumerate(_ABBREVIATIONS):
         if number < 3 or len(name) > _MOST_LETTERS:
             name = name.replace(word, shorter)
@@ -425,7 +428,7 @@ def _short(name: str) -> str:
 
 
 def _usual_named_values(given: Any, info: ValidationInfo) -> Any:
-    """Unless given, what MAVLink's RPM has no room for, by short names: ``port_ang``, ``stbd_ang``."""
+    """By default, the channels that MAVLink's RPM cannot carry, by short names: ``port_ang``, ``stbd_ang``."""
     if given is not None:
         return given
     actuators = _actuators(info)
@@ -438,7 +441,7 @@ def _usual_named_values(given: Any, info: ValidationInfo) -> Any:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Mavlink(_Source):
-    """What every MAVLink link says: whom we listen to. ``messages`` narrows the messages that are decoded."""
+    """The settings of every MAVLink link: the system to listen to. ``messages`` limits the messages decoded."""
 
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
     component_id: Annotated[int, Field(ge=1, le=255)] | None = None
@@ -481,15 +484,15 @@ class MavlinkFileSource(_Mavlink):
 
 _ONE_TOPIC = r"^[^+#\x00]+$"
 _TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
-"""Topics that may have wildcards: ``+`` stands for a whole level, ``#`` for all that follow."""
+"""Topics that may have wildcards: ``+`` stands for one level, ``#`` for the rest."""
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class TopicValue(Conversion):
-    """One MQTT topic that carries a channel; ``unit`` ``ddmm`` are degrees and minutes in one number.
+    """An MQTT topic that carries a channel; ``unit`` ``ddmm`` means degrees and minutes in one number.
 
-    A message is a number, ``value,time,...``, either behind a time and a blank, or a JSON object: then ``field``
-    names its value and ``time_field`` its time, within other objects as ``nav.heading``.
+    A message is a number, ``value,time,...``, either after a time and a space, or a JSON object: then ``field``
+    names its value and ``time_field`` its time, in nested objects as ``nav.heading``.
     """
 
     topic: Annotated[str, StringConstraints(pattern=_ONE_TOPIC)]
@@ -508,14 +511,14 @@ PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
     ("course_over_ground_deg", "speed_over_ground_mps"): ("surge_mps", "sway_mps"),
     ("apparent_wind_angle_deg", "apparent_wind_speed_mps"): ("wind_direction_deg", "wind_speed_mps"),
 }
-"""Values that make others if they are known together, and those."""
+"""Values from which others are derived when known together, with the derived ones."""
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Mqtt(_Sentences):
-    """What every source of MQTT messages says: ``topics`` of sentences, ``values`` that have topics of their own.
+    """The settings of every source of MQTT messages: ``topics`` with sentences, ``values`` with a topic each.
 
-    ``topics`` may have wildcards. Messages are stamped with the time that they tell, unless ``clock`` is
+    ``topics`` may have wildcards. Messages are stamped with the time that they contain, unless ``clock`` is
     "receiver".
     """
 
@@ -526,10 +529,10 @@ class _Mqtt(_Sentences):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class MqttSource(_Mqtt):
-    """Messages from an MQTT broker; with ``tls``, or a ``ca_file`` of the broker's own authority, encrypted.
+    """Messages from an MQTT broker; encrypted with ``tls``, or a ``ca_file`` of the broker's own authority.
 
-    The password of ``user`` is the first line of ``password_file``, or the environment's ``password_variable``: a
-    configuration goes into its recording.
+    The password of ``user`` is the first line of ``password_file``, or the environment variable
+    ``password_variable``: a configuration is stored in its recording and must not contain it.
     """
 
     type: Literal["mqtt"]
@@ -552,31 +555,31 @@ class MqttSource(_Mqtt):
 
     @property
     def encrypted(self) -> bool:
-        """Whether the broker is spoken to by TLS."""
+        """Whether the connection to the broker uses TLS."""
         return self.tls or self.ca_file is not None
 
     @property
     def endpoint(self) -> tuple[str, int]:
-        """The broker's address and port; the usual one if none is given."""
+        """The broker's address and port; by default the usual port."""
         return self.address, self.port or (8883 if self.encrypted else 1883)
 
     @property
     def subscriptions(self) -> list[str]:
-        """The topics to ask the broker for, none of them within another."""
+        """The topics to subscribe to, none of them covered by another."""
         wanted = list(dict.fromkeys([*self.topics, *(each.topic for each in self.values.values())]))
         return [one for one in wanted if not any(covers(other, one) for other in wanted if other != one)]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class MqttFileSource(_Mqtt):
-    """MQTT messages from an SQLite log, of all topics unless some are given."""
+    """MQTT messages from an SQLite log, by default of all topics."""
 
     type: Literal["mqtt_file"]
     path: AbsolutePath
 
 
 def _own_values(given: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
-    """The channels that a user's code may tell, each under a topic of its own, in the channel's unit."""
+    """The channels that a user's code may provide, each under its own topic, in the channel's unit."""
     if given:
         raise ValueError("is not for a source of one's own: it tells channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
@@ -590,9 +593,9 @@ def _whole_path(name: str, info: ValidationInfo) -> str:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class OwnSource(_Mqtt):
-    """A user's own code: ``class`` is ``FILE.py:CLASS``, or an entry point of ``seatrial.sources``.
+    """A user-defined source: ``class`` is ``FILE.py:CLASS``, or an entry point of ``seatrial.sources``.
 
-    ``options`` are given to the class. What it tells is kept like messages of MQTT, a topic a channel.
+    ``options`` are passed to the class. Its values are stored like MQTT messages, one topic for each channel.
     """
 
     type: Literal["own"]
@@ -613,11 +616,11 @@ FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource, MqttFileSource)
 
 @dataclass(frozen=True, config=STRICT)
 class RecordingSection:
-    """How often what was received is handed to the system (flush) and forced onto the disk (sync).
+    """How often received data are handed to the system (flush) and forced to the disk (sync).
 
-    ``queue_frames`` is how many frames of each source may wait for the disk. A new part begins after
-    ``split_minutes`` or ``split_mb``. Writing stops, with the file closed well, when less than ``reserve_mb`` is
-    free on the disk (unless given: a twentieth of the disk, at most 200 MB).
+    ``queue_frames`` is the number of frames of each source that may wait for the disk. A new part begins after
+    ``split_minutes`` or ``split_mb``. Writing stops, with the file properly closed, when less than
+    ``reserve_mb`` is free on the disk (by default a twentieth of the disk, at most 200 MB).
     """
 
     flush_s: FinitePositive = 0.2
@@ -630,10 +633,10 @@ class RecordingSection:
 
 @dataclass(frozen=True, config=STRICT)
 class CopiesSection:
-    """Where finished parts are copied to, a folder that is there: on another disk, below where it is mounted.
+    """The existing folder that finished parts are copied to: on another disk, below its mount point.
 
-    Beyond ``keep_gb`` the oldest parts are deleted where they were recorded, once their copies have been read back.
-    Unless given, nothing is.
+    Beyond ``keep_gb`` the oldest parts are deleted from the recording disk once their copies have been
+    verified; by default none are.
     """
 
     folder: AbsolutePath
@@ -642,7 +645,7 @@ class CopiesSection:
 
 @dataclass(frozen=True, config=STRICT)
 class LiveSection:
-    """The live view for Foxglove and Lichtblick: where it can be connected to, this machine only by default."""
+    """The live view for Foxglove and Lichtblick: the address it listens on, by default this computer only."""
 
     port: Port = 8765
     address: str = "127.0.0.1"
@@ -657,9 +660,9 @@ class StatusSection:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class AlarmSection:
-    """An alarm: one of the recorder's figures lies ``above`` or ``below`` a limit for so many seconds.
+    """An alarm: one of the recorder's figures is ``above`` or ``below`` a limit for a number of seconds.
 
-    ``command`` is run when it is raised and when it is over; it gets the text on its standard input.
+    ``command`` is run when the alarm is raised and when it ends, with the text on its standard input.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=60)]
@@ -675,7 +678,7 @@ class AlarmSection:
 
 
 MarkKeys = dict[Annotated[str, Field(min_length=1, max_length=1)], Annotated[str, Field(min_length=1)]]
-"""Keys of the display, and the text of the event mark that each sets."""
+"""Keys of the display, and the event mark that each sets."""
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -688,9 +691,9 @@ class Origin:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class RunSheet:
-    """What a person says of a trial, in a configuration or in a column map.
+    """A person's description of a trial, in a configuration or a column map.
 
-    From ``summary`` on it is what a data centre asks for, by its names in ACDD-1.3.
+    The fields from ``summary`` on are those that data centres ask for, with their names in ACDD-1.3.
     """
 
     name: str = ""
@@ -712,7 +715,7 @@ class RunSheet:
     license: str = ""
 
     def as_trial(self) -> Trial:
-        """The run sheet as a recording carries it."""
+        """The run sheet in the form that a recording stores."""
         said: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(RunSheet)}
         origin = said.pop("origin")
         place = (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
@@ -723,7 +726,8 @@ class RunSheet:
 class TrialSection(RunSheet):
     """The run sheet of a trial to record, which needs a name. Without an origin the first fix becomes it.
 
-    ``magnetic_variation_deg`` (east positive) serves a magnetic compass until a device tells the variation.
+    ``magnetic_variation_deg`` (east positive) is applied to a magnetic compass until a device reports the
+    variation.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=100)]

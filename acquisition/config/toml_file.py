@@ -1,4 +1,4 @@
-"""Reading a TOML file a person wrote: validated, and every complaint names the line to change."""
+"""Reading and validating TOML files; every error names the line to change."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from acquisition.core.errors import ConfigurationError
 Model = TypeVar("Model")
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
-"""These are named first: a key that is misspelt is why another is missing."""
+"""Reported first: a misspelt key is often the reason why another is missing."""
 _KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
 
 
@@ -53,7 +53,7 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
 def validate(
     raw: dict[str, Any], text: str, path: Path | str, model: type[Model], context: dict[str, Any] | None = None
 ) -> Model:
-    """Parsed TOML as ``model``; ``text`` is what the lines are counted in, ``context`` what validators ask."""
+    """Validate parsed TOML as ``model``; ``text`` is for counting lines, ``context`` for validators."""
     try:
         return TypeAdapter(model).validate_python(raw, context=context)
     except ValidationError as error:
@@ -71,7 +71,7 @@ def validate(
 
 
 def _keys_of(model: type[Model]) -> set[str]:
-    """Every key that a model of a file has, in whichever of its tables."""
+    """Every key of a model of a file, in any of its tables."""
     every = TypeAdapter(model).json_schema()
     return {key for each in (every, *every.get("$defs", {}).values()) for key in each.get("properties", ())}
 
@@ -90,7 +90,7 @@ def line_of(text: str, keys: Sequence[str | int]) -> int:
 
 
 def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
-    """Where each table and each key of a TOML text begins; arrays of tables are counted."""
+    """The line of each table and key of a TOML text; arrays of tables are numbered."""
     lines: dict[tuple[str | int, ...], int] = {}
     counts: dict[tuple[str, ...], int] = {}
     prefix: tuple[str | int, ...] = ()
@@ -99,7 +99,7 @@ def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
             parts = tuple(part.strip().strip("\"'") for part in table["path"].split("."))
             if table["array"]:
                 counts = {other: count for other, count in counts.items() if other[: len(parts)] != parts} | {
-                    parts: counts.get(parts, -1) + 1  # what is nested in an element is counted from 0 again
+                    parts: counts.get(parts, -1) + 1  # nested arrays count from 0 again in each element
                 }
             prefix = _indexed(parts, counts)
             lines.setdefault(prefix, number)
@@ -122,7 +122,7 @@ def _indexed(parts: tuple[str, ...], counts: dict[tuple[str, ...], int]) -> tupl
 
 
 def _is_union_tag(key: str | int, raw: dict[str, Any], location: tuple[str | int, ...]) -> bool:
-    """Whether a part of pydantic's location is the tag of a union and so stands nowhere in the file."""
+    """Whether a part of pydantic's location is the tag of a union, which does not occur in the file."""
     value: Any = raw
     for part in location[: location.index(key)]:
         in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)

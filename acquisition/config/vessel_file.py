@@ -1,6 +1,6 @@
-"""Vessel files: found by name or path, put together with their base, and the list of actuators in them.
+"""Vessel files: finding them by name or path, merging them with their base, and listing their actuators.
 
-What the numbers in them mean is in ``hybrid/vessel``; who records or imports asks for the actuators only.
+``hybrid/vessel`` interprets the numbers in them; recording and importing need the actuators only.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ def find_vessel(name_or_file: str | Path, folder: Path | None = None) -> Path:
 
 
 def vessel_of_ship(ship: str, folder: Path) -> Path | None:
-    """The vessel file of the ship that a recording, a configuration or a column map in ``folder`` names.
+    """The vessel file of the ship named by a recording, a configuration or a column map in ``folder``.
 
-    One of Seatrial's own, else one in ``folder`` or in the working directory: of that file name, or that says
-    ``name = "SHIP"``. None where there is none. Raises :class:`ConfigurationError` where several say so.
+    One that comes with Seatrial, else one in ``folder`` or the working directory: with that file name, or with
+    ``name = "SHIP"``. None if there is none. Raises :class:`ConfigurationError` if several match.
     """
     ship = Path(ship).stem if ship.endswith(".toml") else ship
     for place in (VESSELS, folder, Path.cwd()) if ship else ():
@@ -62,33 +62,33 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
 
 
 def name_of_ship(vessel: str | Path) -> str:
-    """What a vessel is called, by her name in ``trials/vessels`` or from her file."""
+    """The name of a vessel: her name in ``trials/vessels`` or the name in her file."""
     return str(vessel_tree(find_vessel(vessel))["name"])
 
 
 def _ships_told(path: Path) -> tuple[str, ...]:
-    """The names that a vessel file goes by: the file's own, and the one in it; none for another TOML file."""
+    """The names of a vessel file: the file's own, and the one in it; none for another TOML file."""
     try:
         tree = parse_toml(read_text(path), path)
     except ConfigurationError:
-        return (path.stem,)  # what is wrong with it is said when it is loaded
+        return (path.stem,)  # errors in it are reported when it is loaded
     return (path.stem, str(tree.get("name", ""))) if tree.keys() & {"base", "dimensions"} else ()
 
 
 def vessel_tree(path: Path) -> Tree:
-    """The tables of a vessel file with everything its base, and the base of that, states and it does not.
+    """The tables of a vessel file merged with its base, and that with its own base.
 
-    A base is the name of one of Seatrial's own or a path, from the folder of the file that names it. A file that
-    gives no name is called as it is itself, not as its base. Raises :class:`ConfigurationError` for what cannot be
-    read, a base that is not there, and bases in a circle.
+    A base is the name of a vessel that comes with Seatrial or a path, relative to the file that names it. A
+    file without a name takes its own file name, not its base's. Raises :class:`ConfigurationError` for an
+    unreadable file, a missing base, and circular bases.
     """
     return {"name": path.stem, **_with_base(path, seen=())}
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
-    """The names and kinds of the actuators of a vessel, by its name or from its file.
+    """The names and kinds of a vessel's actuators, by her name or from her file.
 
-    Raises :class:`ConfigurationError` for what is no vessel file and for a list that cannot be one ship's.
+    Raises :class:`ConfigurationError` for anything but a vessel file, and for a list that cannot be one ship's.
     """
     path = find_vessel(vessel)
     listed = vessel_tree(path).get("actuator", [])
@@ -102,7 +102,7 @@ def load_actuators(vessel: str | Path) -> Actuators:
 
 
 def actuators_of_ship(ship: str, folder: Path) -> Actuators:
-    """The actuators of the ship that a file in ``folder`` names, none where there is no vessel file of her."""
+    """The actuators of the ship named by a file in ``folder``, none if she has no vessel file."""
     file = vessel_of_ship(ship, folder)
     return () if file is None else load_actuators(file)
 
@@ -123,7 +123,8 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
 
 
 def _merged(below: Tree, above: Tree) -> Tree:
-    """``below`` with what ``above`` says; another ``model`` takes the place of a table, actuators meet by name."""
+    """``below`` overridden by ``above``; a table with another ``model`` is replaced, actuators are matched by
+    name."""
     result = dict(below)
     for key, value in above.items():
         under = result.get(key)

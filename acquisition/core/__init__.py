@@ -1,1 +1,1 @@
-"""What all of Seatrial shares: angles, units, channels, errors, frames and samples, progress."""
+"""Shared by all of Seatrial: angles, units, channels, errors, frames and samples, progress."""

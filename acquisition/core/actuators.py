@@ -1,8 +1,8 @@
 """A ship's actuators as a list of names and kinds, and the channels that follow from it.
 
-The control channels of a recording, their orders, units and ranges are written down nowhere else: an actuator's
-kind says which quantities it has (:data:`KINDS`), its name what they are called. The list that holds where nothing
-says another, R/V Gunnerus', is read from her vessel file.
+The control channels of a recording, the channels of their orders, their units and ranges are defined nowhere
+else: an actuator's kind gives its quantities (:data:`KINDS`), its name their names. The default list is R/V
+Gunnerus', read from her vessel file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 
 DEFAULT_VESSEL = "gunnerus_short"
 RUDDER = "rudder_angle_deg"
-"""The auxiliary channel of a ship that has a rudder beside what her list of actuators says."""
+"""The auxiliary rudder channel of a ship whose list of actuators has no rudder."""
 
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]*")
 _HIGHEST_RPM = 3000
@@ -32,7 +32,7 @@ _ORDER = "_order"
 
 @dataclass(frozen=True, slots=True)
 class Actuator:
-    """One actuator: its name, which its channels carry, and its kind, one of :data:`KINDS`."""
+    """An actuator: its name, which begins the names of its channels, and its kind, one of :data:`KINDS`."""
 
     name: str
     kind: str
@@ -44,17 +44,17 @@ class Actuator:
 
     @property
     def drives(self) -> bool:
-        """Whether it is there to drive the ship ahead."""
+        """Whether it is a propulsor."""
         return KINDS[self.kind].drives
 
     @property
     def angle(self) -> Channel | None:
-        """The channel of the angle that it steers the ship with; None where it has none."""
+        """The channel of its steering angle, None if it has none."""
         return next((each for each in self.channels if each.unit == "deg"), None)
 
     @property
     def is_at_bow(self) -> bool:
-        """Whether it is a tunnel thruster whose name does not say that it is aft."""
+        """Whether it is a tunnel thruster whose name does not place it aft."""
         return self.kind == "tunnel" and _end(self.name) == "bow"
 
     @property
@@ -114,11 +114,11 @@ def _nozzle(name: str) -> Channel:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What a kind of actuator is to a recording and to who handles the ship.
+    """What a kind of actuator means to a recording and to those who handle the ship.
 
-    ``channels`` make its control channels from its name, ``parts`` are what these are called in an order. One
-    that ``drives`` is there to push the ship ahead. ``turns`` is how a positive angle of it, astern, turns the
-    ship: 1 to starboard, -1 to port, 0 where it has no angle.
+    ``channels`` make its control channels from its name, ``parts`` are what an order calls these. A kind that
+    ``drives`` propels the ship. ``turns`` is the direction in which a positive angle of one at the stern turns
+    the ship: 1 to starboard, -1 to port, 0 without an angle.
     """
 
     channels: tuple[Callable[[str], Channel], ...]
@@ -135,23 +135,23 @@ KINDS: dict[str, Kind] = {
     "rudder": Kind((_rudder,), ("rudder",), turns=1.0),
     "waterjet": Kind((_shaft, _nozzle), ("shaft", "nozzle"), drives=True, turns=-1.0),
 }
-"""The kinds of actuators; what their forces are is in ``hybrid/vessel/actuators``."""
+"""The kinds of actuators; their forces are in ``hybrid/vessel/actuators``."""
 
 _ENDINGS = ("_rpm", "_angle_deg", "_pitch_percent")
-"""How the names of control channels end."""
+"""The endings of the names of control channels."""
 
 _ASIDE = ("tunnel", "thruster", "bow", "stern", "aft", "fore")
-"""Parts of the names of thrusters that push sideways, where nothing tells the kind."""
+"""Parts of the names of thrusters that push sideways, used where the kind is not stated."""
 
 
 def _by_rule(stem: str, ending: str) -> Channel:
-    """What a control channel is where the actuator's kind is not known."""
+    """The control channel of an actuator of unknown kind."""
     angle = _rudder if "rudder" in stem else _azimuth
     return {"_rpm": _shaft, "_angle_deg": angle, "_pitch_percent": _pitch}[ending](stem)
 
 
 def _kind_by_rule(stem: str, endings: set[str]) -> str:
-    """The kind of an actuator that is known by its channels only."""
+    """The kind of an actuator, inferred from its channels only."""
     if "_angle_deg" in endings:
         return "azimuth" if "_rpm" in endings else "rudder"
     if "_pitch_percent" in endings:
@@ -166,7 +166,7 @@ def name_of_order(control: str) -> str:
 
 
 def channel_by_rule(name: str) -> Channel | None:
-    """The control or order channel that a name stands for by its ending, of whatever ship; None for another."""
+    """The control or order channel, of any ship, that a name denotes by its ending; None if it is no such name."""
     for ending in _ENDINGS:
         stem = name.removesuffix(ending)
         if stem == name or not NAME_PATTERN.fullmatch(stem):
@@ -179,10 +179,10 @@ def channel_by_rule(name: str) -> Channel | None:
 
 
 def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
-    """``actuators`` as a list that can be one ship's.
+    """Check that ``actuators`` can be one ship's.
 
-    Raises :class:`ConfigurationError` for no actuator at all, an unknown kind, a name that cannot be part of a
-    channel's, and one that is there twice.
+    Raises :class:`ConfigurationError` for an empty list, an unknown kind, a name that cannot be part of a
+    channel's name, and a name used twice.
     """
     result = tuple(actuators)
     if not result:
@@ -209,24 +209,24 @@ def names_of(actuators: Actuators, kind: str) -> tuple[str, ...]:
 
 
 def shafts(actuators: Actuators) -> tuple[str, ...]:
-    """The names of the propulsors, which protocols know by a number; of a pair the port one is listed first."""
+    """The names of the propulsors, which protocols number; of a pair the port one comes first."""
     return tuple(each.name for each in actuators if each.drives)
 
 
 def rudders(actuators: Actuators) -> tuple[str, ...]:
-    """The names of the rudders, which protocols know by a number; of a pair the port one is listed first."""
+    """The names of the rudders, which protocols number; of a pair the port one comes first."""
     return names_of(actuators, "rudder")
 
 
 def rudder_channels(actuators: Actuators) -> tuple[str, ...]:
-    """The channels of the rudder angles: those of the rudders, or the auxiliary one where none is listed."""
+    """The channels of the rudder angles: those of the listed rudders, or the auxiliary one if none is listed."""
     return tuple(f"{name}_angle_deg" for name in rudders(actuators)) or (RUDDER,)
 
 
 def numbered_shafts(actuators: Actuators) -> Actuators:
-    """The propulsors that RPM and PRC (IEC 61162-1) tell of: those that TRD does not, or all where it tells of all.
+    """The propulsors reported by RPM and PRC (IEC 61162-1): those not in TRD, or all if TRD has all.
 
-    Listed from port to starboard; beyond three their numbers do not follow from the list.
+    From port to starboard; beyond three their numbers do not follow from the list.
     """
     thrusters = thruster_numbers(actuators)
     drives = tuple(each for each in actuators if each.drives)
@@ -240,7 +240,7 @@ def shaft_numbers(numbered: Actuators) -> dict[str, int]:
 
 
 def shaft_of_number(number: float | None, numbered: Actuators) -> Actuator | None:
-    """The shaft that a number in RPM or PRC means; None for no number of hers. A single one may be 0 or 1."""
+    """The shaft with a number in RPM or PRC, None if the ship has no such shaft. A single shaft may be 0 or 1."""
     if number is None or number < 0 or number % 1 or not 1 <= len(numbered) <= 3:
         return None
     if number == 0 or len(numbered) == 1:
@@ -273,7 +273,8 @@ def kind_of_control(name: str, actuators: Actuators) -> str:
 
 
 def part_of_control(name: str, actuators: Actuators) -> str:
-    """What a control channel is of its actuator: a shaft, an azimuth, a rudder ... as an order to it is called.
+    """The part of its actuator that a control channel belongs to, as orders call it: a shaft, an azimuth, a
+    rudder ...
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
@@ -288,9 +289,9 @@ def order_channels(actuators: Actuators) -> tuple[Channel, ...]:
 
 
 def actuators_in(names: Iterable[str]) -> Actuators:
-    """The actuators whose control channels are among ``names``, of the kinds that their channels and names tell.
+    """The actuators whose control channels are among ``names``, with kinds inferred from channels and names.
 
-    In the order in which they come; channels that a fixed meaning is known for are no control channels.
+    In order of appearance; channels with a fixed meaning are not control channels.
     """
     stems: dict[str, set[str]] = {}
     for name in names:
@@ -302,13 +303,13 @@ def actuators_in(names: Iterable[str]) -> Actuators:
 
 
 def as_text(actuators: Actuators) -> str:
-    """A list of actuators as a recording's metadata says it; empty for the default list."""
+    """A list of actuators as text, as in a recording's metadata; empty for the default list."""
     return "" if actuators == DEFAULT else ", ".join(f"{each.name}:{each.kind}" for each in actuators)
 
 
 @lru_cache(maxsize=64)
 def from_text(text: str) -> Actuators:
-    """The inverse of :func:`as_text`. Raises :class:`ConfigurationError` for what is no list of actuators."""
+    """The inverse of :func:`as_text`. Raises :class:`ConfigurationError` for any other text."""
     if not text:
         return DEFAULT
     parts = [part.strip().partition(":") for part in text.split(",")]
@@ -321,4 +322,4 @@ def _default() -> Actuators:
 
 
 DEFAULT: Actuators = _default()
-"""The actuators of the vessel whose recordings do not say theirs: R/V Gunnerus', from her vessel file."""
+"""The actuators of recordings that do not state any: R/V Gunnerus', from her vessel file."""

@@ -1,4 +1,4 @@
-"""Angles live on a circle: wrapping, differences, means and interpolation in degrees.
+"""Angles in degrees: wrapping, differences, means and interpolation on the circle.
 
 Every function takes floats or arrays, returns the same shape, and passes NaN through.
 """
@@ -26,23 +26,25 @@ def wrap_180(angle_deg: ArrayLike) -> Floats:
 
 
 def in_turn(channel: Channel | None, values: ArrayLike) -> Floats:
-    """Values of a channel in the turn that its range gives; unchanged where it is no angle or no channel."""
+    """Values of a channel wrapped to its range; unchanged if it is no angle or no channel."""
     if channel is None or not channel.circular:
         return np.asarray(values, dtype=float)
     return wrap_180(values) if channel.low < 0 else wrap_360(values)
 
 
 def is_possible(channel: Channel, values: Floats) -> Bools:
-    """As :meth:`acquisition.core.channel.Channel.holds`, of many values."""
+    """As :meth:`acquisition.core.channel.Channel.holds`, for many values."""
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
     below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
     return np.asarray(beyond_low & below_high)
 
 
 def are_angles(values: Floats) -> Bools:
-    """Which of a series of angles [deg] are measured ones and not codes for no value, in whatever turn: [n].
+    """A mask [n] of the angles [deg] of a series that are measurements rather than codes for no value, in
+    whatever turn.
 
-    They are where a part of them, between steps of half a turn and more, has more than two values.
+    They are measurements if their part of the series, between steps of half a turn and more, has more than two
+    values.
     """
     there = np.flatnonzero(np.isfinite(values))
     steps = np.abs(np.diff(values[there])) >= 180.0
@@ -53,21 +55,21 @@ def are_angles(values: Floats) -> Bools:
 
 
 def counted_on(values: Floats, outside: Bools) -> bool:
-    """Whether the values of a series of angles [deg] that are ``outside`` a turn are angles counted on beyond it.
+    """Whether values ``outside`` a turn, in a series of angles [deg], come from an unwrapped angle.
 
-    A series that runs on is out there for a while; strays and codes for no value come one by one.
+    An unwrapped series stays outside for a while; outliers and codes for no value are isolated.
     """
     entries = int(np.sum(np.diff(outside.astype(np.int8), prepend=0) == 1))
     return bool(are_angles(values)[outside].all()) and int(outside.sum()) >= _LEAST_STAY * max(entries, 1)
 
 
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:
-    """The shortest turn from one angle to another, -180 < x <= 180 [deg]."""
+    """The shortest rotation from one angle to another, -180 < x <= 180 [deg]."""
     return wrap_180(np.asarray(to_deg, dtype=float) - np.asarray(from_deg, dtype=float))
 
 
 def unwrap(angle_deg: ArrayLike) -> Floats:
-    """A series of angles without jumps of a turn; NaN stay NaN and do not break the series."""
+    """A series of angles without jumps of 360 deg; NaN stay NaN and do not break the series."""
     angles = np.array(angle_deg, dtype=float)
     valid = np.isfinite(angles)
     angles[valid] = np.unwrap(angles[valid], period=360.0)
@@ -75,7 +77,7 @@ def unwrap(angle_deg: ArrayLike) -> Floats:
 
 
 def wraps_of(angle_deg: Floats) -> Ints:
-    """The rows at which a drawn line would cross the whole turn.
+    """The rows at which a plotted line would jump across the full circle.
 
     >>> wraps_of(np.array([350.0, 359.0, 1.0, np.nan, 359.0]))
     array([2])
@@ -85,6 +87,6 @@ def wraps_of(angle_deg: Floats) -> Ints:
 
 
 def circular_mean(angle_deg: ArrayLike, axis: int | None = None) -> Floats:
-    """The direction of the mean unit vector, -180 < x <= 180 [deg], NaN ignored."""
+    """The direction of the mean unit vector, -180 < x <= 180 [deg], ignoring NaN."""
     radians = np.deg2rad(np.asarray(angle_deg, dtype=float))
     return wrap_180(np.rad2deg(np.arctan2(np.nanmean(np.sin(radians), axis), np.nanmean(np.cos(radians), axis))))

@@ -1,4 +1,4 @@
-"""The array types that signatures speak of, one name an element type, and the samples of one channel as arrays."""
+"""Array types for signatures, one name for each element type, and the samples of one channel as arrays."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class _AsLists:
-    """Says to pydantic that an array is nested lists in JSON, of elements of this type; null is NaN."""
+    """Tells pydantic that an array is nested lists in JSON, with elements of this type; null is NaN."""
 
     def __init__(self, dtype: type) -> None:
         self.dtype = dtype
@@ -32,9 +32,9 @@ Complexes: TypeAlias = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """The samples of one channel in the order of reception: times [ns UTC], values and flags, all of shape [n].
+    """The samples of one channel in order of reception: times [ns UTC], values and flags, all of shape [n].
 
-    ``sources`` lists the distinct sources; ``source_index`` says for each sample which of them it was.
+    ``sources`` lists the distinct sources; ``source_index`` gives the one of each sample.
     """
 
     measured_ns: Ints
@@ -56,7 +56,7 @@ class Series:
         )
 
     def append(self, later: Series) -> Series:
-        """These samples and later ones."""
+        """These samples followed by later ones."""
         sources = tuple(dict.fromkeys((*self.sources, *later.sources)))
         numbers = np.array([sources.index(each) for each in later.sources], np.int32)
         return Series(

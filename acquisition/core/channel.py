@@ -1,4 +1,4 @@
-"""One channel: a quantity with its unit, the range of values that are possible for it, and its topic."""
+"""A channel: a quantity with its unit, the range of its possible values, and its topic."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ Group = Literal["pose", "velocity", "environment", "command", "auxiliary", "decl
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One quantity with its unit and the range of values that are possible for it.
+    """A quantity with its unit and the range of its possible values.
 
-    ``low`` and ``high`` are inclusive, except on a circle: there the range is one turn, and it includes
-    the end that ``conventions`` gives (0 <= x < 360, or -180 < x <= 180). A ``state`` is a code or a count that
-    holds until it is told anew: between two of its values nothing lies.
+    ``low`` and ``high`` are inclusive, except for angles: their range is one turn, which includes the end that
+    ``conventions`` gives (0 <= x < 360, or -180 < x <= 180). A ``state`` is a code or a count that keeps its
+    value until the next one and is never interpolated.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Channel:
         return self.low <= value < self.high
 
     def wrapped(self, value: float) -> float:
-        """``value`` brought into this channel's turn; unchanged where the channel is no angle."""
+        """``value`` wrapped into this channel's turn; unchanged if the channel is no angle."""
         if not self.circular:
             return value
         if self.low < 0:

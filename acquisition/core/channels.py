@@ -1,10 +1,10 @@
-"""The channels of a trial, as data: everybody's vocabulary.
+"""The channels of a trial, as data.
 
-Columns, topics, schema texts, range checks and circular treatment all derive from the channels. Those of the
-ship's motion and of the wind are fixed, those of her actuators follow from their list
-(:mod:`acquisition.core.actuators`): ``CHANNELS`` are the 13 of the default list, R/V Gunnerus'. Frames and
-signs: north-east-down earth frame; body frame x forward, y to starboard; yaw positive to starboard; azimuth
-angles positive when the thrust vector turns to starboard; wind direction is where the wind comes from.
+Columns, topics, schema texts, range checks and circular treatment all derive from the channels. Those of motion
+and wind are fixed; those of the actuators follow from the ship's list (:mod:`acquisition.core.actuators`):
+``CHANNELS`` are the 13 of the default list, R/V Gunnerus'. Frames and signs: north-east-down earth frame; body
+frame x forward, y to starboard; yaw positive to starboard; azimuth angles positive when the thrust vector turns
+to starboard; wind direction is where the wind comes from.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MOTION_CHANNELS: tuple[Channel, ...] = (
     circle("wind_direction_deg", "environment", "Direction the wind comes from, from true north"),
     Channel("wind_speed_mps", "m/s", 0, 100, "environment", "Wind speed over ground"),
 )
-"""The channels of every ship's motion and of the wind."""
+"""The channels of motion and wind, which every ship has."""
 
 _AUXILIARY: tuple[Channel, ...] = (
     Channel("latitude_deg", "deg", -90, 90, "auxiliary", "Latitude, WGS 84"),
@@ -61,14 +61,14 @@ CHANNELS: tuple[Channel, ...] = (*MOTION_CHANNELS, *control_channels(DEFAULT))
 """The 13 channels of the default list of actuators, in their contractual order."""
 
 AUXILIARY: tuple[Channel, ...] = (*_AUXILIARY, *order_channels(DEFAULT))
-"""Channels that may be recorded beside the 13; they never replace one of them."""
+"""Channels that may be recorded in addition to the 13; they never replace one of them."""
 
 
 class ChannelsByName(dict[str, Channel]):
-    """The channels of the default list by name; those of another ship's actuators are found by rule.
+    """The channels of the default list by name; those of other ships' actuators are found by rule.
 
-    ``in`` and the names gone through are those of the default list: what another ship has besides, its list of
-    actuators says (:func:`channel_names`). Raises :class:`KeyError` for what is no channel of any ship.
+    ``in`` and iteration cover the default list only: what else a ship has follows from her list of actuators
+    (:func:`channel_names`). Raises :class:`KeyError` for what is no channel of any ship.
     """
 
     def __missing__(self, name: str) -> Channel:
@@ -86,68 +86,68 @@ POSE, VELOCITY, ENVIRONMENT, COMMAND = (
 )
 POSE_AND_VELOCITY: tuple[str, ...] = (*POSE, *VELOCITY)
 MOTION: tuple[str, ...] = (*POSE_AND_VELOCITY, *ENVIRONMENT)
-"""The channels that every ship has: where she is, how she moves, the wind."""
+"""The channels that every ship has: position, motion, wind."""
 
 _FIXED = frozenset(channel.name for channel in (*MOTION_CHANNELS, *_AUXILIARY))
 
 
 CIRCULAR: frozenset[str] = frozenset(channel.name for channel in BY_NAME.values() if channel.circular)
-"""The angles among the channels of the default list; of any ship's, :func:`is_circular` tells."""
+"""The angles among the channels of the default list; for any ship use :func:`is_circular`."""
 
 
 def is_setting(channel: Channel) -> bool:
-    """Whether a channel is what a person sets: a control of any ship, an order to one, or the rudder."""
+    """Whether a channel is a setting: a control of any ship, an order to one, or the rudder."""
     if channel.group == "declared":
         return False
     return channel.name == RUDDER or (channel.name not in _FIXED and channel_by_rule(channel.name) is not None)
 
 
 def find_channel(name: str, known: ChannelsByName = BY_NAME) -> Channel | None:
-    """The channel of this name, of whatever ship; None for a column that is no channel."""
+    """The channel of this name, of any ship; None for a column that is no channel."""
     return known.get(name) or channel_by_rule(name)
 
 
 def channel_unit(name: str, known: ChannelsByName = BY_NAME) -> str:
-    """The unit of a channel of whatever ship; empty for a column that is no channel."""
+    """The unit of a channel of any ship; empty for a column that is no channel."""
     channel = find_channel(name, known)
     return channel.unit if channel else ""
 
 
 def is_circular(name: str) -> bool:
-    """Whether a column is an angle that wraps; a column that is no channel is none."""
+    """Whether a column is an angle that wraps; False for a column that is no channel."""
     channel = find_channel(name)
     return channel is not None and channel.circular
 
 
 @lru_cache(maxsize=64)
 def with_declared(declared: Declared) -> ChannelsByName:
-    """The channels by name, those that a trial declares among them."""
+    """The channels by name, including those that a trial declares."""
     return ChannelsByName({**BY_NAME, **{each.name: each for each in declared}}) if declared else BY_NAME
 
 
 def declared_in(attributes: Mapping[Any, Any]) -> Declared:
-    """The channels that the trial of a table declares, by the ``attrs`` of the table."""
+    """The channels that the trial of a table declares, from the ``attrs`` of the table."""
     return declared_from_text((attributes.get("trial") or {}).get("channels") or "")
 
 
 def known_channels(attributes: Mapping[Any, Any]) -> ChannelsByName:
-    """The channels by name, those that the trial of a table declares among them, by the ``attrs`` of the table."""
+    """The channels by name, including those that the trial of a table declares, from its ``attrs``."""
     return with_declared(declared_in(attributes))
 
 
 def channels_known_to(trial: Trial) -> ChannelsByName:
-    """The channels by name, those that a trial declares among them."""
+    """The channels by name, including those that a trial declares."""
     return with_declared(declared_from_text(trial.channels))
 
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
-    """Every channel that a recording of a trial may have, by name, in their order."""
+    """Every channel that a recording of a trial may have, by name, in order."""
     known, declared = channels_known_to(trial), declared_from_text(trial.channels)
     return {name: known[name] for name in channel_names(from_text(trial.actuators), declared)}
 
 
 def channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
-    """Every channel that a table may have, by name, in their order: as its ``attrs`` say, else by its columns."""
+    """Every channel that a table may have, by name, in order: from its ``attrs``, else from its columns."""
     known, declared = known_channels(attributes), declared_in(attributes)
     return {name: known[name] for name in channel_names(actuators_of(columns, attributes), declared)}
 
@@ -161,9 +161,9 @@ def trial_names(actuators: Actuators) -> tuple[str, ...]:
 @lru_cache(maxsize=64)
 def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, ...]:
     """Every channel that a recording of a ship with these actuators may have, once each: those of the trial,
-    auxiliary ones, orders, those that are ``declared``.
+    auxiliary ones, orders, and ``declared`` ones.
 
-    A ship whose rudders are listed has no auxiliary rudder beside them.
+    A ship with listed rudders has no auxiliary rudder.
     """
     orders = (channel.name for channel in order_channels(actuators))
     auxiliary = (each.name for each in _AUXILIARY if each.name != RUDDER or not rudders(actuators))
@@ -171,10 +171,10 @@ def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, .
 
 
 def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
-    """The actuators of a table: as its ``attrs`` say, else by rule from its columns, else the default list.
+    """The actuators of a table: from its ``attrs``, else by rule from its columns, else the default list.
 
-    A table whose control columns are all of the default list is a table of that ship, though she lacks some; a
-    rudder beside them is then an auxiliary channel, unless nothing else steers.
+    A table whose control columns all belong to the default list is one of that ship, even if some are missing;
+    a rudder among them is then an auxiliary channel, unless nothing else steers.
     """
     said = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if said:

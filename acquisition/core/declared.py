@@ -1,7 +1,8 @@
-"""Channels that a user declares, beside those that every trial has: checked, and as a recording carries them.
+"""Channels that a user declares in addition to those of every trial: their checks, and their text in a
+recording.
 
-A declared channel is recorded, checked, resampled, exported and drawn like the others; what it is travels with the
-recording, as nothing else knows it.
+A declared channel is recorded, checked, resampled, exported and plotted like the others; its definition is
+stored in the recording, since nothing else knows it.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ Declared = tuple[Channel, ...]
 
 
 def declare(name: str, unit: str, low: float, high: float, meaning: str = "", state: bool = False) -> Channel:
-    """A channel by what a user says of it; an angle whose range is one turn, from 0 or from -180, is circular.
+    """A channel from a user's declaration; an angle whose range is one turn, from 0 or from -180, is circular.
 
-    Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, a unit
-    that nobody could read, and a range that is none.
+    Raises :class:`ConfigurationError` for a name that cannot be part of a topic or does not end in its unit, an
+    unreadable unit, and an empty range.
     """
     unit = canonical(unit)
     ending = ending_of(unit)
@@ -51,7 +52,7 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
 
 
 def as_text(channels: Iterable[Channel]) -> str:
-    """Declared channels as a recording's metadata says them, as JSON; empty for none."""
+    """Declared channels as JSON for a recording's metadata; empty for none."""
     said = [
         {"name": each.name, "unit": each.unit, "low": each.low, "high": each.high, "meaning": each.meaning,
          "state": each.state}
@@ -62,7 +63,8 @@ def as_text(channels: Iterable[Channel]) -> str:
 
 @lru_cache(maxsize=64)
 def declared_from_text(text: str) -> Declared:
-    """The inverse of :func:`as_text`; what is no list of channels, somebody else's word, declares none."""
+    """The inverse of :func:`as_text`; text that is no list of channels, such as another program's, declares
+    none."""
     try:
         return tuple(declare(**each) for each in json.loads(text)) if text else ()
     except (ValueError, TypeError):

@@ -1,14 +1,14 @@
-"""What can go wrong, split by what the caller can do about it.
+"""Errors, classified by what the caller can do about them.
 
 ::
 
     SeatrialError
-    ├── ConfigurationError   the trial's or the vessel's file says something impossible: edit the named line
-    ├── InputError           a file or a table given as input is not what it should be: give another
+    ├── ConfigurationError   a configuration or vessel file is wrong: edit the line named
+    ├── InputError           a file or a table given as input is unsuitable: give another
     ├── SourceError          a bus, port or socket cannot be opened or has failed: connect it and try again
     ├── StorageError         the recording cannot be written: make room, mount the disk, change permissions
     ├── DataShortageError    the input is sound but holds too little for the task: record more, ask for less
-    └── ModelRangeError      the simulation model was driven out of the range its coefficients hold in
+    └── ModelRangeError      the simulation left the range in which the model's coefficients are valid
 
 Every message says what, where, why and what to do, in that order, on one line.
 """
@@ -44,14 +44,14 @@ class SeatrialError(Exception):
         super().__init__(printable(" ".join(text.split())))
 
     def at(self, where: Path | str) -> Self:
-        """The same error, of another place."""
+        """The same error, located elsewhere."""
         return type(self)(self.what, where=str(where), why=self.why, fix=self.fix)
 
 
 class ConfigurationError(SeatrialError, ValueError):
-    """A configuration or vessel file cannot be used as it stands.
+    """A configuration or vessel file cannot be used as it is.
 
-    Examples: an unknown unit, a source without a port, two sources of one name.
+    Examples: an unknown unit, a source without a port, two sources with the same name.
     """
 
 
@@ -74,17 +74,17 @@ class StorageError(SeatrialError, OSError):
 
 
 class DataShortageError(SeatrialError, ValueError):
-    """The input is sound but too little. Examples: no held window, one leg only to split."""
+    """The input is sound but insufficient. Examples: no held window, only one leg to split."""
 
 
 class ModelRangeError(SeatrialError, ArithmeticError):
-    """The simulation left the range of speeds its coefficients hold in."""
+    """The simulation left the range of speeds in which its coefficients are valid."""
 
 
 def storage_error(path: Path | str, error: OSError, what: str = "cannot be written") -> StorageError:
-    """The error for a product that the system refuses, which says what on its path is in the way.
+    """The error for an output that the system refuses to write, naming what is in the way on its path.
 
-    The system's own words, "File exists" for a folder that cannot be made below a file, mislead.
+    The system's own message is misleading: "File exists" for a folder that cannot be made below a file.
     """
     path = Path(path)
     why, fix = error.strerror or str(error), _CURES.get(error.errno or 0, "choose another place")

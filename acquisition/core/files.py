@@ -1,4 +1,4 @@
-"""Files of results: complete or not there at all."""
+"""Output files: complete or absent."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from acquisition.core.errors import InputError, StorageError, storage_error
 
 @contextmanager
 def atomic_file(path: Path | str) -> Iterator[Path]:
-    """A file to write, which takes the place of ``path`` once it is complete; its folder is made.
+    """A temporary file that replaces ``path`` once it is complete; its folder is made.
 
-    Raises :class:`StorageError` for what the system refuses, always about ``path``: a person knows the file by its
-    own name only.
+    Raises :class:`StorageError` for what the system refuses, always naming ``path``, not the temporary file.
     """
     path = Path(path)
     partial = path.with_name(f".{path.name}.part")
@@ -39,9 +38,9 @@ def write_text(path: Path | str, text: str) -> Path:
 
 
 def expect_suffix(path: Path | str, *suffixes: str) -> str:
-    """The suffix of ``path`` in small letters, which has to be one of ``suffixes``.
+    """The lower-case suffix of ``path``, which has to be one of ``suffixes``.
 
-    A name without suffix is taken where there is only one kind to write. Raises :class:`InputError` for another
+    A name without suffix is accepted if there is only one format. Raises :class:`InputError` for another
     suffix: a file should hold what its name says.
     """
     path = Path(path)

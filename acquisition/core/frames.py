@@ -1,6 +1,6 @@
-"""The two values that walk through acquisition: a frame (bytes off a wire) and a sample (one number).
+"""The two values passed through acquisition: a frame (bytes from a wire) and a sample (one number).
 
-Thousands are made a second, so they are tuples with names.
+They are named tuples, since thousands are made every second.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ NANO = 1_000_000_000
 
 
 class Quality(IntEnum):
-    """What is known of a value, in the flags of QARTOD."""
+    """The quality of a value, as QARTOD flags."""
 
     GOOD = 1
     NOT_EVALUATED = 2
@@ -28,7 +28,7 @@ class Quality(IntEnum):
 
 
 class FrameFlag(IntFlag):
-    """What a frame was, besides its data."""
+    """Properties of a frame besides its data."""
 
     NONE = 0
     STANDARD_ID = 1
@@ -43,12 +43,12 @@ class FrameFlag(IntFlag):
 
 
 class Frame(NamedTuple):
-    """Bytes as they came off one wire, with the times of their reception; nothing is decoded yet.
+    """Undecoded bytes as received from one wire, with the times of reception.
 
-    ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line without
-    its line end, one MAVLink datagram, or one MQTT message behind its topic and a zero byte.
-    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is whoever
-    sent it over a network, by address.
+    ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line
+    without its line end, one MAVLink datagram, or one MQTT message after its topic and a zero byte.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is the
+    network address of the sender.
     """
 
     origin: str
@@ -63,10 +63,10 @@ class Frame(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """One value of one quantity in the house's unit, with its three times.
+    """One value of one quantity in its channel's unit, with its three times.
 
-    ``measured_ns`` is the UTC time that the recording stamps the value with; ``source_ns`` is what the
-    source itself said (None if it said nothing), on the clock named by ``clock``.
+    ``measured_ns`` is the UTC time that the recording stamps the value with; ``source_ns`` is the time reported
+    by the source (None if there is none), on the clock named by ``clock``.
     """
 
     quantity: str
@@ -84,7 +84,7 @@ _SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", 
 
 
 def label_parts(source: str) -> tuple[str, str, list[str]]:
-    """A sample's source as its line, the device on it, and the message with what is said of it.
+    """A sample's source split into its line, the device on it, and the message with its remarks.
 
     >>> label_parts("bus/35:130306 apparent derived")
     ('bus', '35', ['130306', 'apparent', 'derived'])
@@ -96,10 +96,11 @@ def label_parts(source: str) -> tuple[str, str, list[str]]:
 
 @lru_cache(maxsize=4096)
 def sensor_of(source: str) -> str:
-    """Line and device of a sample's source: a satellite receiver is one, whichever satellites it names itself by.
+    """Line and device of a sample's source; a satellite receiver is one device, whichever satellite systems it
+    reports.
 
-    >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
-    True
+        >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+        True
     """
     line, device, _ = label_parts(source)
     talker, at, tag = device.partition("@")
@@ -107,10 +108,10 @@ def sensor_of(source: str) -> str:
 
 
 class Fix(NamedTuple):
-    """What a satellite receiver says of its fix, as far as it says it.
+    """A satellite receiver's report of its fix, as far as it gives one.
 
-    ``kind`` is by the numbers of GGA, 0 for none; ``height_m`` is above the ellipsoid of WGS 84, or above mean sea
-    level where the receiver tells no other; ``sigma_m`` are standard deviations to the east, to the north, upwards.
+    ``kind`` is numbered as in GGA, 0 for none; ``height_m`` is above the WGS 84 ellipsoid, or above mean sea
+    level if the receiver reports nothing else; ``sigma_m`` are standard deviations east, north and up.
     """
 
     kind: int | None = None
@@ -119,7 +120,7 @@ class Fix(NamedTuple):
 
 
 Group = list[Sample]
-"""The samples of one message: they share source and times, so that pairs stay pairs."""
+"""The samples of one message: they share source and times, so that pairs stay together."""
 
 
 def now_ns() -> tuple[int, int]:

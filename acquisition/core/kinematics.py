@@ -1,7 +1,7 @@
-"""Between the axes of the earth, of the ship and of the wind, and the plane of a trial: functions of floats.
+"""Conversions between earth, ship and wind axes, and a trial's tangent plane: functions of floats.
 
 Angles in degrees, clockwise; speeds in m/s; ``surge`` along the bow, ``sway`` to starboard. A wind direction or
-angle says where the wind comes from.
+angle is where the wind comes from.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _ECCENTRICITY2 = _FLATTENING * (2.0 - _FLATTENING)
 
 
 def along(direction_deg: float, speed_mps: float) -> tuple[float, float]:
-    """The parts of a velocity towards ``direction_deg``: to north and east, or to the bow and starboard."""
+    """The components of a velocity towards ``direction_deg``: north and east, or forward and to starboard."""
     angle = radians(direction_deg)
     return speed_mps * cos(angle), speed_mps * sin(angle)
 
@@ -49,13 +49,13 @@ def velocity_at_reference(
 def wind_over_ground(
     angle_deg: float, speed_mps: float, surge_mps: float, sway_mps: float, heading_deg: float
 ) -> tuple[float, float]:
-    """Direction from true north and speed over ground, of a wind felt on a ship that moves.
+    """True direction and speed over ground of the wind felt on a moving ship.
 
-    ``angle_deg`` counts from the bow. With surge and sway zero it only turns an angle into a direction.
+    ``angle_deg`` is relative to the bow. With zero surge and sway this only converts an angle to a direction.
 
-    >>> direction, speed = wind_over_ground(0.0, 10.0, 4.0, 0.0, 270.0)
-    >>> round(direction, 9), round(speed, 9)
-    (270.0, 6.0)
+        >>> direction, speed = wind_over_ground(0.0, 10.0, 4.0, 0.0, 270.0)
+        >>> round(direction, 9), round(speed, 9)
+        (270.0, 6.0)
     """
     ahead, starboard = along(angle_deg, speed_mps)  # where it comes from: the air moves the other way
     ahead, starboard = ahead - surge_mps, starboard - sway_mps
@@ -65,9 +65,9 @@ def wind_over_ground(
 
 
 def apparent_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: float) -> tuple[float, float]:
-    """Angle and speed as felt on board, of a wind that an instrument has referred to the water.
+    """Apparent wind angle and speed from a wind that an instrument has referred to the water.
 
-    Instruments do so with the heading and the speed of the log, as if there were no leeway; this undoes it.
+    Instruments do so with heading and log speed, as if there were no leeway; this is the inverse.
     """
     ahead, starboard = along(angle_deg, speed_mps)
     ahead += speed_through_water_mps
@@ -75,7 +75,7 @@ def apparent_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: f
 
 
 class TangentPlane:
-    """The plane at ``latitude_deg``, ``longitude_deg``, at the height of the ellipsoid."""
+    """The tangent plane at ``latitude_deg``, ``longitude_deg``, at the height of the ellipsoid."""
 
     def __init__(self, latitude_deg: float, longitude_deg: float) -> None:
         self.origin = latitude_deg, longitude_deg

@@ -1,7 +1,7 @@
-"""Code by its name: ours as ``module:name``, a user's as ``FILE.py:NAME``, a package's as its entry point.
+"""Loading code by name: ours as ``module:name``, a user's as ``FILE.py:NAME``, a package's by its entry point.
 
-Calibrators, sources, checks, manoeuvres and effects of one's own are all loaded here. What goes wrong inside a
-user's code is an :class:`OwnCodeError` that names its line; the traceback of that code goes to the log.
+User-defined calibrators, sources, checks, manoeuvres and effects are all loaded here. An error in a user's code
+becomes an :class:`OwnCodeError` that names the line; its traceback goes to the log.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class OwnCodeError(ConfigurationError):
 
 
 def imported(place: str) -> Any:
-    """What is at ``module:name``.
+    """The object at ``module:name``.
 
     >>> imported("math:tau") > 6.28
     True
@@ -42,7 +42,7 @@ def imported(place: str) -> Any:
 
 
 def in_file(name: str) -> tuple[Path, str] | None:
-    """The file and the name in it of ``FILE.py:NAME``, "" where no name is given; None for what names no file.
+    """The file and name in ``FILE.py:NAME``, the name "" if not given; None for anything that is no file.
 
     >>> in_file("mine.py:Mine"), in_file("mine.py"), in_file("adaptive")
     ((PosixPath('mine.py'), 'Mine'), (PosixPath('mine.py'), ''), None)
@@ -54,16 +54,16 @@ def in_file(name: str) -> tuple[Path, str] | None:
 
 
 def absolute(name: str, folder: Path | None = None) -> str:
-    """``FILE.py:NAME`` with its whole path, from ``folder`` on; other names as they are."""
+    """``FILE.py:NAME`` with an absolute path, relative to ``folder``; other names unchanged."""
     found = in_file(name)
     return name if found is None else f"{((folder or Path()) / found[0]).resolve()}:{found[1]}"
 
 
 def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
-    """What is called so: one of ``ours`` by name, an entry point of ``seatrial.<group>``, or ``FILE.py:NAME``.
+    """The object of a name: one of ``ours``, an entry point of ``seatrial.<group>``, or ``FILE.py:NAME``.
 
-    A file is executed. Raises :class:`ConfigurationError` for what is not there, :class:`OwnCodeError` for code
-    that fails when it is read.
+    A file is executed. Raises :class:`ConfigurationError` if there is no such object, :class:`OwnCodeError` if
+    the file's code fails.
     """
     if ours and name in ours:
         return imported(ours[name])
@@ -83,7 +83,7 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
 
 
 def digest_of(name: str, group: str) -> str:
-    """The SHA-256 of the file that a user's code is in, not executed; "" for ours, and for what is gone."""
+    """The SHA-256 of the file with a user's code, which is not executed; "" for ours and for a missing file."""
     entry, found = _entries(group).get(name), in_file(name)
     file = found[0] if found else None
     if entry is not None:
@@ -93,15 +93,15 @@ def digest_of(name: str, group: str) -> str:
 
 
 def file_of(code: Any) -> str:
-    """The file that a class, a function or the class of an object is in."""
+    """The file that defines a class, a function or an object's class."""
     return inspect.getsourcefile(code if isinstance(code, type | FunctionType) else type(code)) or ""
 
 
 @contextmanager
 def own_code(name: str, file: str) -> Iterator[None]:
-    """Call a user's code: what it raises is logged with its traceback, once, and becomes an :class:`OwnCodeError`.
+    """Run a user's code: an exception is logged once with its traceback, and becomes an :class:`OwnCodeError`.
 
-    ``file`` is the one that it is in: the traceback begins there.
+    ``file`` is the user's file, in which the traceback begins.
     """
     try:
         yield
@@ -114,7 +114,7 @@ def own_code(name: str, file: str) -> Iterator[None]:
         lines = [line for frame, line in walk_tb(trace) if frame.f_code.co_filename == file]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         where = f"{file}, line {line}" if line else file
-        if (where, str(error)) not in _TOLD:  # a source that fails is tried again and again
+        if (where, str(error)) not in _TOLD:  # sources are retried: log each error once
             _LOG.error("".join(format_exception(type(error), error, trace, chain=False)).rstrip())
             _TOLD.add((where, str(error)))
         why = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
@@ -124,9 +124,9 @@ def own_code(name: str, file: str) -> Iterator[None]:
 
 
 def require_call(code: Any, name: str, *arguments: str, method: str = "") -> None:
-    """Refuse what cannot be called with these arguments, as :class:`ConfigurationError`.
+    """Raise :class:`ConfigurationError` unless ``code`` can be called with these arguments.
 
-    ``method`` is that of the class ``code`` which is to be called.
+    ``method`` names the method of the class ``code`` to check.
     """
     wanted = (
         f"{method}({', '.join(('self', *arguments))})"
@@ -147,7 +147,7 @@ def _entries(group: str) -> dict[str, EntryPoint]:
 
 
 def _attribute(file: Path, name: str) -> Any:
-    """What a file defines by that name. Raises :class:`ConfigurationError`."""
+    """The object that a file defines under this name. Raises :class:`ConfigurationError`."""
     module = _executed(file.resolve(), _content(file))
     if name and hasattr(module, name):
         return getattr(module, name)
@@ -173,12 +173,12 @@ def _content(file: Path) -> bytes:
 
 @lru_cache
 def _executed(file: Path, content: bytes) -> ModuleType:
-    """A file as a module, executed once for what it holds. Raises :class:`OwnCodeError`."""
+    """A file executed as a module, once for each content. Raises :class:`OwnCodeError`."""
     name = f"seatrial_own_{file.stem}_{hashlib.sha256(bytes(file) + content).hexdigest()[:12]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise ConfigurationError("is no Python file", where=str(file), fix="give a file ending in .py")
-    module = sys.modules[name] = module_from_spec(spec)  # where dataclasses look for what they are annotated with
+    module = sys.modules[name] = module_from_spec(spec)  # dataclasses look up annotations there
     try:
         with own_code(str(file), str(file)):
             spec.loader.exec_module(module)

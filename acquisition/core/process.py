@@ -1,6 +1,6 @@
-"""The process itself: the signals that end a recording, and standard streams that take nothing down with them.
+"""The process: signals that end a recording, and standard streams whose failure must not end one.
 
-Nothing heavy is imported here, so that it is ready first.
+Nothing heavy is imported here, so that it is in place first.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ _active: list[threading.Event] = []
 
 
 def guard_standard_streams() -> None:
-    """Replace missing streams by the null device, and outputs by ones that can be closed at the other end.
+    """Replace missing standard streams by the null device, and outputs by ones that tolerate a closed reader.
 
-    Whoever reads only our first line has not made the work a failure, and what cannot be told on stderr must
-    not end a recording. A stdout that is full is told, once: what was asked for has not arrived.
+    A reader that only takes our first line (``head``) does not make the work a failure, and a message that
+    cannot be printed must not end a recording. A failure to write to stdout, such as a full disk, is reported
+    once, since requested output is lost.
     """
     for name in _NAMES:
         stream = getattr(sys, name)
-        if stream is None:  # the lowest free descriptor is the missing one: no recording will be opened as it
+        if stream is None:  # takes the lowest free descriptor, the missing one, so that no recording gets it
             mode = "r" if name == "stdin" else "w"
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 - to the end
         elif name != "stdin" and stream is getattr(sys, f"__{name}__"):  # and not a test's
@@ -52,7 +53,7 @@ def _guarded(stream: TextIO) -> TextIO:
 
 
 class _Output(io.FileIO):
-    """A descriptor to write to; after its first failure all that is written to it is forgotten."""
+    """An output descriptor that discards everything after its first failure."""
 
     def __init__(self, descriptor: int) -> None:
         super().__init__(descriptor, "w", closefd=False)
@@ -74,10 +75,10 @@ class _Output(io.FileIO):
 
 @contextmanager
 def stop_on_signals() -> Iterator[threading.Event]:
-    """An event that SIGINT, SIGTERM and the loss of the terminal set, so that all end a recording cleanly.
+    """An event set by SIGINT, SIGTERM and hangup, so that all of them end a recording cleanly.
 
-    Under ``nohup``, which ignores the loss of the terminal, the recording goes on. Within another of its kind
-    the event is the same: a signal that came while the program was still being loaded is not forgotten.
+    Under ``nohup``, which ignores hangups, the recording goes on. Nested uses share one event, so a signal that
+    arrives while the program is loading is not lost.
     """
     if _active:
         yield _active[0]

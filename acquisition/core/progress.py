@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on stderr where that is a terminal, nothing where it is not."""
+"""Progress of long work: a bar on stderr if that is a terminal, else nothing."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 Progress = Callable[[float], None]
-"""What long work tells: the share done, 0 to 1."""
+"""A callback for the share of work done, 0 to 1."""
 
 
 def part_of(progress: Progress, done: int, total: int) -> Progress:
-    """The progress of one of ``total`` pieces of work, ``done`` of which are over.
+    """The progress callback of one of ``total`` pieces of work, ``done`` of which are finished.
 
     >>> part_of(print, 1, 4)(0.5)
     0.375

@@ -1,7 +1,7 @@
 """Results that print and plot themselves.
 
-A result names the functions that show it, ``"module:function"``; they are loaded when it is printed or plotted. So
-no result imports a page, and none costs more than its numbers until somebody looks at it.
+A result names the functions that show it, ``"module:function"``; they are loaded when it is printed or plotted.
+So no result imports a page, and plotting code is loaded only when needed.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _WIDTH = 110  # columns
 
 
 class Result:
-    """A result that rich prints as a terminal shows it, with the same as its ``str``, and with a figure.
+    """A result with a rich rendering for the terminal, the same text as its ``str``, and a figure.
 
-    ``view`` makes a renderable of the result; ``drawing`` fills a matplotlib figure of ``size_inch`` with it, as
-    ``drawing(figure, result)``.
+    ``view`` makes a rich renderable of the result; ``drawing`` draws it into a matplotlib figure of
+    ``size_inch``, called as ``drawing(figure, result)``.
     """
 
     __slots__ = ()
@@ -43,7 +43,7 @@ class Result:
         return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        """What a notebook shows of it."""
+        """The text that a notebook shows."""
         printer.text(str(self))
 
     def plot(self) -> Figure:
@@ -57,7 +57,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class ChosenModel:
-    """Which model a result was asked of: its name, and what to say of it first where it is not the recordings'."""
+    """The model that a result was computed with: its name, and a remark if it is not the recordings' own."""
 
     name: str
     doubt: str = ""
@@ -67,15 +67,13 @@ class ChosenModel:
 
     @property
     def remarks(self) -> dict[str, list[str]]:
-        """What a JSON object says first: nothing where the model is that of the recordings."""
+        """The first entries of a JSON object: empty if the model is the recordings' own."""
         return {"remarks": [str(self)]} if self.doubt else {}
 
 
 @dataclass(frozen=True, slots=True)
 class ModelResult(Result):
-    """A result that a model was asked for; what is to be known of its measurements, and which model it was, are the
-    first lines of what it prints.
-    """
+    """A result computed with a model; it prints first which model it was and any limits of its measurements."""
 
     model: ChosenModel | None = field(default=None, kw_only=True)
 
@@ -84,17 +82,17 @@ class ModelResult(Result):
 
     @property
     def measurements(self) -> str:
-        """What is to be known of the measurements that it was judged by, if anything."""
+        """Limits of the measurements used as truth, if any."""
         return ""
 
     @property
     def first_lines(self) -> list[str]:
-        """What it says before anything else."""
+        """The lines printed first."""
         return [str(each) for each in (self.measurements, self.model) if each]
 
     @property
     def remarks(self) -> dict[str, list[str]]:
-        """What a JSON object of it says first."""
+        """The first entries of its JSON object."""
         said = [self.measurements] if self.measurements else []
         said += [] if self.model is None else self.model.remarks.get("remarks", [])
         return {"remarks": said} if said else {}

@@ -21,12 +21,12 @@ Number = Annotated[float, BeforeValidator(lambda value: float("nan") if value is
 
 
 def to_json(result: Any) -> Any:
-    """Plain values of a dataclass, or of lists and dicts of them, as JSON has them: NaN and infinities are None."""
+    """A dataclass, or lists and dicts of them, as plain values for JSON: NaN and infinities become None."""
     return json.loads(TypeAdapter[Any](type(result)).dump_json(result, fallback=_plain))
 
 
 def from_json(kind: type[Result], values: Any) -> Result:
-    """The result that :func:`to_json` made ``values`` of. Raises :class:`InputError` for anything else."""
+    """The inverse of :func:`to_json`. Raises :class:`InputError` for other values."""
     try:
         return TypeAdapter(kind).validate_python(values)
     except ValidationError as error:
@@ -38,7 +38,7 @@ def from_json(kind: type[Result], values: Any) -> Result:
 
 
 def _plain(value: Any) -> Any:
-    """What only numpy knows."""
+    """The plain value of a numpy object."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} is nothing that JSON knows")

@@ -1,4 +1,4 @@
-"""Text that somebody else wrote, made fit for a terminal."""
+"""Making other people's text safe for a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202
 
 
 def printable(said: Said) -> Said:
-    r"""Text, or text in lists, tuples and dictionaries, with its control characters written out.
+    r"""Text, or text in lists, tuples and dictionaries, with control characters escaped.
 
     >>> print(printable("calm\x1b[2J"))
     calm\x1b[2J

@@ -1,10 +1,10 @@
-"""Topics of MQTT: which of them a pattern with wildcards holds."""
+"""MQTT topic patterns with wildcards."""
 
 from __future__ import annotations
 
 
 def covers(pattern: str, topics: str) -> bool:
-    """Whether a pattern holds a topic, or all topics of another pattern: ``+`` is one level, ``#`` all that follow.
+    """Whether a pattern matches a topic, or all topics of another pattern: ``+`` is one level, ``#`` the rest.
 
     >>> covers("ship/NMEA/#", "ship/NMEA/GPGGA"), covers("ship/+/x", "ship/#"), covers("#", "$SYS/uptime")
     (True, False, False)
@@ -19,7 +19,7 @@ def covers(pattern: str, topics: str) -> bool:
 
 
 def overlap(one: str, other: str) -> bool:
-    """Whether some topic is of both patterns.
+    """Whether some topic matches both patterns.
 
     >>> overlap("ship/+/Heading", "ship/MRU/+"), overlap("ship/MRU/Roll", "ship/MRU/Pitch")
     (True, False)

@@ -1,4 +1,4 @@
-"""What a recording says of itself: the ship, the place, the tangent plane's origin, the crew's notes."""
+"""The description of a trial: the ship, the place, the origin of the tangent plane, the crew's notes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 @cache
 def software_version() -> str:
-    """The installed version of Seatrial, written into every product."""
+    """The installed version of Seatrial, which is written into every output."""
     try:
         return f"seatrial {version('seatrial')}"
     except PackageNotFoundError:
@@ -19,13 +19,13 @@ def software_version() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """The run sheet of one recording. ``None`` and the empty string mean: not known.
+    """The run sheet of a recording. ``None`` and the empty string mean unknown.
 
-    ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is that
-    of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to. ``actuators`` lists the ship's as
-    :func:`acquisition.core.actuators.as_text` writes them; empty for the default list. ``channels`` are those that
-    its configuration declares, as :func:`acquisition.core.declared.as_text` writes them. From ``summary`` on it is
-    what a data centre asks for, by its names in ACDD-1.3.
+    ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is
+    that of the north-east-down tangent plane of ``north_m`` and ``east_m``. ``actuators`` lists the ship's as
+    text (:func:`acquisition.core.actuators.as_text`), empty for the default list; ``channels`` are those
+    declared in its configuration, as text (:func:`acquisition.core.declared.as_text`). The fields from
+    ``summary`` on are those that data centres ask for, with their names in ACDD-1.3.
     """
 
     name: str = ""
@@ -57,7 +57,7 @@ class Trial:
         return self.origin_latitude_deg, self.origin_longitude_deg
 
     def as_metadata(self) -> dict[str, str]:
-        """The MCAP metadata record ``trial``: text to text; what is not known is left out."""
+        """The MCAP metadata record ``trial``, without unknown fields."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         texts = {key: str(value) for key, value in values.items() if value not in (None, "")}
         if "name" in texts:
@@ -66,7 +66,7 @@ class Trial:
 
     @classmethod
     def from_metadata(cls, metadata: Mapping[str, str]) -> Trial:
-        """The inverse of :meth:`as_metadata`; keys that this version does not know are passed over."""
+        """The inverse of :meth:`as_metadata`; unknown keys are ignored."""
         texts = dict(metadata)
         texts["name"] = texts.pop("trial", "")
         known: dict[str, str | float] = {}

@@ -1,8 +1,7 @@
-"""Units at the edges: what a file may call them, and how they become the house's units.
+"""Units: their names in files, and their conversion to the units of channels.
 
-Inside the code everything is SI with angles in radians; the channels themselves are in the units that their
-names end in (``_m _deg _mps _dps _rpm _percent``). A conversion is one affine step,
-``house = scale * value + offset``.
+Inside the code everything is SI with angles in radians; channels are in the units that their names end in (``_m
+_deg _mps _dps _rpm _percent``). A conversion is one affine step, ``house = scale * value + offset``.
 """
 
 from __future__ import annotations
@@ -21,12 +20,12 @@ DEG_PER_RAD = 180.0 / pi
 DIMENSIONLESS = "1"
 """The unit of counts, codes and ratios, whose names have no ending."""
 DEGREES_AND_MINUTES = "ddmm"
-"""The unit of angles that are degrees and minutes in one number."""
+"""The unit of angles given as degrees and minutes in one number."""
 Number = TypeVar("Number", float, Floats)
 
 
 class Linear(NamedTuple):
-    """An affine step from one unit to another."""
+    """An affine conversion from one unit to another."""
 
     scale: float
     offset: float = 0.0
@@ -36,7 +35,7 @@ class Linear(NamedTuple):
         return self.scale * value + self.offset
 
     def invert(self, value: float) -> float:
-        """The value that :meth:`apply` makes this one of."""
+        """The inverse of :meth:`apply`."""
         return (value - self.offset) / self.scale
 
 
@@ -60,10 +59,10 @@ _SIZES: dict[str, dict[str, float]] = {
     "V": {"V": 1.0, "cV": 0.01, "mV": 0.001},
     "A": {"A": 1.0, "cA": 0.01, "mA": 0.001},
 }
-"""The size of each unit, by the house's unit of its quantity. What is not here has no other name."""
+"""The size of each unit in the standard unit of its quantity. Units not listed have no other name."""
 
 _ZEROS = {"K": -273.15, "degF": -160.0 / 9.0}
-"""Where the zero of a unit lies in the house's, unless it is the same."""
+"""The zero of a unit in the standard unit, unless it is the same."""
 _ALIASES = {
     "mps": "m/s",
     "dps": "deg/s",
@@ -79,17 +78,17 @@ _ENDINGS = {"%": "percent", "deg/s": "dps", DIMENSIONLESS: ""}
 
 
 def canonical(unit: str) -> str:
-    """A unit by the name that this module has for it."""
+    """The name of a unit in this module."""
     return _ALIASES.get(unit, unit)
 
 
 def is_unit(name: str) -> bool:
-    """Whether a unit is one of those that this module knows."""
+    """Whether a unit is known."""
     return any(canonical(name) in sizes for sizes in _SIZES.values())
 
 
 def ending_of(unit: str) -> str:
-    """How the name of a quantity in this unit ends; nothing for counts, codes and ratios.
+    """The ending of the names of quantities in this unit; empty for counts, codes and ratios.
 
     >>> ending_of("l/h"), ending_of("deg/s"), ending_of("kg/m3"), ending_of("1")
     ('_lph', '_dps', '_kgpm3', '')
@@ -101,12 +100,12 @@ def ending_of(unit: str) -> str:
 
 
 def to_house(house: str, unit: str) -> Linear:
-    """The step that takes a value in ``unit`` to the unit ``house``; a unit is always its own.
+    """The conversion from ``unit`` to the unit ``house``; any unit converts to itself.
 
-    Raises :class:`ConfigurationError` when the unit is unknown or measures something else.
+    Raises :class:`ConfigurationError` if the unit is unknown or measures something else.
 
-    >>> to_house("degC", "K").apply(273.15)
-    0.0
+        >>> to_house("degC", "K").apply(273.15)
+        0.0
     """
     given, unit = unit, canonical(unit)
     sizes = next((each for each in _SIZES.values() if house in each), {house: 1.0})
@@ -119,7 +118,7 @@ def to_house(house: str, unit: str) -> Linear:
 
 
 def scale_to(house: str, unit: str) -> float:
-    """The factor of :func:`to_house`, for quantities that have one zero.
+    """The factor of :func:`to_house`, for units with a common zero.
 
     >>> round(scale_to("m/s", "knots"), 6)
     0.514444
