@@ -15,7 +15,8 @@ Neither it nor the filter inverts a matrix. Matrices of the state have :data:`WI
 states': loops of a known length are compiled to vector instructions, and zeros of F and H are skipped, so that a
 model of independent blocks costs no more than its blocks.
 
-Its oracles are filterpy, a textbook filter and the batch least-squares solution, in the tests.
+Its oracles are filterpy (in :mod:`.kalman`), a textbook filter and the batch least-squares solution, in the
+tests.
 """
 
 from __future__ import annotations

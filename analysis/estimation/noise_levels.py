@@ -201,7 +201,7 @@ def _given_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[S
     """The horizontal steps of a part with unit noise, their start, and the variance that the heading adds."""
     model = yaw.heading_model
     steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)
-    track = smooth_steps(steps, first_state(part).for_model(model), model, gate)
+    track = smooth_steps(steps, first_state(part).for_model(model), model, gate, "compiled")
     heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
     everything = motion_steps(part, heading[:, 0], np.ones(6))
     plain = horizontal_steps(everything, heading)

@@ -29,7 +29,7 @@ from scipy.stats import chi2
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import POSE
-from analysis.estimation.kalman import Gate, Track, smooth_steps
+from analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
 from analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
@@ -198,6 +198,7 @@ def smooth(
     longest_gap_s: float | None = None,
     levels: NoiseLevels | None = None,
     gate: Gate | None = None,
+    engine: Engine = "auto",
 ) -> SmoothedMotion:
     """Smooth the raw samples of a table and give the motion ``rate_hz`` times a second.
 
@@ -221,7 +222,7 @@ def smooth(
     spread = np.full((grid_s.size, 9, 9), np.nan)
     parts = []
     for block in _blocks(data.time_s):
-        track = _smoothed_block(data.part(block.first, block.last), noise, rules)
+        track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
         parts.append(_innovations_of(block, track))
         some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
         mean, covariance = track.at(grid_s[some])
@@ -251,14 +252,14 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
     return add_step(states, "smooth", rate_hz=float(rate_hz))
 
 
-def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate) -> Track:
+def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
     """Two passes: the heading by itself, then everything about it."""
     begin, model = first_state(data), noise.heading_model
     alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).for_model(model)
-    heading = smooth_steps(alone, begin.for_model(model), model, gate)
+    heading = smooth_steps(alone, begin.for_model(model), model, gate, engine)
     everything = noise.motion_model
     steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).for_model(everything)
-    return smooth_steps(steps, begin.for_model(everything), everything, gate)
+    return smooth_steps(steps, begin.for_model(everything), everything, gate, engine)
 
 
 @dataclass(frozen=True, slots=True)

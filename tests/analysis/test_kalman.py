@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +12,6 @@ from scipy.stats import chi2
 from analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
 from analysis.estimation.kalman_kernel import WIDTH, predict_covariance
 from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
-from tests.analysis.filterpy_smoother import filter_and_smooth as by_filterpy
 
 WIDE = Gate(limit=np.inf)
 START = Start(np.zeros(9), np.diag([100.0, 10.0, 1.0] * 3))
@@ -30,13 +27,9 @@ def north_steps(time_s: np.ndarray, values: np.ndarray, sigmas: tuple[float, flo
     return Steps(time_s, values, row, variance, np.zeros(2), jumps)
 
 
-Smoother = Callable[[Steps, Start, Model, Gate], Track]
-SMOOTHERS = pytest.mark.parametrize("smoother", [smooth_steps, by_filterpy])
-
-
-def smoothed(steps: Steps, laws: tuple[Law, ...], gate: Gate, smoother: Smoother = smooth_steps) -> Track:
+def smoothed(steps: Steps, laws: tuple[Law, ...], gate: Gate, engine: str = "compiled") -> Track:
     model = Model((1,) * len(laws), laws)
-    return smoother(steps.for_model(model), START.for_model(model), model, gate)
+    return smooth_steps(steps.for_model(model), START.for_model(model), model, gate, engine)  # type: ignore[arg-type]
 
 
 def irregular(seed: int, count: int = 60) -> Steps:
@@ -70,11 +63,11 @@ def textbook(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.n
     return *filtered, np.array(means[::-1]), np.array(covariances[::-1])
 
 
-@SMOOTHERS
+@pytest.mark.parametrize("engine", ["filterpy", "compiled"])
 @pytest.mark.parametrize("laws", [SLOW, SLOW_AND_WAVES])
-def test_both_smoothers_are_the_textbook_filter(laws: tuple[Law, ...], smoother: Smoother) -> None:
+def test_both_engines_are_the_textbook_filter(laws: tuple[Law, ...], engine: str) -> None:
     steps, model = irregular(1), Model((1,) * len(laws), laws)
-    track = smoothed(steps, laws, WIDE, smoother)
+    track = smoothed(steps, laws, WIDE, engine)
     expected = textbook(steps.for_model(model), START.for_model(model), model)
     found = (track.filtered.mean, track.filtered.covariance, track.mean, track.covariance)
     for own, book in zip(found, expected, strict=True):
@@ -92,12 +85,12 @@ def test_rounding_leaves_the_covariance_symmetric() -> None:
         assert (P[:, :9] == P[:, :9].T).all()
 
 
-def test_both_smoothers_judge_alike() -> None:
+def test_both_engines_judge_alike() -> None:
     """With outliers and a jump of the truth every number is the same, and every refusal."""
     steps = irregular(2, 120)
     steps.value[20, 0], steps.value[40:44, 1] = 500.0, 9.0
     steps.value[80:, 0] += 60.0
-    first, second = (smoothed(steps, SLOW_AND_WAVES, Gate(), smoother) for smoother in (by_filterpy, smooth_steps))
+    first, second = (smoothed(steps, SLOW_AND_WAVES, Gate(), engine) for engine in ("filterpy", "compiled"))
     assert np.array_equal(first.filtered.refused, second.filtered.refused)
     assert first.filtered.refused[20, 0]
     assert second.mean == pytest.approx(first.mean, rel=1e-6, abs=1e-6)
@@ -181,12 +174,12 @@ def batch_least_squares(steps: Steps, start: Start, model: Model) -> tuple[np.nd
     return (covariance @ right).reshape(count, n), own
 
 
-@SMOOTHERS
-def test_the_smoother_is_the_batch_least_squares_solution(smoother: Smoother) -> None:
+@pytest.mark.parametrize("engine", ["filterpy", "compiled"])
+def test_the_smoother_is_the_batch_least_squares_solution(engine: str) -> None:
     steps, model = irregular(5, 25), Model((1,), SLOW)
     own, start = steps.for_model(model), START.for_model(model)
     mean, covariance = batch_least_squares(own, start, model)
-    track = smoothed(steps, SLOW, WIDE, smoother)
+    track = smoothed(steps, SLOW, WIDE, engine)
     assert track.mean == pytest.approx(mean, rel=1e-6, abs=1e-6)
     assert track.covariance == pytest.approx(covariance, rel=1e-5, abs=1e-8)
 

@@ -13,7 +13,6 @@ from acquisition.core.angles import difference
 from acquisition.core.errors import InputError
 from analysis.estimation.smoother import SmoothedMotion, smooth
 from hybrid.simulation.trial import Noise, simulate_trial
-from tests.analysis.filterpy_smoother import filter_and_smooth
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 FINE_HZ = 40.0
@@ -194,18 +193,16 @@ def test_north_is_where_one_likes(turn_deg: float, case: tuple[str, str, str, fl
         assert np.abs(found[name] - plain[name]).max() < 1e-3
 
 
-def test_filterpy_and_all_blocks_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_engines_and_all_blocks_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     case = CASES[0]
     table = trial(*case).iloc[:600]
     levels = result(*case).noise
-    whole = smooth(table, levels=levels)
-    with monkeypatch.context() as patched:
-        patched.setattr("analysis.estimation.smoother.smooth_steps", filter_and_smooth)
-        slow = smooth(table, levels=levels)
+    whole = smooth(table, levels=levels, engine="compiled")
+    slow = smooth(table, levels=levels, engine="filterpy")
     assert slow.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-6, abs=1e-6)
     monkeypatch.setattr("analysis.estimation.smoother._BLOCK_STEPS", 200)
     monkeypatch.setattr("analysis.estimation.smoother._OVERLAP_STEPS", 150)
-    parts = smooth(table, levels=levels)
+    parts = smooth(table, levels=levels, engine="compiled")
     assert parts.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-3, abs=2e-3)
     assert parts.states.notna().to_numpy().all()
 

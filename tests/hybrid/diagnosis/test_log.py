@@ -73,7 +73,7 @@ def quick() -> Iterator[None]:
     """The smoother told the noise, which it would search for each time: that is tested where it is done."""
     known = NoiseLevels(0.03, 0.001, 0.02, 0.0005, jerk=0.01, yaw_jerk=0.001)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.diagnosis.log.smooth", partial(smooth, levels=known))
+        patch.setattr("hybrid.diagnosis.log.smooth", partial(smooth, levels=known, engine="compiled"))
         yield
 
 
