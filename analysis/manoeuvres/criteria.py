@@ -1,7 +1,8 @@
 """Indices of like runs, port beside starboard, and whether they meet the criteria of IMO MSC.137(76).
 
-Runs are alike that have one name (test and helm) and one approach speed within a fifth; their mean has the 95 %
-interval of their own intervals or of the scatter between them (Student's t), whichever is wider.
+Runs are alike that have one name (test and helm) and one approach speed within a fifth. The mean of three and more
+has the 95 % interval of their own intervals or of the scatter between them (Student's t), whichever is wider. Two
+say next to nothing of the scatter (Student's factor is 12.7): their mean stands with the range of both.
 """
 
 from __future__ import annotations
@@ -43,17 +44,22 @@ _MAIN = {
 _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
 _IN_LENGTHS = ("advance_m", "tactical_diameter_m", "track_reach_m")
+_HOLDS_LIMIT = "the interval of the value holds the limit"
 _NO_LENGTH = "the ship's length is not known"
 _SPEED_SHARE = 0.2
+_FEW_RUNS = 2  # of which no interval is made
 _UNSTEADY = re.compile(r"not steady|gathering way")
 
 
 @dataclass(frozen=True, slots=True)
 class Mean:
-    """The mean of an index over ``runs`` runs and its 95 % interval; NaN where the interval is not known."""
+    """The mean of an index over ``runs`` runs and its 95 % interval, of two runs the range of both; NaN where the
+    interval is not known. ``removed`` says that the current is removed from all of them.
+    """
 
     index: Index
     runs: int
+    removed: bool = False
 
     @property
     def half(self) -> float:
@@ -65,8 +71,9 @@ class Mean:
 class IndexRow:
     """One index of like runs: its mean by side ("port", "starboard", "" for tests that have none) and its limit.
 
-    ``result`` is "pass", "fail" or "not judged" where there is a limit, else empty; ``why`` says why not judged;
-    ``place`` is that of the test among all.
+    Of each side there is one value: with the current removed where that is known of all its runs. The worse side is
+    judged. ``result`` is "pass", "fail" or "not judged" where there is a limit, else empty;
+    ``why`` says why not judged; ``place`` is that of the test among all.
     """
 
     test: str
@@ -81,6 +88,14 @@ class IndexRow:
         """The index whose limit is the strictest; None where there is none."""
         limited = [each.index for each in self.sides.values() if each.index.limit is not None]
         return min(limited, key=lambda each: each.limit or 0.0) if limited else None
+
+    @property
+    def judged_side(self) -> str:
+        """The side whose value decides: of two that have limits the worse one; empty where there is no choice."""
+        limited = {side: each.index for side, each in self.sides.items() if each.index.limit}
+        if len(limited) < 2:
+            return ""
+        return max(limited, key=lambda side: limited[side].value / (limited[side].limit or 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,22 +126,35 @@ class Conditions:
 
 
 def mean_of(runs: Sequence[Index]) -> Mean:
-    """The mean of an index over runs; its interval is the wider of that of their errors and that of the scatter."""
-    from scipy.stats import t
-
+    """The mean of an index over runs; its interval is the wider of that of their errors and that of the scatter, of
+    two runs the range that their own intervals cover."""
     count = len(runs)
-    values = np.array([each.value for each in runs])
-    within = np.array([0.5 * (each.high - each.low) for each in runs])
-    half = float(np.sqrt(np.sum(within**2))) / count
-    if count > 1:
-        scatter = float(t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count))
-        half = scatter if np.isnan(half) else max(half, scatter)
-    value = float(values.mean())
+    low, high = _range(runs) if count <= _FEW_RUNS else _interval(runs)
+    value = float(np.mean([each.value for each in runs]))
     lengths = [each.lengths for each in runs if each.lengths is not None]
     limits = [each.limit for each in runs if each.limit is not None]
     mean_lengths = float(np.mean(lengths)) if len(lengths) == count else None
     limit = min(limits) if limits else None
-    return Mean(Index(value, value - half, value + half, runs[0].unit, mean_lengths, limit), count)
+    return Mean(Index(value, low, high, runs[0].unit, mean_lengths, limit), count)
+
+
+def _range(runs: Sequence[Index]) -> tuple[float, float]:
+    """From the least to the greatest of one or two runs, with what each is known within."""
+    if len(runs) == 1:
+        return runs[0].low, runs[0].high
+    ends = np.array([(each.value, each.low, each.high) for each in runs])
+    return float(np.nanmin(ends)), float(np.nanmax(ends))
+
+
+def _interval(runs: Sequence[Index]) -> tuple[float, float]:
+    """The 95 % interval of the mean of runs, from their own or from their scatter, whichever is wider."""
+    from scipy.stats import t
+
+    count, values = len(runs), np.array([each.value for each in runs])
+    within = np.array([0.5 * (each.high - each.low) for each in runs])
+    scatter = t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)
+    half = float(np.nanmax([np.sqrt(np.sum(within**2)) / count, scatter]))
+    return float(values.mean()) - half, float(values.mean()) + half
 
 
 def index_rows(manoeuvres: Iterable[Manoeuvre], conditions: Conditions) -> list[IndexRow]:
@@ -168,7 +196,7 @@ def _rows_of_test(test: Sequence[Manoeuvre], conditions: Conditions) -> list[Ind
     rows = []
     for name in names:
         sides = {
-            side: mean_of([each.indices[name] for each in runs])
+            side: _side_of(runs, name)
             for side in ("port", "starboard", "")
             if (runs := [each for each in test if each.side == side and name in each.indices])
         }
@@ -176,14 +204,19 @@ def _rows_of_test(test: Sequence[Manoeuvre], conditions: Conditions) -> list[Ind
     return rows
 
 
+def _side_of(runs: Sequence[Manoeuvre], name: str) -> Mean:
+    """The mean of an index over the runs to one side, with the current removed where all of them have that."""
+    removed = all(name + REMOVED in each.indices for each in runs)
+    return replace(mean_of([each.indices[name + REMOVED * removed] for each in runs]), removed=removed)
+
+
 def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
-    """The names of the main indices, with the current removed where that is known."""
+    """The names of the main indices."""
     found = manoeuvre.indices
     main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(found)[:3])
     if manoeuvre.kind == "speed_run":
         main = ["speed_through_water_mps" if "speed_through_water_mps" in found else "speed_over_ground_mps"]
-    best = [name + REMOVED if name + REMOVED in found else name for name in main]
-    return [name for name in best if name in found]
+    return [name for name in main if name in found]
 
 
 def _unsteady(test: Sequence[Manoeuvre]) -> str:
@@ -193,7 +226,7 @@ def _unsteady(test: Sequence[Manoeuvre]) -> str:
 
 def _judged(row: IndexRow, against: str) -> IndexRow:
     """The row with its result: each side's whole interval has to lie below the limit, or above it."""
-    by_length = row.name.removesuffix(REMOVED) in _IN_LENGTHS and against == _NO_LENGTH
+    by_length = row.name in _IN_LENGTHS and against == _NO_LENGTH
     if row.limit is None and not by_length:
         return row
     if against:
@@ -202,7 +235,7 @@ def _judged(row: IndexRow, against: str) -> IndexRow:
     if any(_above(each, each.low) for each in sides):
         return replace(row, result="fail")
     if any(_above(each, each.high) for each in sides):
-        return replace(row, result="not judged", why="the 95 % interval holds the limit")
+        return replace(row, result="not judged", why=_HOLDS_LIMIT)
     return replace(row, result="pass")
 
 
@@ -213,7 +246,7 @@ def _above(index: Index, bound: float) -> bool:
 
 def criterion_of(name: str) -> str:
     """The criterion that an index is for; empty for none."""
-    return CRITERIA.get(name.removesuffix(REMOVED), "")
+    return CRITERIA.get(name, "")
 
 
 def untested(rows: Iterable[IndexRow]) -> list[str]:
@@ -245,10 +278,7 @@ def _without_judgement(left: Sequence[IndexRow]) -> str:
     """What was measured of limited values, none of which is judged, and why not."""
     values = [each.index for row in left for each in row.sides.values()]
     below = all(row.limit for row in left) and not any(_above(each, each.value) for each in values)
-    if len(left) == 1:
-        lies = " and lies below its limit" if below else ""
-        return f"One value that IMO MSC.137(76) limits was measured{lies}; it is not judged, since {left[0].why}."
-    lie = " and lie below their limits" if below else ""
-    return (
-        f"{len(left)} values that IMO MSC.137(76) limits were measured{lie}; none is judged, since {left[0].why}."
-    )
+    every = "The one value measured lies below its limit" if len(left) == 1 else (
+        f"All {len(left)} values measured lie below their limits"
+    )  # fmt: skip
+    return f"Not judged by IMO MSC.137(76): {left[0].why}." + (f" {every}." if below else "")

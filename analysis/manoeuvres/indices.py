@@ -299,13 +299,16 @@ def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> 
         if is_turning_test(helm_deg, largest_deg):
             limits["advance_m"] = ADVANCE_LENGTHS * length_m
             limits["tactical_diameter_m"] = TACTICAL_DIAMETER_LENGTHS * length_m
-        notes.append(_turning_note(helm_deg, largest_deg))
+        notes += _turning_notes(helm_deg, largest_deg)
     return replace(each, indices=with_limits(each.indices, limits), notes=(*each.notes, *notes))
 
 
-def _turning_note(helm_deg: float, largest_deg: float) -> str:
+def _turning_notes(helm_deg: float, largest_deg: float) -> list[str]:
+    """What is to be said of a helm that is not the one of the standards."""
+    if is_turning_test(helm_deg, largest_deg) and abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE:
+        return []
     shown = "limits are" if is_turning_test(helm_deg, largest_deg) else "no limits: advance and diameter have them"
-    return (
+    return [
         f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, "
         f"and this was {helm_deg:.0f} deg, the largest of this recording {largest_deg:.0f} deg"
-    )
+    ]

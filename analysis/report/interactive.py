@@ -1,9 +1,10 @@
 """A trial as one page to zoom into: the track and the time series, linked, in a file that needs no network.
 
 ``interactive.js`` beside the page's template draws with plotly, which is embedded and is an extra of the
-installation. It draws plain values and computes none of them: thinned where there is too much, rounded, cut where
-an angle wraps. Times are seconds since the page's first row; a ``lift`` is a row before which a line must not be
-joined to the row before it.
+installation. It draws plain values and computes none of them: thinned where there is too much, rounded. An angle is
+drawn as one line that runs on beyond the whole turn (``drawn``), its axis names the angles of the turn; one that
+changes too fast for that is cut where it wraps. Times are seconds since the page's first row; a ``lift`` is a row
+before which a line must not be joined to the row before it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from acquisition.core.angles import in_turn, wraps_of
+from acquisition.core.angles import in_turn, unwrap, wraps_of
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channel import Channel
 from acquisition.core.channels import POSE_AND_VELOCITY, known_channels
@@ -37,6 +38,7 @@ DECIMALS = {"m": 2, "deg": 2, "m/s": 3, "deg/s": 3, "rpm": 1, "%": 1}
 """Decimals by unit: finer than any sensor aboard, and a third of the digits of a double."""
 
 _MILLI = NANO // 1000
+_MOST_STEP_DEG = 90.0  # between rows; an angle that changes more may have gone either way round
 _HOLE = 2.5  # a line is lifted where rows are further apart than this many of the usual steps
 _PANEL_PX, _FRAME_PX = 120, 104
 _TRACK_PX = (260, 640)  # a track to scale should fill its picture, within reason
@@ -76,7 +78,7 @@ def interactive_page(
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
     known = known_channels(table.attrs)
-    data["angles"] = [name for name in data["channels"] if known[name].circular]
+    data["angles"] = {name: min(known[name].low, 0) for name in data["channels"] if known[name].circular}
     css, script = (Markup((TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
     # JSON that no text in it can end: what looks like markup is escaped.
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -211,26 +213,50 @@ def page_data(
     holes = holes_of(time_ns)
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
+    drawn = continued(table, names)
     return {
         "start_ms": start_ms,
         "rows": int(time_ns.size),
         "time_s": seconds_since(time_ns[rows], start_ms),
-        **_columns(table.iloc[rows], names),
+        **_columns(table.iloc[rows], names, drawn.iloc[rows]),
         "holes": np.searchsorted(rows, holes).tolist(),
         "legs": 0 if windows is None else int(windows["leg"].nunique()),
         "held": [] if windows is None else _held_s(windows, start_ms),
-        "predicted": {name: _prediction(each, start_ms) for name, each in (predicted or {}).items()},
+        "predicted": {name: _prediction(each, start_ms, drawn) for name, each in (predicted or {}).items()},
         "manoeuvres": [_manoeuvre(each, start_ms) for each in manoeuvres],
     }  # fmt: skip
 
 
-def _columns(table: pd.DataFrame, names: Iterable[str]) -> dict[str, Any]:
-    """The channels of a table, and of angles the rows at which a drawn line would cross the whole turn."""
+def continued(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
+    """The angles of a table that can be followed from row to row, running on beyond the whole turn."""
+    known = known_channels(table.attrs)
+    angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if known[name].circular}
+    steady = {name: values for name, values in angles.items() if _largest_step(values) <= _MOST_STEP_DEG}
+    return pd.DataFrame(steady, index=table.index)
+
+
+def _largest_step(values: Floats) -> float:
+    return float(np.max(np.abs(np.diff(values[np.isfinite(values)])), initial=0.0))
+
+
+def _beside(drawn: pd.DataFrame, predicted: pd.DataFrame) -> pd.DataFrame:
+    """The angles of a prediction in the turns in which what was measured is drawn at that time."""
+    nearest = drawn.index.get_indexer(predicted.index, method="nearest")
+    shared = predicted[[name for name in predicted if name in drawn]]
+    measured = drawn[list(shared)].ffill().bfill().to_numpy()[nearest]
+    return shared + 360.0 * np.round((measured - shared) / 360.0)
+
+
+def _columns(table: pd.DataFrame, names: Iterable[str], drawn: pd.DataFrame) -> dict[str, Any]:
+    """The channels of a table, how angles are ``drawn``, and of others the rows at which a line would cross the
+    turn."""
     known = known_channels(table.attrs)
     shown = {name: round_values(known[name], table[name].to_numpy(dtype=float)) for name in names}
+    cut = [name for name in shown if known[name].circular and name not in drawn]
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
-        "lifts": {name: wraps_of(values).tolist() for name, values in shown.items() if known[name].circular},
+        "drawn": {str(name): nullable(drawn[name].round(DECIMALS["deg"]).to_numpy()) for name in drawn},
+        "lifts": {name: wraps_of(shown[name]).tolist() for name in cut},
     }
 
 
@@ -306,15 +332,17 @@ def _held_s(windows: pd.DataFrame, start_ms: int) -> list[list[float]]:
     return seconds
 
 
-def _prediction(predicted: pd.DataFrame, start_ms: int) -> dict[str, Any]:
-    """One method's predictions; ``every`` says that every n-th window was kept, ``holes`` where one begins."""
+def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> dict[str, Any]:
+    """One method's predictions, angles beside those that are ``drawn``; ``every`` says that every n-th window was
+    kept, ``holes`` where one begins."""
     every = max(-(-len(predicted) // MOST_PREDICTED), 1)
     number = _window_numbers(predicted)
     chosen = np.flatnonzero(number % every == 0)
+    kept = predicted.iloc[chosen]
     return {
         "every": every,
-        "time_s": seconds_since(times_ns(predicted)[chosen], start_ms),
-        **_columns(predicted.iloc[chosen], [name for name in POSE_AND_VELOCITY if name in predicted]),
+        "time_s": seconds_since(times_ns(kept), start_ms),
+        **_columns(kept, [name for name in POSE_AND_VELOCITY if name in kept], _beside(drawn, kept)),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }
 

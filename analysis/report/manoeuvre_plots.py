@@ -29,7 +29,7 @@ BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
 _DASHES = ("-", "--", ":", "-.")
 _MOST_IN_LEGEND = 14
-_MARGINS = {"left": 0.09, "right": 0.98, "bottom": 0.1, "top": 0.88, "hspace": 0.3, "wspace": 0.22}
+_MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.135, "top": 0.86, "hspace": 0.25, "wspace": 0.2}
 
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
@@ -52,7 +52,7 @@ def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
     figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
     drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre)
-    figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=11)
+    figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=10, fontweight="bold")
 
 
 def title_of(manoeuvre: Manoeuvre) -> str:
@@ -62,7 +62,7 @@ def title_of(manoeuvre: Manoeuvre) -> str:
 
 def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Heading and helm with the overshoots, over yaw rate and speed, against the time from the execute."""
-    above, *below = figure.subplots(3, 1, sharex=True, height_ratios=(3.2, 1, 1), gridspec_kw=_MARGINS)
+    above, *below = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1, 1), gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     base = _course_deg(motion, manoeuvre)
@@ -70,7 +70,7 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     above.plot(time_s, heading, color=BLUE, linewidth=1.8, label="heading off the approach")
     _helm(above, motion, time_s)
     _mark_overshoots(above, motion, manoeuvre, heading)
-    above.set_ylabel("[deg], starboard positive")
+    above.set_ylabel("to starboard\n[deg]")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     _rate_and_speed(below, motion, time_s)
     above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
@@ -105,7 +105,7 @@ def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: 
             text, (where, side * top), xytext=(0, 5 * side), textcoords="offset points", fontsize=8 if few else 7,
             ha="center", va="bottom" if side > 0 else "top", color=RED,
         )  # fmt: skip
-    axes.margins(y=0.15)
+    axes.margins(y=0.22)
 
 
 def _rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> None:
@@ -219,8 +219,8 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
 
 PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
 """Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
-SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (10.0, 5.5), "turning_circle": (10.5, 6.0)}
-_OTHER_INCH = (9.0, 5.5)
+SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (9.0, 3.9), "turning_circle": (9.0, 3.9)}
+_OTHER_INCH = (9.0, 4.2)
 
 
 def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:

@@ -290,7 +290,7 @@ def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
     if ship.beam_m and ship.draught_m:
         words = (
             f"{ship.over_all_m:g} m over all, {length_m:g} m between perpendiculars (L), {ship.beam_m:g} m wide, "
-            f"draught {ship.draught_m:g} m, by the vessel file {ship.name}"
+            f"draught {ship.draught_m:g} m"
         )
         ratios = [f"L/B {length_m / ship.beam_m:.2f}", f"B/T {ship.beam_m / ship.draught_m:.2f}", *per_speed]
     return [("dimensions", words), *([("ratios", ", ".join(ratios))] if ratios else [])]

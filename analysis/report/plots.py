@@ -297,10 +297,10 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
 Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
 """What fills a figure, its size [in], and its caption."""
 _TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
-_LEAST_INCH, _MOST_INCH = (5.0, 3.5), (8.0, 6.4)  # width and height of a track's picture
+_LEAST_INCH, _MOST_INCH = (5.5, 3.2), (9.0, 5.0)  # width and height of a track's picture
 _AXES_INCH = (0.8, 1.2)  # of that for the axes and the legend
 _MOST_TICKS = 10  # times of day along a track; more would lie on each other
-_PANEL_INCH, _EDGES_INCH = 1.05, 1.1
+_PANEL_INCH, _EDGES_INCH = 0.85, 1.0
 _MOST_TURN_DEG = 330.0  # angles within it can be drawn as one line
 _WIND = ("wind_speed_mps", "wind_direction_deg")
 

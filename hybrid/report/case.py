@@ -39,6 +39,7 @@ from hybrid.report.errors import (
     calibration_of,
     consecutive_windows,
     errors_of,
+    pooled,
     predicted_motion,
     residuals_of,
 )
@@ -195,6 +196,12 @@ class Case:
         """The method that is drawn where one is: the hybrid where there is a calibrator."""
         return "hybrid" if "hybrid" in self.validation.tracks else "reference"
 
+    @property
+    def most_judged(self) -> str:
+        """The trial with most windows."""
+        names, counts = np.unique(self.validation.windows.trial, return_counts=True)
+        return str(names[np.argmax(counts)])
+
     @cached_property
     def errors(self) -> dict[str, Errors]:
         """The errors of every method."""
@@ -222,12 +229,13 @@ class Case:
         return {each: predicted_motion(windows, tracks[each], chosen) for each in SHOWN if each in tracks}
 
     @cached_property
-    def residuals(self) -> dict[str, Residuals]:
-        """The accelerations that the model lacks, by trial; only trials that can be smoothed."""
-        return {
-            name: residuals_of(each.one_hz, smooth(each.table, 1.0), self.plant)
-            for name, each in self.products.items() if each.windows is not None
-        }  # fmt: skip
+    def residuals(self) -> Residuals | None:
+        """The accelerations that the model lacks, over all recordings that can be smoothed; None without one."""
+        found = [
+            residuals_of(each.one_hz, smooth(each.table, 1.0), self.plant)
+            for each in self.products.values() if each.windows is not None
+        ]  # fmt: skip
+        return pooled(found) if found else None
 
     @cached_property
     def domain(self) -> DomainOfApplicability | None:

@@ -197,6 +197,15 @@ class Residuals:
     quantities: dict[str, Floats]
 
 
+def pooled(every: Sequence[Residuals]) -> Residuals:
+    """The seconds of several recordings as one, with the quantities that all of them have."""
+    names = [name for name in every[0].quantities if all(name in each.quantities for each in every)]
+    return Residuals(
+        np.concatenate([each.missing for each in every]),
+        {name: np.concatenate([each.quantities[name] for each in every]) for name in names},
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Cells:
     """A plane cut into cells: edges of x [X+1] and y [Y+1], the mean of each acceleration that the model lacks

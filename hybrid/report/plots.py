@@ -110,6 +110,18 @@ def _north_up(axes: Axes) -> None:
     axes.set_ylabel(label("north_m"))
 
 
+def whole_prediction(axes: Axes, measured: Floats, tracks: Mapping[str, Floats]) -> None:
+    """Predicted tracks [H+1, 3] by method from start to end beside where the ship was; north up, to scale."""
+    shown = {"measured": (measured, INK)} | {plain(name): (track, COLOUR[name]) for name, track in tracks.items()}
+    for name, (track, colour) in shown.items():
+        axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=1.6, label=name)
+        axes.plot(track[-1, 1], track[-1, 0], "o", color=colour, markersize=5)
+    axes.plot(measured[0, 1], measured[0, 0], "o", color=INK, markersize=2.5)
+    axes.margins(0.08)
+    _north_up(axes)
+    axes.locator_params(nbins=4)
+
+
 def prediction_end(
     axes: Axes, measured: Floats | None, tracks: Mapping[str, Floats], region_m: Floats | None
 ) -> None:

@@ -134,7 +134,7 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
 
 _MOST = 20  # parameters in one picture
 _FANS = 40  # on one track; more would lie on each other
-_CLOSE = {"a usual end": 0.5, "a hard one": 0.9, "the worst": 1.0}  # by the share of windows that end better
+_CLOSE = {"a usual one": 0.5, "a hard one": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
 def time_series(case: Case, name: str) -> Drawing | None:
@@ -155,19 +155,25 @@ def all_errors_by_second(figure: Figure, case: Case) -> None:
     plots.legend_of_shares(rest, grid[0])
 
 
-def prediction_fans(figure: Figure, case: Case, name: str) -> None:
-    """The track with predictions on it, how they spread about it second by second, and how three of them end."""
-    judged, best = case.validation, case.best
-    mine = judged.windows.trial == name
-    panels = figure.subplot_mosaic("TTTAAA;TTTCCC;001122", height_ratios=(1.0, 1.0, 1.5))
+def prediction_fans(figure: Figure, case: Case) -> None:
+    """A track with predictions on it, how all predictions spread second by second, and three of them large.
+
+    The track is that of the recording with most windows; the three are taken from it. Where there are regions, the
+    ends of the three are drawn, which would not be seen on the whole way.
+    """
+    judged, best, name = case.validation, case.best, case.most_judged
+    panels = figure.subplot_mosaic("TTTAAA;TTTCCC;001122", height_ratios=(1.0, 1.0, 1.7))
     track, fans = panels["T"], {"along": panels["A"], "across": panels["C"]}
     chosen = consecutive_windows(judged.windows)
-    chosen = chosen[mine[chosen]]
+    chosen = chosen[(judged.windows.trial == name)[chosen]]
     some = chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))]
     plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][some], best)
     for component, axes in fans.items():
-        plots.fan_of_errors(axes, getattr(case.errors[best], component)[mine], component, best)
+        plots.fan_of_errors(axes, getattr(case.errors[best], component), component, best)
     fans["along"].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+    fans["along"].tick_params(labelbottom=False)
+    for component, axes in fans.items():
+        axes.set_ylabel(f"{component}\n[m]")
     fans["across"].set_xlabel("prediction time [s]")
     error = distances(judged.tracks[best], judged.windows.track)
     ranked = chosen[np.argsort(error[chosen, -1], kind="stable")]
@@ -179,8 +185,11 @@ def prediction_fans(figure: Figure, case: Case, name: str) -> None:
         axes.set_axis_off()
     for place, (number, words) in enumerate(picked.items()):
         tracks = {method: judged.tracks[method][number] for method in dict.fromkeys((best, "reference"))}
-        region_m = None if judged.region_m is None else judged.region_m[number]
-        plots.prediction_end(places[place], judged.windows.track[number], tracks, region_m)
+        measured = judged.windows.track[number]
+        if judged.region_m is None:
+            plots.whole_prediction(places[place], measured, tracks)
+        else:
+            plots.prediction_end(places[place], measured, tracks, judged.region_m[number])
         places[place].set_title(f"{place + 1}: {words}, {error[number, -1]:.2g} m off", loc="left", fontsize=9)
     ends = judged.windows.track[list(picked), -1, 1::-1]
     path = case.products[name].one_hz[["east_m", "north_m"]].to_numpy(dtype=float)

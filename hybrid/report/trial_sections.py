@@ -14,7 +14,6 @@ from analysis.kinematics import mean_wind
 from analysis.manoeuvres.criteria import CRITERIA, Conditions, IndexRow, Mean, index_rows, untested, verdict
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
-from analysis.manoeuvres.turning_circle import REMOVED
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import beaufort, circumstances, events_of, file_rows, known_rows
@@ -56,10 +55,23 @@ def window_rows(products: Products) -> pd.DataFrame | None:
 
 
 def ship_name(case: Case) -> str:
-    """The ships that the recordings name, as people call them; without one what their trials are called."""
+    """The ships that the recordings name, as people call them."""
     titles = [title for name in case.products if (title := _title_of(case, name))]
-    named = titles or [each.recording.trial.name for each in case.products.values() if each.recording.trial.name]
-    return join_words(list(dict.fromkeys(named))) if named else "a ship that is not named"
+    return join_words(list(dict.fromkeys(titles))) if titles else "a ship that is not named"
+
+
+def unknown_ship(case: Case) -> str:
+    """What a ship without a name or dimensions costs the report, and what to do; empty where both are known."""
+    if all(case.ship(name) is not None for name in case.products):
+        return ""
+    costs = "Without her length nothing is told in ship lengths, and no limit in lengths is judged."
+    named = {each.recording.trial.vessel: None for each in case.products.values() if each.recording.trial.vessel}
+    if not named:
+        return f"The recording does not say which ship this is. {costs} Please have it imported with her name."
+    lacks = (
+        f"The main dimensions of {join_words(list(named))} are not known, as there is no vessel file of that name."
+    )
+    return f"{lacks} {costs} Please have her length between perpendiculars given for this report."
 
 
 def _title_of(case: Case, name: str) -> str:
@@ -112,11 +124,11 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     A test without sides has its mean under ``""``.
     """
     unit = next(iter(row.sides.values())).index.unit
-    plain_index = row.name.removesuffix(REMOVED)
-    name = (CRITERIA.get(plain_index) or plain_name(plain_index)) + (f" [{unit}]" if unit else "")
+    name = (CRITERIA.get(row.name) or plain_name(row.name)) + (f" [{unit}]" if unit else "")
     limit = index_cells(row.limit)[3].replace(f" {unit}", "") if row.limit is not None else ""
     return {
-        "name": name + (" \u2020" if row.name.endswith(REMOVED) else ""),
+        "name": name,
+        "judged": row.judged_side,
         "limit": f"\u2264 {limit}" if limit else "",
         "sides": {side: _mean_cells(each) for side, each in row.sides.items()},
     }
@@ -124,14 +136,21 @@ def index_line(row: IndexRow) -> dict[str, Any]:
 
 def _mean_cells(each: Mean) -> tuple[str, str]:
     value, interval, lengths, _ = index_cells(each.index)
-    value = value.removesuffix(f" {each.index.unit}") + (f" ({lengths} L)" if lengths else "")
+    value = (
+        value.removesuffix(f" {each.index.unit}") + "\u2020" * each.removed + (f" ({lengths} L)" if lengths else "")
+    )
     dashed = interval if "-" in interval else interval.replace(" to ", "\u2013")
     return value + (f", {each.runs} runs" if each.runs > 1 else ""), dashed
 
 
 def has_removed(rows: Sequence[IndexRow]) -> bool:
     """Whether the current is removed from any of the values."""
-    return any(row.name.endswith(REMOVED) for row in rows)
+    return any(each.removed for row in rows for each in row.sides.values())
+
+
+def has_two_runs(rows: Sequence[IndexRow]) -> bool:
+    """Whether a value is the mean of two runs."""
+    return any(each.runs == 2 for row in rows for each in row.sides.values())
 
 
 def reasons(rows: Sequence[IndexRow]) -> list[str]:
@@ -147,17 +166,23 @@ def pictured(products: Products, rows: Sequence[IndexRow], most: int = MOST_PICT
     return sorted(found[:most], key=lambda each: each.start)
 
 
-def picture_caption(each: Manoeuvre) -> str:
-    """The approach of a manoeuvre, the drift that was removed and what is to be known of it."""
+def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
+    """What is to be known of all of several manoeuvres, which their captions then leave out."""
+    if len(shown) < 2:
+        return []
+    return [note for note in dict.fromkeys(shown[0].notes) if all(note in each.notes for each in shown)]
+
+
+def picture_caption(each: Manoeuvre, common: Sequence[str] = ()) -> str:
+    """The approach of a manoeuvre, the drift that was removed and what is to be known that is not ``common``."""
     said = []
     if "approach_mps" in each.settings:
-        said.append(
-            f"Approach at {each.settings['approach_mps']:.2f} m/s on {each.settings['approach_heading_deg']:.0f}°"
-        )
+        heading_deg = round(each.settings["approach_heading_deg"]) % 360
+        said.append(f"Approach at {each.settings['approach_mps']:.2f} m/s on {heading_deg:03d}°")
     if each.current is not None:
         drift = each.current.as_json()
         said.append(f"drift {drift['speed_mps']:.2f} m/s towards {drift['direction_deg']:.0f}°")
-    words = "; ".join([*said, *each.notes])
+    words = "; ".join([*said, *(note for note in each.notes if note not in common)])
     return f"{words}." if words else ""
 
 
@@ -182,6 +207,39 @@ def headline(case: Case) -> dict[str, str]:
         figures["less error than the reference"] = f"{judged.reduction:.0%}"
         figures["of positions inside the 95 % regions"] = f"{judged.coverage_95:.0%}"
     return figures
+
+
+def model_sentence(case: Case) -> str:
+    """What the simulation model is worth on this trial, beside a ship that goes on as she does."""
+    judged, scores = case.validation, case.validation.scores
+    mine, kept = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
+    whose = (
+        f"the model {case.model.name}, which is not of this ship,"
+        if case.model.doubt
+        else "the ship's simulation model"
+    )
+    with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
+    gain = f"errs {1.0 - mine / kept:.0%} less" if mine < kept else "does no better"
+    overlap = "" if case.trained is None else f" {_OVERLAP[case.training_overlap]}"
+    return (
+        f"Begun {len(judged.windows):,} times at steady controls, {whose}{with_it} is {mine:.2f} m off on average "
+        f"over the next {judged.windows.horizon_s} s. A ship that keeps her speed and rate of turn would be "
+        f"{kept:.2f} m off: the model {gain}.{overlap}"
+    )
+
+
+def fans_caption(case: Case) -> str:
+    """What the picture of predictions shows."""
+    judged = case.validation
+    of = f" of {case.most_judged}" if len(case.products) > 1 else ""
+    three = (
+        "whole" if judged.region_m is None
+        else "at their ends, with ellipses that hold the position with 95 % and, if errors are normal, with 50 %"
+    )  # fmt: skip
+    return (
+        f"Predictions of {judged.windows.horizon_s} s over the measured track{of}; beside it how far all are off, "
+        f"ahead and to starboard positive; below three of them {three}."
+    )
 
 
 def model_words(case: Case) -> str:
@@ -281,7 +339,7 @@ def baseline_words(case: Case) -> str:
     if case.trained is None:
         return words
     return (
-        f"{words} {_OVERLAP[case.training_overlap]} Data driven is the network without a model. Networks learn no "
+        f"{words} Data driven is the network without a model. Networks learn no "
         "heading: it is the reference's, for data driven the present turn held."
     )
 

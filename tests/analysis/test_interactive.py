@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.angles import wrap_180
 from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from analysis.manoeuvres import Manoeuvre
@@ -104,11 +105,28 @@ def test_missing_channels_are_named_and_their_panels_left_out() -> None:
 def test_lines_are_lifted_at_the_wrap_at_holes_and_nowhere_else() -> None:
     table = circling()
     data = page_data(table.drop(table.index[500:520]))
-    assert data["lifts"]["heading_deg"] == [360, 720 - 20]
+    assert data["lifts"] == {}
     assert data["holes"] == [500]
-    assert set(data["lifts"]) == CIRCULAR & set(NAMES)
-    azimuth = page_data(table.assign(port_angle_deg=np.tile([179.0, -179.0, 150.0], SECONDS // 3)))
-    assert azimuth["lifts"]["port_angle_deg"][:4] == [1, 2, 4, 5]
+    assert set(data["drawn"]) == CIRCULAR & set(NAMES)
+    wild = page_data(table.assign(port_angle_deg=np.tile([179.0, -179.0, -10.0], SECONDS // 3)))
+    assert wild["lifts"] == {"port_angle_deg": [row for row in range(1, SECONDS) if row % 3 != 2]}
+    assert "port_angle_deg" not in wild["drawn"]
+
+
+def test_an_angle_is_one_line_that_runs_on_beyond_the_turn_and_predictions_lie_on_it() -> None:
+    """Drawn values are the channel's within the turn and never jump; predictions of the measured lie on it."""
+    table = circling()
+    windows = held_windows(table).rows
+    data = page_data(table, windows, {"hybrid": predictions(windows)})
+    for name, line in data["drawn"].items():
+        assert np.max(np.abs(np.diff(line))) < 20.0
+        np.testing.assert_allclose(wrap_180(np.array(line) - data["channels"][name]), 0.0, atol=0.011)
+    assert max(data["drawn"]["heading_deg"]) == SECONDS - 1
+    predicted = data["predicted"]["hybrid"]
+    at = np.searchsorted(data["time_s"], predicted["time_s"])
+    np.testing.assert_allclose(
+        predicted["drawn"]["heading_deg"], np.array(data["drawn"]["heading_deg"])[at], atol=0.1
+    )
 
 
 def test_rounded_angles_stay_inside_their_turn() -> None:
@@ -178,7 +196,7 @@ def test_predictions_are_lifted_between_windows_and_thinned_by_whole_ones() -> N
     few = page_data(circling(), windows, {"hybrid": predictions(windows)})["predicted"]["hybrid"]
     assert few["every"] == 1
     assert few["holes"] == list(range(16, len(windows), 16))
-    assert few["lifts"]["heading_deg"]
+    assert few["drawn"]["heading_deg"]
     times = 1 + MOST_PREDICTED // len(windows)
     many = pd.concat([windows.assign(window=windows["window"] + 1000 * turn) for turn in range(times)])
     html = interactive_page(circling(), windows, {"hybrid": predictions(many)}).html

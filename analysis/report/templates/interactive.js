@@ -5,6 +5,7 @@ const {colours, panels, labels} = page.style;
 const byId = id => document.getElementById(id);
 const series = byId("series"), track = byId("track"), readout = byId("readout");
 const channel = name => page.channels[name] || [];
+const drawn = (name, data = page) => data.drawn[name] || data.channels[name] || [];  // angles run on beyond the turn
 const ROWS = page.time_s.length;
 const END_S = page.time_s[ROWS - 1];
 const state = {row: 0, from: 0, to: END_S, hidden: new Set()};
@@ -59,7 +60,7 @@ function seriesTraces() {
   const traces = [];
   panels.forEach(({names}, number) => {
     for (const name of names) {
-      const [x, y] = lifted([STAMPS, channel(name)], [...page.holes, ...(page.lifts[name] || [])]);
+      const [x, y] = lifted([STAMPS, drawn(name)], [...page.holes, ...(page.lifts[name] || [])]);
       const {colour, width, dash} = controls[name] || {colour: colours.ink, width: 1.2};
       const trace = line(x, y, colour, width, {yaxis: axisName(number), meta: {channel: name}});
       if (dash) trace.line.dash = dash;
@@ -69,7 +70,7 @@ function seriesTraces() {
       const data = page.predicted[method];
       for (const name of names.filter(name => name in data.channels)) {
         const lifts = [...data.holes, ...(data.lifts[name] || [])];
-        const [x, y] = lifted([data.time_s.map(stamp), data.channels[name]], lifts);
+        const [x, y] = lifted([data.time_s.map(stamp), drawn(name, data)], lifts);
         traces.push(line(x, y, methodColour(method), 1.1, {yaxis: axisName(number), meta: {channel: name, method}}));
       }
     }
@@ -137,14 +138,24 @@ function seriesLayout() {
     layout["yaxis" + (number ? number + 1 : "")] = {domain: domainOf(number), gridcolor: colours.grid,
       zeroline: false, nticks: 5, automargin: false,
       title: {text: title.replace(" [", "<br>["), standoff: 4, font: {size: 11}},
-      tickmode: ticksOf(names, reach(names.flatMap(channel))), dtick: 90};
+      ...ticksOf(names, reach(names.flatMap(name => drawn(name))))};
   });
   return layout;
 }
 
-function ticksOf(names, [low, high]) {  // quarters of the turn, which dtick says, for angles over so much of it
-  return names.some(name => page.angles.includes(name)) && high - low > 150 ? "linear" : "auto";
+const STEPS = [1, 2, 5, 10, 30, 45, 90, 180, 360, 720];  // of angles between ticks
+const MOST_TICKS = 5;
+
+function ticksOf(names, [low, high]) {  // of angles the round ones, as they are called within the turn
+  const angle = names.find(name => name in page.angles);
+  if (angle === undefined || !(low <= high)) return {tickmode: "auto"};
+  const step = STEPS.find(each => (high - low) / each <= MOST_TICKS) || 3600, least = page.angles[angle];
+  const first = Math.floor(low / step) - 1, count = Math.ceil(high / step) + 2 - first;
+  const tickvals = Array.from({length: count}, (_, number) => (first + number) * step);
+  return {tickmode: "array", tickvals, ticktext: tickvals.map(each => String((((each - least) % 360) + 360) % 360 + least))};
 }
+
+const ticksOfAxis = (axis, ticks) => Object.fromEntries(Object.entries(ticks).map(([key, value]) => [`${axis}.${key}`, value]));
 
 function common() {
   return {showlegend: false, hovermode: false, dragmode: "zoom", uirevision: "kept", plot_bgcolor: "#fff",
@@ -236,12 +247,12 @@ function withMargin([low, high], least) {
 
 function fitStretch() {
   const [first, end] = rowsOf(state.from, state.to);
-  const seen = name => channel(name).slice(first, end);
+  const seen = name => drawn(name).slice(first, end);
   const ranges = panels.map(({names}) => reach(names.flatMap(seen)));
   const known = ranges.map((range, number) => [range, number]).filter(([range]) => range[0] <= range[1]);
-  Plotly.relayout(series, Object.fromEntries(known.flatMap(([range, number]) =>
-    [[`yaxis${number ? number + 1 : ""}.range`, withMargin(range, 1)],
-      [`yaxis${number ? number + 1 : ""}.tickmode`, ticksOf(panels[number].names, range)]])));
+  const axis = number => `yaxis${number ? number + 1 : ""}`;
+  Plotly.relayout(series, Object.assign({}, ...known.map(([range, number]) =>
+    ({[`${axis(number)}.range`]: withMargin(range, 1), ...ticksOfAxis(axis(number), ticksOf(panels[number].names, range))}))));
   const [east, north] = [reach(seen("east_m")), reach(seen("north_m"))];
   if (hasTrack && east[0] <= east[1]) {
     Plotly.relayout(track, {"xaxis.range": withMargin(east, 5), "yaxis.range": withMargin(north, 5)});
@@ -250,9 +261,9 @@ function fitStretch() {
 
 function showAll() {
   showTimes(0, Math.max(END_S, 1));
-  Plotly.relayout(series, Object.fromEntries(panels.flatMap(({names}, number) =>
-    [[`yaxis${number ? number + 1 : ""}.autorange`, true],
-      [`yaxis${number ? number + 1 : ""}.tickmode`, ticksOf(names, reach(names.flatMap(channel)))]])));
+  const axis = number => `yaxis${number ? number + 1 : ""}`;
+  Plotly.relayout(series, Object.assign({}, ...panels.map(({names}, number) => ({[`${axis(number)}.autorange`]: true,
+    ...ticksOfAxis(axis(number), ticksOf(names, reach(names.flatMap(name => drawn(name)))))}))));
   if (hasTrack) Plotly.relayout(track, {"xaxis.autorange": true, "yaxis.autorange": true});
 }
 

@@ -164,7 +164,10 @@ def _text(
         "# Body axes at midship, x forward, y to starboard. Measured numbers are better: write them in.",
         *(f"# Note: {warning}." for warning in warnings),
     ]
-    known: dict[str, Cell] = {"name": name, "description": "estimated from main dimensions"}
+    known: dict[str, Cell] = {
+        "name": name,
+        "description": f"{name.replace('_', ' ')}, estimated from main dimensions",
+    }
     plain = Table("", "", {**known, "water_density_kgpm3": ship.water_density_kgpm3})
     provenance: dict[str, Cell] = {
         "source": "seatrial vessel new",
