@@ -1,13 +1,12 @@
-"""Predictions without anything learned, and the fallback made of them.
+"""Predictions without learning, and the fallback made of them.
 
-Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines are
-the present motion held (constant velocity, in a turn a circle), the same without the turn (straight line), and the
-reference model.
+Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines
+are constant velocity (surge, sway and yaw rate kept: in a turn a circle), the straight line (the same without
+the turn), and the reference model.
 
-Outside its domain of applicability a calibrator is replaced by a weighted mean of the two
-baselines: each is weighted by the fourth power of the inverse of its expected error, which follows from its errors
-in the training and from a hindcast of the last seconds. Inside it a calibrator may be averaged with them
-(:class:`Candidate`).
+Outside its domain of applicability a calibrator is replaced by a weighted mean of the two baselines, each
+weighted by the inverse fourth power of its expected error, which follows from its errors in training and from a
+hindcast of the last seconds. Inside the domain a calibrator may be averaged with them (:class:`Candidate`).
 """
 
 from __future__ import annotations
@@ -29,57 +28,56 @@ from hybrid.vessel.simulate import simulate_batch
 
 
 def constant_velocity(windows: PredictionWindows) -> Floats:
-    """The present surge, sway and yaw rate of the windows' starts held."""
+    """Constant velocity: surge, sway and yaw rate of the windows' starts kept."""
     return present_motion_held(windows.start, windows.horizon_s)
 
 
 def straight_line(windows: PredictionWindows) -> Floats:
-    """Heading, and speed ahead and aside, of the windows' starts held: no turn."""
+    """Straight line: heading and velocity of the windows' starts kept."""
     still = windows.start.copy()
     still[:, YAW_RATE] = 0.0
     return present_motion_held(still, windows.horizon_s)
 
 
 def present_motion_held(states: Floats, horizon_s: int) -> Floats:
-    """Surge, sway and yaw rate of states [N, 6] held: a straight line or a circle (:func:`.arc`), [N, H+1, 3]."""
+    """Tracks [N, H+1, 3] of constant surge, sway and yaw rate from states [N, 6]: lines or circles
+    (:func:`.arc`)."""
     return np.asarray(states[:, None, :3] + arc(states[:, None], np.arange(horizon_s + 1.0)))
 
 
 def reference(windows: PredictionWindows, plant: Plant) -> Floats:
-    """The simulation model from the measured start, under the windows' commands or with the thrusters held as they
-    are at second 0; the wind is held.
+    """Tracks of the simulation model from the measured start, with the windows' commands or the controls of
+    second 0 held; the wind is held.
 
-    Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of a
-    ship with other actuators.
+    Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of
+    a ship with other actuators.
     """
     check_ship(windows.actuators, plant)
     return simulate_tracks(plant, windows.start, windows.acting, windows.wind)
 
 
 def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
-    """The simulation model from states [N, 6] under controls [N, H, controls]: [N, H+1, 3]; in a wind [N, 2] that
-    holds, or second by second [N, H, 2].
-    """
+    """Tracks [N, H+1, 3] of the simulation model from states [N, 6] under controls [N, H, controls], in a
+    constant wind [N, 2] or one for each second [N, H, 2]."""
     blowing = wind if wind.ndim == 3 else np.repeat(wind[:, None, :], control.shape[1], axis=1)
     return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
 
 
 HINDCAST_S = 15
 BASELINES = ("reference", "constant_velocity")
-_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error that a region is proportional to
-_UNKNOWN_ERROR_M = 2.0  # of a hindcast for which nothing was recorded; the same whatever other windows there are
-_HINDCAST_POWER = 0.5  # a hindcast four times as wrong as in the training doubles the error that is expected
-_LEAST_ERROR_M = 0.001  # a mean error in the training is no less, even of the model that made the tracks
-_LEAST_RATIO = 0.01  # of a hindcast's error to that of the training, which is divided by
-_WEIGHT_POWER = 4.0  # nearly the better baseline alone, unless both expect about the same error
+_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error
+_UNKNOWN_ERROR_M = 2.0  # error assumed where there is no hindcast
+_HINDCAST_POWER = 0.5  # a hindcast error of four times that in training doubles the expected error
+_LEAST_ERROR_M = 0.001  # lower bound on a mean training error
+_LEAST_RATIO = 0.01  # lower bound on the ratio of hindcast to training error
+_WEIGHT_POWER = 4.0  # close to the better baseline alone, unless both expect similar errors
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """What is averaged with the baselines: its ``tracks`` [N, H+1, 3], NaN where it has no say, and the errors
-    ``hindcast_m`` [N] of its hindcasts; ``usual_error_m`` [2] are its mean errors on windows that it was not fitted
-    to, over the horizon and over the hindcast.
-    """
+    """A prediction to be averaged with the baselines: its ``tracks`` [N, H+1, 3], NaN where it has none, and
+    the errors ``hindcast_m`` [N] of its hindcasts; ``usual_error_m`` [2] are its mean errors on windows not
+    used for fitting, over the horizon and over the hindcast."""
 
     tracks: Floats
     hindcast_m: Floats
@@ -91,7 +89,7 @@ class FallbackPrediction:
     """The weighted mean for N windows.
 
     ``tracks`` [N, H+1, 3]; ``weight`` [K, N] of the :data:`BASELINES` and of what is averaged with them;
-    ``expected_error_m`` [N] is what the region is proportional to.
+    regions are proportional to ``expected_error_m`` [N].
     """
 
     tracks: Floats
@@ -100,17 +98,17 @@ class FallbackPrediction:
 
     @property
     def source(self) -> NDArray[np.str_]:
-        """The name [N] of what has the largest weight: one of :data:`BASELINES`, or ``hybrid``."""
+        """The source [N] with the largest weight: one of :data:`BASELINES`, or ``hybrid``."""
         return np.asarray(np.array([*BASELINES, "hybrid"])[self.weight.argmax(axis=0)])
 
 
 @dataclass(frozen=True, slots=True)
 class Fallback:
-    """Weighted mean of the :data:`BASELINES`, fitted to the windows of a training.
+    """A weighted mean of the :data:`BASELINES`, fitted to training windows.
 
-    ``training_error_m`` [2] and ``hindcast_error_m`` [2] are each baseline's mean error over the horizon and over
-    the :data:`HINDCAST_S` seconds before the start; ``region`` [H, 2] are the semi-axes of the 95 % region per
-    metre of expected error.
+    ``training_error_m`` [2] and ``hindcast_error_m`` [2] are each baseline's mean error over the horizon and
+    over the :data:`HINDCAST_S` seconds before the start; ``region`` [H, 2] are the semi-axes of the 95 % region
+    per metre of expected error.
     """
 
     training_error_m: Floats
@@ -119,7 +117,7 @@ class Fallback:
 
     @classmethod
     def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
-        """From windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
+        """Fit to windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
         training_m = [mean_known(mean_distances(track, windows.track)) for track in tracks]
         unscaled = cls(
@@ -133,9 +131,8 @@ class Fallback:
     def predict(
         self, windows: PredictionWindows, reference: Floats, plant: Plant, beside: Candidate | None = None
     ) -> FallbackPrediction:
-        """The weighted mean for windows of which ``reference`` [N, H+1, 3] are the model's tracks, of the baselines
-        and of a candidate ``beside`` them.
-        """
+        """The weighted mean of the baselines, and of a candidate ``beside`` them, for windows on which
+        ``reference`` [N, H+1, 3] are the model's tracks."""
         tracks, hindcast_m = _baselines(windows, reference, plant)
         if beside is None:
             return self._average(tracks, hindcast_m)
@@ -145,10 +142,10 @@ class Fallback:
         )
 
     def _average(self, tracks: Floats, hindcast_m: Floats) -> FallbackPrediction:
-        """The ``tracks`` [K, N, H+1, 3] weighted by the errors [K, N] of their hindcasts.
+        """Average ``tracks`` [K, N, H+1, 3] with weights from the errors [K, N] of their hindcasts.
 
-        A baseline whose hindcast is not known has no weight beside one whose hindcast is; neither has one that left
-        its range.
+        A baseline without a hindcast gets no weight beside one with a hindcast, nor does one that left its
+        range.
         """
         known = np.isfinite(hindcast_m)
         with np.errstate(invalid="ignore"):
@@ -180,6 +177,6 @@ def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> t
 
 
 def mean_known(errors_m: Floats) -> float:
-    """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` without any, as where nothing was recorded before."""
+    """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` if there are none."""
     known = errors_m[np.isfinite(errors_m)]
     return max(float(known.mean()), _LEAST_ERROR_M) if known.size else _UNKNOWN_ERROR_M

@@ -1,4 +1,4 @@
-"""The data set of training and validation: the windows of recordings as arrays, and where they come from."""
+"""The data set for training and validation: windows of recordings as arrays, with their origin."""
 
 from __future__ import annotations
 
@@ -29,17 +29,18 @@ from hybrid.prediction.prediction_windows import (
 from hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
-"""Thrusters held for less teach nothing about a prediction but its start."""
+"""The shortest holding time of thrusters [s] worth learning from."""
 
 LEG_HORIZONS = 4
-"""Where the commands may be any, windows follow each other without an end: a leg is so many horizons of them."""
+"""With any commands windows follow each other without end; a leg is this many horizons of them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One recording, or a part of its time in percent, that windows were taken from.
+    """A recording, or a part of its time in percent, that windows were taken from.
 
-    ``windows`` and ``legs`` count what it gave, ``span`` is from its first window's start to its last one's.
+    ``windows`` and ``legs`` count what it provided, ``span`` is from the first window's start to the last
+    one's.
     """
 
     path: Path
@@ -50,13 +51,13 @@ class Source:
     span: tuple[datetime, datetime] | None = None
 
     def overlaps(self, other: Source) -> bool:
-        """Whether both hold the same stretch of the same recording."""
+        """Whether both contain the same stretch of the same recording."""
         return self.sha256 == other.sha256 and self.part[0] < other.part[1] and other.part[0] < self.part[1]
 
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """The windows of all recordings, where they came from, and what was dropped by reason; ``tables`` are the
+    """The windows of all recordings, their origin, and the numbers dropped by reason; ``tables`` are the
     recordings at 1 Hz by trial."""
 
     windows: PredictionWindows
@@ -79,12 +80,12 @@ def load_dataset(
     any_commands: bool = False,
     length_m: float = USUAL_LENGTH_M,
 ) -> Dataset:
-    """The held windows of recordings, or of ``part`` of each one's time in percent; with ``any_commands`` all
-    windows that have data, with the commands as they were recorded.
+    """Load the held windows of recordings, or of ``part`` of each one's time in percent; with ``any_commands``
+    all windows that have data, with the recorded commands.
 
-    ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
-    The rest is as of :func:`dataset_of`. Raises :class:`InputError` when one recording is given twice: its legs
-    would be on both sides of every split.
+    ``repair`` first corrects faults that are certain, ``rebuild_positions`` the positions as well. The other
+    arguments are those of :func:`dataset_of`. Raises :class:`InputError` if a recording is given twice: its
+    legs would be on both sides of every split.
     """
     sources = [Source(path, digest, part) for path, digest in zip(paths, refuse_duplicates(paths), strict=True)]
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
@@ -103,13 +104,13 @@ def dataset_of(
     any_commands: bool = False,
     length_m: float = USUAL_LENGTH_M,
 ) -> Dataset:
-    """The windows of recordings at 1 Hz by trial, which come from these ``sources`` if anybody asks.
+    """The windows of recordings at 1 Hz by trial, which come from ``sources``.
 
-    Starts as they are known afterwards are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`).
-    With ``shorter`` windows that are held for half the horizon only come behind the whole ones, NaN after that: a
-    calibrator learns from them, nothing is judged on them. Where the commands may be any there is no need of them.
+    Two-sided start states are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`). With
+    ``shorter``, windows held for half the horizon only are appended, NaN after that: calibrators learn from
+    them but are not tested on them. With any commands they are not needed.
 
-    Raises :class:`DataShortageError` with the counts by reason when there is no window in any of them.
+    Raises :class:`DataShortageError` with the counts by reason if there is no window in any of them.
     """
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
     windows = _as_arrays(held, tables, length_m, any_commands=any_commands)
@@ -125,14 +126,14 @@ def dataset_of(
 def _as_arrays(
     held: HeldWindows, tables: Mapping[str, SecondBySecond], length_m: float, *, any_commands: bool = False
 ) -> PredictionWindows:
-    """The windows of 1 Hz tables by trial, with the motion they start from and what came before."""
+    """The windows of 1 Hz tables by trial, with their start states and what came before."""
     rows = held.rows
     motion = [start_motion(rows[rows["trial"] == trial], each.table, length_m) for trial, each in tables.items()]
     return windows_from_rows(rows, pd.concat(motion), tables, any_commands=any_commands)
 
 
 def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
-    """The legs [N] cut into parts of :data:`LEG_HORIZONS` horizons, by where each window starts."""
+    """The legs [N] divided into parts of :data:`LEG_HORIZONS` horizons, by the start of each window."""
     first, _ = windows.known_seconds()
     legs = windows.leg.astype("<U200")
     for leg in np.unique(windows.leg):
@@ -143,9 +144,9 @@ def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
 
 
 def _with_shorter(whole: PredictionWindows, short: PredictionWindows) -> PredictionWindows:
-    """``whole``, and behind it those of ``short`` that are not the beginning of one of them, NaN to that length.
+    """``whole``, followed by those of ``short`` that are not the beginning of one of them, padded with NaN.
 
-    Legs are joined where windows of either share a second, so that a split by leg parts none of them.
+    Legs of windows that share a second are joined, so that a split by leg never separates them.
     """
     known = set(zip(whole.trial, whole.start_ns, strict=True))
     more = [each not in known for each in zip(short.trial, short.start_ns, strict=True)]
@@ -157,9 +158,8 @@ def _with_shorter(whole: PredictionWindows, short: PredictionWindows) -> Predict
 
 
 def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
-    """The leg of each window [N] of whole and shorter ones: a new one where a window shares no second with those
-    before, and is of another leg than the one before by windows of its own kind.
-    """
+    """The leg of each window [N], whole and shorter ones: a new one where a window shares no second with those
+    before and is of another leg than the previous one of its kind."""
     first, last = windows.known_seconds()
     legs = np.empty(len(windows), dtype="<U200")
     for trial in np.unique(windows.trial):
@@ -175,7 +175,7 @@ def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
 
 
 def _counted(source: Source, windows: PredictionWindows, trial: str) -> Source:
-    """A source with how many whole windows and legs its trial gave, and the time they start in."""
+    """A source with the number of whole windows and legs from its trial, and their time span."""
     own = windows.subset((windows.trial == trial) & windows.whole)
     if not len(own):
         return source
@@ -184,9 +184,8 @@ def _counted(source: Source, windows: PredictionWindows, trial: str) -> Source:
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:
-    """The motion at the start of each window by seconds to either side, smoothed as for a ship of ``length_m``; one
-    row a window in the order of their numbers.
-    """
+    """The two-sided smoothed motion at the start of each window, as for a ship of ``length_m``; one row for
+    each window, in order of their numbers."""
     smooth = smooth_motion(table, half_width_for(length_m))
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
 
@@ -194,8 +193,8 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUA
 def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[PredictionWindows, Floats]:
     """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
 
-    They start from what the model knew at second 0 as a filter (:func:`.filtered_starts`). From the start that is
-    known afterwards it has to stay in its range too. Raises :class:`DataShortageError` when there are none.
+    They start from the model's own Kalman filter at second 0 (:func:`.filtered_starts`); the model has to stay
+    in range from the two-sided start too. Raises :class:`DataShortageError` if there are none.
     """
     windows = filtered_starts(windows, plant)
     tracks = reference(windows, plant)

@@ -51,21 +51,21 @@ from hybrid.vessel.simulate import combine_forces
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
-"""The gains are there for four yaw rates that far apart, the first of them none."""
+"""Gains are computed for four yaw rates this far apart, the first zero."""
 STEP_LENGTHS, MOST_STEPS = 1.0 / 3.0, 8
-"""How far she may sail in one step of the integration, in her lengths: a craft of 2 m at 2 m/s needs 3 steps a
-second; for ships and models at usual speeds one is as good as four, to 0.1 % of the errors."""
+"""Ship lengths sailed in one integration step at most: a craft of 2 m at 2 m/s needs 3 steps a second; for
+ships and models at usual speeds one step is as good as four, to 0.1 % of the errors."""
 WIND_DIRECTION, WIND_SPEED, FIRST_CONTROL = 6, 7, 8
-"""Where they stand in a row of channels, after the state."""
+"""Their columns in a row of channels, after the state."""
 Force = Floats
 """In surge, sway and yaw [3]."""
 Swing = Floats
-"""Displacement in waves ahead, aside [m] and in heading [rad], and its rate [2, 3]."""
+"""Wave displacement in surge, sway [m] and heading [rad], and its rate [2, 3]."""
 
 
 @compiled
 def fill_mean_control(p: Record, result: Control, before: Control, after: Control) -> None:
-    """Fill ``result``: the mean of two controls; angles the shorter way round."""
+    """Fill ``result`` with the mean of two controls, angles the shorter way round."""
     for i in range(len(p.actuators)):
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
         for column in range(first, first + CONTROLS_OF[kind]):
@@ -79,7 +79,7 @@ def fill_mean_control(p: Record, result: Control, before: Control, after: Contro
 
 @compiled
 def add_bias_force(p: Record, own: Force, bias: Force) -> None:
-    """Give the plant its own constant force and, per mass and with the added mass, the bias force."""
+    """Set the plant's constant force to its own plus the bias force, per mass including added mass."""
     p.constant_X_n = own[0] + (p.mass_kg - p.Xud) * bias[0]
     p.constant_Y_n = own[1] + (p.mass_kg - p.Yvd) * bias[1] - p.Yrd * bias[2]
     p.constant_N_nm = own[2] - p.Yrd * bias[1] + (p.yaw_inertia_kgm2 - p.Nrd) * bias[2]
@@ -87,7 +87,7 @@ def add_bias_force(p: Record, own: Force, bias: Force) -> None:
 
 @compiled
 def weighed(gain: Floats, position: float, speed: float) -> float:
-    """What an innovation of position and one of speed correct one quantity by, with its gain [2]."""
+    """The correction of one quantity from the innovations of position and speed, with its gain [2]."""
     return float(gain[0] * position + gain[1] * speed)
 
 
@@ -95,9 +95,10 @@ def weighed(gain: Floats, position: float, speed: float) -> float:
 def measurement_update(
     state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats
 ) -> tuple[bool, State]:
-    """Whether the measurement can be the ship's, and the state after it; bias force and swing are corrected.
+    """Whether the measurement is plausible, and the state after it; bias force and wave motion are updated in
+    place.
 
-    ``gain`` [3 axes, 5, 2] as of :func:`~hybrid.prediction.kalman_filter.kalman_gains`.
+    ``gain`` [3 axes, 5, 2] comes from :func:`~hybrid.prediction.kalman_filter.kalman_gains`.
     """
     north, east, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
@@ -131,7 +132,7 @@ def measurement_update(
 
 @compiled
 def pass_second(bias: Force, kept: Floats, swing: Swing, step: Floats) -> None:
-    """Bias force and swing in waves a second later: the one decays, the other goes on."""
+    """Advance bias force and wave motion by a second: the former decays, the latter oscillates."""
     for axis in range(3):
         bias[axis] *= kept[axis]
         displaced, rate = swing[0, axis], swing[1, axis]
@@ -144,7 +145,7 @@ def pass_model(
     p: Record, mass: InverseMass, order: Control, acting: Control, scratch: Scratch, air: tuple[float, float],
     state: State, extra: ForceFunction | None, parameters: Floats,
 ) -> State:  # fmt: skip
-    """The model's state a second later, in steps in which she sails :data:`STEP_LENGTHS` of her length at most."""
+    """The model's state a second later, in steps of at most :data:`STEP_LENGTHS` ship lengths."""
     lengths = hypot(state[3], state[4]) / p.length_overall_m
     steps = 1 + int(lengths / STEP_LENGTHS) if lengths < MOST_STEPS * STEP_LENGTHS else MOST_STEPS
     lag = lag_over(p, 1.0 / steps)
@@ -154,7 +155,7 @@ def pass_model(
 
 @compiled
 def store(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
-    """Write a state [6], and the swing as north, east and heading [3]."""
+    """Store a state [6], and the wave motion as north, east and heading [3]."""
     cosine, sine = cos(state[2]), sin(state[2])
     for j in range(6):
         states[j] = state[j]
@@ -170,11 +171,10 @@ def _make_observer(stamp: int) -> Callable[..., None]:
         wave: Floats, control: Floats, wind: Floats, extra: ForceFunction | None, parameters: Floats,
         states: Floats, waves: Floats,
     ) -> None:  # fmt: skip
-        """Fill ``states`` [N, H+1, 6], and ``waves`` [N, H+1, 3] beside them.
+        """Fill ``states`` [N, H+1, 6] and the wave motion ``waves`` [N, H+1, 3].
 
-        From ``past`` [N, P+1, channels], newest first, of which ``known_s`` [N] seconds are whole; ``control``
-        [N, H, controls]
-        and ``wind`` [N, H, 2] act from second 0. ``plants`` [N] are changed.
+        From ``past`` [N, P+1, channels], newest first, of which ``known_s`` [N] seconds have no gap;
+        ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0. ``plants`` [N] are changed.
         """
         for i in prange(states.shape[0]):
             p = plants[i]
@@ -222,7 +222,7 @@ WAVE_DAMPING = 0.1
 
 
 def wave_step(wave_radps: float) -> Floats:
-    """The transition of displacement and speed in waves over a second [2, 2]: a lightly damped oscillator."""
+    """The transition of wave displacement and its rate over a second [2, 2]: a lightly damped oscillator."""
     return np.array(oscillator(1.0, wave_radps, WAVE_DAMPING)).reshape(2, 2)
 
 
@@ -235,15 +235,16 @@ def kalman_gains(
     wave_walk: float = 0.0,
     wave_radps: float = 1.0,
 ) -> Floats:
-    """The gains [steps, 5, 2] of position, speed, force, and of displacement and speed in waves, on the innovations
-    of position and speed, step by step.
+    """The gains [steps, 5, 2] of position, speed, force, wave displacement and its rate, for the innovations of
+    position and speed, step by step.
 
-    One axis, a second a step: position changes by the speed, the speed by a force (per mass) that wanders; the
-    measurements swing in waves beside. All variances are in units of the measured speed's, [m/s]^2 (or [rad/s]^2):
-    ``speed_walk``, ``force_walk`` and ``wave_walk`` by which speed, force and speed in waves wander in a second,
-    ``position_noise`` of the measured position; ``kept_force`` is the share of the force that is left a second
-    later. Kalman, A new approach to linear filtering (1960); Fossen, Handbook of marine craft hydrodynamics and
-    motion control (2011), section 11.3, for the waves.
+    One axis, in steps of a second: position integrates speed, speed integrates a force (per mass) that follows
+    a random walk; the measurements contain wave motion as well. All variances are in units of that of the
+    measured speed, [m/s]^2 (or [rad/s]^2): ``speed_walk``, ``force_walk`` and ``wave_walk`` are the process
+    noises of speed, force and wave rate over a second, ``position_noise`` that of the measured position;
+    ``kept_force`` is the share of the force left after a second. Kalman, A new approach to linear filtering
+    (1960); Fossen, Handbook of marine craft hydrodynamics and motion control (2011), section 11.3, for the
+    waves.
     """
     F, Q, P = np.zeros((3, 5, WIDTH))
     F[:3, :3] = [[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept_force]]
@@ -260,10 +261,10 @@ AXES = ("surge", "sway", "yaw")
 NOISE_LEVELS = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
 FORCE_DECAY = tuple(f"force_decay_{axis}" for axis in AXES)
 JITTER, JITTER_S = "stamp_jitter", 0.1
-"""By how much headings are stamped too early or too late, now and then: noise that grows with the yaw rate."""
+"""Timing jitter of headings [s]: noise that grows with the yaw rate."""
 WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
 FILTER_NUMBERS = (JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
-"""What the gains follow from, as deviations from the usual in units of their prior standard deviation."""
+"""The parameters of the gains, as deviations from the usual in units of their prior standard deviation."""
 
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
 _USUAL_POWER = 1.5
@@ -271,20 +272,21 @@ _FORCE_DECAY_S = 120.0
 _WAVE_S, _USUAL_PERIOD = 6.0, 0.3
 _WAVE_WALK = -1.0  # a power of ten
 OBSERVED_S = 30
-"""How many seconds before the start the filter runs along [s]."""
-_RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
+"""The seconds before the start over which the filter runs [s]."""
+_RATE_NOISE_RADPS = 1e-3  # of a usual gyro, the unit of the yaw noise levels
 
 
 NEUTRAL = (0.0,) * len(FILTER_NUMBERS)
-"""The filter as it is before anything is learned."""
+"""The filter before anything is learned."""
 
 
 @lru_cache(maxsize=64)
 def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
-    """The gains [turns, steps, 3 axes, 5, 2], the share of the bias force left a second later [3], and the step of
-    waves [2, 2].
+    """The gains [turns, steps, 3 axes, 5, 2], the share of the bias force left after a second [3], and the
+    transition of wave motion [2, 2].
 
-    ``jitter`` and ``numbers`` are those of :data:`FILTER_NUMBERS`; remembered, as most steps do not change them.
+    ``jitter`` and ``numbers`` are those of :data:`FILTER_NUMBERS`; cached, since most optimiser steps do not
+    change them.
     """
     powers, lasting, (period, *walks) = np.split(
         np.array(numbers), [len(NOISE_LEVELS), len(NOISE_LEVELS) + len(FORCE_DECAY)]
@@ -306,17 +308,17 @@ def filter_gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats
 
 @lru_cache(maxsize=256)
 def _axis_gains(speed: float, force: float, noise: float, left: float, wave: float, wave_radps: float) -> Floats:
-    """The gains of one axis; most steps change none of its numbers, and without turning three times the same."""
+    """The gains of one axis; cached, since most steps change none of its numbers."""
     return kalman_gains(speed, force, noise, left, OBSERVED_S, wave, wave_radps)
 
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """What the filter is given of N windows.
+    """The observations of N windows.
 
-    ``past`` [N, P+1, channels] in the order of :class:`~hybrid.prediction.prediction_windows.PredictionWindows`,
-    newest first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] that
-    act from second 0.
+    ``past`` [N, P+1, channels] in the order of
+    :class:`~hybrid.prediction.prediction_windows.PredictionWindows`, newest first, without gaps for ``known_s``
+    [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] act from second 0.
     """
 
     past: Floats
@@ -329,9 +331,8 @@ class Observations:
 
 
 def measured_past(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDArray[np.int64]]:
-    """The last ``seconds`` of windows [N, seconds + 1, channels], newest first, with what they start from at second
-    0, and for how many of them there is no gap [N].
-    """
+    """The last ``seconds`` of windows [N, seconds + 1, channels], newest first, with the start states at second
+    0, and the number of them without a gap [N]."""
     now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
     past = windows.past[:, : seconds + 1].copy()
     past[:, 0] = np.where(np.isfinite(past[:, 0]), past[:, 0], now)
@@ -342,11 +343,11 @@ def measured_past(windows: PredictionWindows, seconds: int) -> tuple[Floats, NDA
 def run_filter(
     packed: NDArray[np.void], plant: Plant, gains: tuple[Floats, Floats, Floats], observations: Observations
 ) -> tuple[Floats, Floats]:
-    """Run a model along the observations of N windows, and on from second 0.
+    """Run a model along the observations of N windows, and freely from second 0.
 
-    ``packed`` [1] are the model's numbers, ``plant`` has its extra forces, ``gains`` are of :func:`filter_gains`.
-    Returns the states [N, H+1, 6] without the motion in waves, and that motion as north, east [m] and heading [rad]
-    [N, H+1, 3].
+    ``packed`` [1] are the model's parameters, ``plant`` has its extra forces, ``gains`` come from
+    :func:`filter_gains`. Returns the states [N, H+1, 6] without wave motion, and the wave motion as north, east
+    [m] and heading [rad] [N, H+1, 3].
     """
     plants = np.repeat(packed, len(observations))
     extra, parameters = combine_forces(plant)
@@ -361,9 +362,9 @@ def run_filter(
 
 
 def filtered_starts(windows: PredictionWindows, plant: Plant) -> PredictionWindows:
-    """The windows with the start states that the reference model, as a Kalman filter, knows at second 0.
+    """The windows with the start states of the reference model's Kalman filter at second 0.
 
-    They are without the motion in waves. Where nothing was measured before, the measured state stays. Raises
+    They exclude wave motion. Without earlier measurements the measured state is kept. Raises
     :class:`InputError` for windows of a ship with other actuators.
     """
     check_ship(windows.actuators, plant)

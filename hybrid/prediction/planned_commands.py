@@ -23,7 +23,7 @@ from acquisition.tables.table_files import RawTable, parse_times
 from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.vessel.actuators import angle_columns, control_units
 
-_PARTS = 20  # of a second: an order may come between two seconds
+_PARTS = 20  # of a second: orders may come between full seconds
 
 
 def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
@@ -62,10 +62,10 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
 
 
 def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.DataFrame | None:
-    """The table of :func:`read_commands` by seconds after ``at``; of one by ``time`` None before it begins within
-    the horizon, and where it is over.
+    """The table of :func:`read_commands` by seconds after ``at``; None if it is by ``time`` and begins after
+    the horizon or is over.
 
-    Rows before ``at`` are kept: the last of them is the order that holds.
+    Rows before ``at`` are kept: the last of them is the current order.
     """
     if not isinstance(table.index, pd.DatetimeIndex):
         return table
@@ -74,9 +74,9 @@ def commands_from(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> pd.D
 
 
 def planned_commands(table: pd.DataFrame, now: Floats, actuators: Actuators, horizon_s: int) -> Floats:
-    """The mean controls over each second of the horizon [H, controls] in SI, from ``now`` [controls] on.
+    """The mean controls over each second of the horizon [H, controls] in SI, starting from ``now`` [controls].
 
-    ``table`` as of :func:`commands_from`. Angles are averaged the shorter way round.
+    ``table`` comes from :func:`commands_from`. Angles are averaged the shorter way round.
     """
     times = (np.arange(horizon_s * _PARTS) + 0.5) / _PARTS
     row = np.searchsorted(table.index.to_numpy(dtype=float), times, side="right")  # 0: before the first

@@ -1,8 +1,8 @@
-"""Windows as arrays in SI units and radians: what every prediction method starts from and is judged by.
+"""Windows as arrays in SI units and radians: the input and the truth of every prediction method.
 
-A method may see the start of a window, the state, the wind and the thrusters at second 0, and what was measured in
-the minute before it; of windows with any commands also these, second by second. What follows is the measured track
-that its prediction is compared with.
+A method may use the start of a window (state, wind and controls at second 0), the measurements of the minute
+before, and, for windows with any commands, these second by second. The measured track that follows is what its
+prediction is compared with.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
 from hybrid.vessel.sensors import HEADING
 
 WIND, CONTROLS = slice(6, 8), slice(8, None)
-"""Where wind and controls stand among the channels of a window: after the state."""
+"""The columns of wind and controls among the channels of a window: after the state."""
 
 PAST_S = 180
-"""How many seconds before its start a window knows of: enough to see whether a model that was right on another day
-is right on this one."""
+"""The seconds before its start that a window includes: enough to see whether a model from another day fits this
+one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class PredictionWindows:
 
     @property
     def start_time(self) -> pd.DatetimeIndex:
-        """When each window starts [N], UTC."""
+        """The start of each window [N], UTC."""
         return pd.DatetimeIndex(self.start_ns, tz="UTC")
 
     @property
@@ -94,7 +94,7 @@ class PredictionWindows:
 
     @property
     def whole(self) -> NDArray[np.bool_]:
-        """The windows [N] whose track is known to the end."""
+        """Mask [N] of the windows whose track is known to the end."""
         return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
 
     def known_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -103,19 +103,19 @@ class PredictionWindows:
         return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
-        """The windows that a mask or index chooses."""
+        """The windows chosen by a mask or by indices."""
         rows = {name: values[chosen] for name, values in _arrays_of(self).items()}
         return replace(self, **rows)
 
 
 def _arrays_of(windows: PredictionWindows) -> dict[str, Any]:
-    """What has a row a window, by name."""
+    """The arrays with a row for each window, by name."""
     values = {each.name: getattr(windows, each.name) for each in fields(windows) if each.name != "actuators"}
     return {name: value for name, value in values.items() if value is not None}
 
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
-    """The windows of all parts, of one ship, one after the other."""
+    """The windows of all parts, of one ship, concatenated."""
     columns = [_arrays_of(each) for each in parts]
     arrays: dict[str, Any] = {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
     return replace(parts[0], **arrays)
@@ -128,14 +128,14 @@ def windows_from_rows(
     *,
     any_commands: bool = False,
 ) -> PredictionWindows:
-    """Arrays from the long table of windows: one row a window and second, second 0 first.
+    """Arrays from the long table of windows: one row for each window and second, second 0 first.
 
-    ``tables`` by trial give what came before; without them nothing but second 0 is known of it. Windows start from
-    what was measured at second 0; ``motion``, in the order of the windows' numbers, is what is known afterwards.
-    With ``any_commands`` the controls of all rows are taken as the windows' commands; otherwise those of second 0
-    as held.
+    ``tables`` by trial provide what came before; without them only second 0 is known. Windows start from the
+    measurement at second 0; ``motion``, in the order of the windows' numbers, is the two-sided estimate. With
+    ``any_commands`` the controls of all rows become the windows' commands; otherwise those of second 0 are
+    held.
 
-    Raises :class:`DataShortageError` when there is no window in it.
+    Raises :class:`DataShortageError` if there is no window.
     """
     if rows.empty:
         raise DataShortageError(
@@ -165,9 +165,8 @@ def windows_of_channels(
     *,
     any_commands: bool = False,
 ) -> PredictionWindows:
-    """As :func:`windows_from_rows`, of ``channels`` [N, H+1, channels] in the order of :func:`.trial_names` and in
-    their own units, and what N windows are called.
-    """
+    """As :func:`windows_from_rows`, from ``channels`` [N, H+1, channels] in the order of :func:`.trial_names`
+    and in their own units, and the names of N windows."""
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, channels[..., HEADING]))
     track = np.concatenate([channels[..., :HEADING], heading[..., None]], axis=-1)
     now = _si(channels[:, 0], actuators)
@@ -199,7 +198,7 @@ def _si(channels: Floats, actuators: Actuators) -> Floats:
 def _past(
     now: Floats, trial: NDArray[np.str_], start_ns: Ints, tables: Mapping[str, SecondBySecond], actuators: Actuators
 ) -> Floats:
-    """What was measured at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
+    """The measurements at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
     past = np.full((len(now), PAST_S + 1, now.shape[1]), np.nan)
     past[:, 0] = now
     for name, recorded in tables.items():
@@ -217,9 +216,8 @@ def _past(
 
 
 def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Actuators) -> Floats:
-    """The rows of a table so many seconds after each start [N, seconds, channels] in the channels' own units; NaN
-    where there is none.
-    """
+    """The rows of a table the given ``seconds`` after each start [N, seconds, channels] in the channels' own
+    units; NaN where there are none."""
     row = row_numbers(table, start_ns, seconds)
     columns = np.array([table.columns.get_loc(name) for name in trial_names(actuators)])
     values = table.to_numpy(dtype=float)[row[..., None], columns]  # a tenth of the time of choosing columns first
@@ -228,7 +226,7 @@ def rows_after(table: pd.DataFrame, start_ns: Ints, seconds: Ints, actuators: Ac
 
 
 def row_numbers(table: pd.DataFrame, start_ns: Ints, seconds: Ints) -> Ints:
-    """Which row of a table is so many seconds after each start [N, seconds]; -1 where there is none."""
+    """The row number of a table the given ``seconds`` after each start [N, seconds]; -1 where there is none."""
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     wanted = start_ns[:, None] + seconds * NANO
     row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
@@ -236,8 +234,8 @@ def row_numbers(table: pd.DataFrame, start_ns: Ints, seconds: Ints) -> Ints:
 
 
 def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int | None = None) -> PredictionWindows:
-    """The windows that start so many ``seconds`` earlier, with their recorded commands, and end at second 0, or
-    after ``horizon_s`` already; of several such starts, which need a horizon, the windows of one after the other.
+    """Windows that start the given ``seconds`` earlier, with their recorded commands, and end at second 0 or
+    after ``horizon_s``; for several such starts, which need a horizon, the windows are concatenated.
 
     NaN where the past was not recorded.
     """
@@ -260,7 +258,7 @@ def hindcast_windows(windows: PredictionWindows, *seconds: int, horizon_s: int |
 
 
 def first_seconds(windows: PredictionWindows, most: int) -> PredictionWindows:
-    """The windows cut to their first seconds, so many at the most."""
+    """The windows cut to at most their first ``most`` seconds."""
     commands = None if windows.commands is None else windows.commands[:, :most]
     return replace(windows, track=windows.track[:, : most + 1], commands=commands, truths=None, truth_errors=None)
 
@@ -271,22 +269,23 @@ def difference_rad(angle: Floats, other: Floats) -> Floats:
 
 
 def _known_afterwards(motion: pd.DataFrame, heading: Floats) -> Floats:
-    """The ``motion`` in SI units [N, 6], its heading in the turn of ``heading`` [N]."""
+    """The two-sided ``motion`` in SI units [N, 6], its heading in the same turn as ``heading`` [N]."""
     states = motion[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
     states[:, HEADING] = heading + difference_rad(states[:, HEADING], heading)
     return np.asarray(states)
 
 
 def starting_two_sided(windows: PredictionWindows) -> PredictionWindows:
-    """The windows from the start that is known afterwards, by seconds to either side of second 0."""
+    """The windows with their two-sided start states."""
     return replace(windows, start=windows.start if windows.two_sided is None else windows.two_sided)
 
 
 def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np.bool_]:
-    """A mask of windows by whole groups (legs, recordings), never by row, that holds about ``share`` of them.
+    """A mask of windows, by whole groups (legs, recordings) and never by row, that holds about ``share`` of
+    them.
 
-    Groups are drawn at random, at least one and never all. Raises :class:`DataShortageError` when there is one
-    group only.
+    Groups are drawn at random, at least one and never all. Raises :class:`DataShortageError` if there is only
+    one group.
     """
     names, counts = np.unique(groups, return_counts=True)
     if len(names) < 2:
@@ -298,7 +297,7 @@ def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np
     held_out: list[int] = []
     taken = 0
     for group in np.random.default_rng(seed).permutation(len(names)):
-        fits = taken + counts[group] <= 1.25 * wanted  # one long leg must not take half of the windows away
+        fits = taken + counts[group] <= 1.25 * wanted  # so that one long leg does not take half of the windows
         if fits and taken < wanted and len(held_out) < len(names) - 1:
             held_out.append(int(group))
             taken += int(counts[group])
@@ -317,17 +316,17 @@ ENOUGH_RECORDINGS = 3
 
 
 def unlike_groups(windows: PredictionWindows) -> NDArray[np.str_]:
-    """The names [N] of the groups that are kept whole where a method says how good it is on what it has not seen.
+    """The names [N] of the groups that are held out whole when a method is tested.
 
-    Legs, which are recordings of their own where thrusters were held. With any commands one leg goes over into the
-    next, on the same day in the same wind: recordings are kept whole, where there are :data:`ENOUGH_RECORDINGS`.
+    These are legs if thrusters were held. With any commands one leg passes into the next, on the same day in
+    the same wind, so recordings are held out whole, if there are :data:`ENOUGH_RECORDINGS`.
     """
     by_recording = windows.commands is not None and len(np.unique(windows.trial)) >= ENOUGH_RECORDINGS
     return windows.trial if by_recording else windows.leg
 
 
 def clear_of(windows: PredictionWindows, chosen: NDArray[np.bool_], others: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The ``chosen`` windows [N] that share no second with one of the ``others`` [N] of their recording."""
+    """The ``chosen`` windows [N] that share no second with any of the ``others`` [N] of their recording."""
     first, last = windows.known_seconds()
     clear = chosen.copy()
     for trial in np.unique(windows.trial[others]):

@@ -1,10 +1,10 @@
-"""The 95 % regions about predicted positions: ellipses along and across the predicted course.
+"""95 % regions about predicted positions: ellipses along and across the predicted course.
 
-How large they are follows from errors on legs that took no part in the training (split conformal prediction, Lei et
-al. 2018), normalised by the relative uncertainty that a method gives each window. Windows of one leg, or of one
-recording, err alike, so that a new one errs more than a quantile over all windows says: the regions are widened
-until each group is held by what was learned from the others. A region is given by its semi-axes, along and across,
-in metres, as the last axis of an array.
+Their size follows from errors on legs not used for training (split conformal prediction, Lei et al. 2018),
+normalised by the relative uncertainty that a method assigns to each window. Errors of windows of one leg or
+recording are correlated, so those of a new one exceed a quantile over all windows: regions are widened until
+each group is covered when sized on the others. A region is given by its semi-axes, along and across, in metres,
+as the last axis of an array.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from hybrid.prediction.prediction_windows import PredictionWindows, unlike_group
 
 COVERAGE = 0.95
 _COUNTED = 0.9
-"""Errors beyond this quantile count as that large where it is asked whether regions are long or wide: a few bad
-windows say how large a region must be, not what shape."""
-_MOST_PARTS = 20  # with more groups than this, several are left out at once
+"""Errors beyond this quantile are clipped when the shape of regions is estimated: a few bad windows determine
+the size, not the shape."""
+_MOST_PARTS = 20  # with more groups, several are held out at once
 _CORNERS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 
 
 def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty: Floats | None = None) -> Floats:
-    """The semi-axes [H, 2] of the region that holds 95 % of the measured positions by second, in metres.
+    """The semi-axes [H, 2] of the region that holds 95 % of the measured positions, by second, in metres.
 
-    ``predicted`` are tracks [N, H+1, 3] of the windows. With the relative ``uncertainty`` [N, H] of each prediction
-    the region is that for an uncertainty of one. The quantile is that of split conformal prediction, the
-    ceil((n + 1) 0.95)-th of n errors, so it does not shrink with few windows; no axis shrinks from one second to
-    the next. Seconds that were not measured or not predicted (NaN) do not count.
+    ``predicted`` are tracks [N, H+1, 3] of the windows. With the relative ``uncertainty`` [N, H] of each
+    prediction the region is that for an uncertainty of one. The quantile is that of split conformal prediction,
+    the ceil((n + 1) 0.95)-th of n errors, so it does not shrink with few windows; no axis shrinks from one
+    second to the next. Seconds not measured or not predicted (NaN) do not count.
     """
     along, across = errors_by_course(predicted, windows.track)
     if uncertainty is not None:
@@ -42,18 +42,16 @@ def conformal_region(predicted: Floats, windows: PredictionWindows, uncertainty:
 
 
 def relative_distances(predicted: Floats, measured: Floats, region_m: Floats) -> Floats:
-    """How far off tracks [N, H+1, 3] are at seconds 1 to H [N, H], over how far their regions [N or 1, H, 2] reach
-    in that direction: 1 on the border, more outside; 0 where they are not off at all.
-    """
+    """Errors of tracks [N, H+1, 3] at seconds 1 to H [N, H], relative to their regions [N or 1, H, 2] in that
+    direction: 1 on the border, more outside, 0 without error."""
     gap_m = np.stack(errors_by_course(predicted, measured), axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.linalg.norm(np.where(gap_m == 0.0, 0.0, gap_m / region_m), axis=-1))
 
 
 def errors_by_course(predicted: Floats, measured: Floats) -> tuple[Floats, Floats]:
-    """How far tracks [N, H+1, 2 or 3] are ahead and to starboard [N, H] of the measured ones at seconds 1 to H, by
-    the predicted course [m].
-    """
+    """Errors of tracks [N, H+1, 2 or 3] forward and to starboard [N, H] of the measured ones at seconds 1 to H,
+    relative to the predicted course [m]."""
     gap = (predicted - measured)[:, 1:]
     along, across = to_ship(gap[..., 0], gap[..., 1], courses(predicted))
     return np.asarray(along), np.asarray(across)
@@ -68,19 +66,19 @@ def courses(tracks: Floats) -> Floats:
 
 
 def circle_about(region_m: Floats) -> Floats:
-    """The radius of the circles that hold regions [.., 2], in metres."""
+    """The radius of the circles that enclose regions [.., 2], in metres."""
     return np.asarray(region_m.max(axis=-1))
 
 
 def bands(region_m: Floats | None) -> dict[str, Floats | None]:
-    """A region [.., 2] by the names that files have for it: the circle that holds it, along and across."""
+    """A region [.., 2] by its names in files: the enclosing circle, along and across."""
     if region_m is None:
         return dict.fromkeys(("band_m", "band_along_m", "band_across_m"))
     return {"band_m": circle_about(region_m), "band_along_m": region_m[..., 0], "band_across_m": region_m[..., 1]}
 
 
 def equal_area_radius(region_m: Floats) -> Floats:
-    """The radius of the circles as large as regions [.., 2], in metres."""
+    """The radius of the circles of equal area to regions [.., 2], in metres."""
     return np.asarray(np.sqrt(region_m.prod(axis=-1)))
 
 
@@ -94,10 +92,10 @@ def outlines(track: Floats, region_m: Floats) -> Floats:
 
 
 def _shape(along: Floats, across: Floats, recordings: int) -> Floats:
-    """The semi-axes [H, 2] of regions of the area pi: in the ratio of the errors [N, H] along and across.
+    """The semi-axes [H, 2] of regions of area pi, in the ratio of the errors [N, H] along and across.
 
-    What is learned from a few recordings may not hold in another, where other sensors err: beside them counts one
-    whose errors are as large along as across, so that one recording says half, in logarithms.
+    A few recordings may not be representative, since other sensors have other errors: the logarithm of the
+    ratio is shrunk towards a circle as by one more recording, so that one recording counts half.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         log_ratio = np.log(_typical(along) / _typical(across))
@@ -106,16 +104,15 @@ def _shape(along: Floats, across: Floats, recordings: int) -> Floats:
 
 
 def _typical(errors: Floats) -> Floats:
-    """The size of errors [N, H] by second, without what the worst tenth adds [H]."""
+    """The typical size of errors [N, H] by second, without the worst tenth [H]."""
     size = np.abs(errors)
     squares = np.minimum(size, _quantile(size, _COUNTED)) ** 2
     return np.asarray(np.sqrt(np.nansum(squares, axis=0) / np.isfinite(size).sum(axis=0)))
 
 
 def _widening(relative: Floats, group: NDArray[np.str_]) -> float:
-    """How many times wider than by all windows' ``relative`` distances [N, H] regions are that hold 95 % of each
-    group's [N] when sized on the other groups; at least once.
-    """
+    """The factor, at least 1, by which regions sized on all windows' ``relative`` distances [N, H] must be
+    widened to hold 95 % of each group [N] when sized on the others."""
     names = np.unique(group)
     if len(names) < 2:
         return 1.0

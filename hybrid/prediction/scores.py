@@ -1,7 +1,7 @@
-"""Errors of predicted tracks against measured ones, and intervals of their means.
+"""Errors of predicted tracks, and confidence intervals of their means.
 
-Intervals come from the cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many legs as there are, drawn
-with replacement, each with all of its windows, since the errors of one leg's windows are strongly correlated.
+Intervals come from the cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many legs as there are,
+drawn with replacement, each with all of its windows, since errors of one leg's windows are strongly correlated.
 Ratios are paired: both means come from the same legs. The sequences of a campaign are legs of their own.
 """
 
@@ -20,7 +20,7 @@ from hybrid.prediction.prediction_windows import difference_rad
 
 DRAWS = 2000
 FEW_LEGS = 10
-"""With fewer legs than this a bootstrap's intervals are too narrow."""
+"""With fewer legs than this, bootstrap intervals are too narrow."""
 
 COVERAGE_PERCENT = (2.5, 97.5)
 
@@ -38,7 +38,7 @@ class Score:
 
 
 def distances(predicted: Floats, measured: Floats) -> Floats:
-    """How far apart two tracks [N, H+1, 2 or 3] are at seconds 1 to H [N, H], in metres."""
+    """The distance between two tracks [N, H+1, 2 or 3] at seconds 1 to H [N, H], in metres."""
     gap = predicted[:, 1:, :2] - measured[:, 1:, :2]
     return np.asarray(np.hypot(gap[..., 0], gap[..., 1]))
 
@@ -64,36 +64,36 @@ def score(predicted: Floats, measured: Floats) -> Score:
 
 
 TWO_SIDED = "_two_sided"
-"""Ends the name of a method that starts from the state that is known afterwards, by seconds to either side."""
+"""The ending of the name of a method that starts from the two-sided state."""
 
 
 def start_of(method: str) -> str:
-    """What a method's predictions start from: the state as it was known then (causal) or afterwards."""
+    """The start state of a method's predictions: causal, or two-sided."""
     return "two_sided" if method.endswith(TWO_SIDED) else "causal"
 
 
 def scores_json(scores: Mapping[str, Score]) -> dict[str, Any]:
-    """Scores by method for JSON, each with what its predictions start from."""
+    """Scores by method for JSON, each with its start state."""
     return {name: {"start": start_of(name), **to_json(each)} for name, each in scores.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A figure and the 95 % interval about it; NaN bounds where one leg alone cannot say."""
+    """A value with its 95 % interval; NaN bounds if there is only one leg."""
 
     value: Number
     low: Number
     high: Number
 
     def as_dict(self) -> dict[str, float | None]:
-        """For JSON, which knows no NaN."""
+        """For JSON, with NaN as None."""
         figures = {"value": self.value, "low": self.low, "high": self.high}
         return {name: each if np.isfinite(each) else None for name, each in figures.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class LegBootstrap:
-    """Draws of legs with replacement, the same for all that is asked of them.
+    """Bootstrap draws of legs, the same for all statistics.
 
     ``leg`` [N] is the number of each window's leg, ``times`` [draws, legs] how often each leg was drawn.
     """
@@ -103,7 +103,8 @@ class LegBootstrap:
 
     @classmethod
     def of(cls, legs: NDArray[np.str_] | NDArray[np.int64], seed: int, draws: int = DRAWS) -> LegBootstrap:
-        """For windows of the legs [N] that are named, or numbered; as many legs and one seed give equal draws."""
+        """Draws for windows of the named or numbered legs [N]; equal numbers of legs and seeds give equal
+        draws."""
         names, number = np.unique(legs, return_inverse=True)
         share = np.full(len(names), 1.0 / len(names))
         times = np.random.default_rng(seed).multinomial(len(names), share, size=draws)
@@ -130,7 +131,7 @@ class LegBootstrap:
         return self._intervals(values.mean(axis=0), self.means(values))
 
     def ratio(self, values: Floats, others: Floats) -> Interval:
-        """The mean of ``values`` [N] over that of ``others`` [N], paired; 1 where both are nothing."""
+        """The mean of ``values`` [N] over that of ``others`` [N], paired; 1 where both are zero."""
         means = np.vstack([self.means(np.column_stack([values, others])), [values.mean(), others.mean()]])
         with np.errstate(divide="ignore", invalid="ignore"):
             quotients = means[:, 0] / means[:, 1]
@@ -145,7 +146,7 @@ class LegBootstrap:
 
 
 def interval_about(value: float, drawn: Floats) -> Interval:
-    """``value`` with the middle 95 % of what was drawn [draws]."""
-    # without interpolation: between two infinite draws there is no number
+    """``value`` with the central 95 % of ``drawn`` [draws]."""
+    # without interpolation, which is undefined between infinite draws
     low, high = np.percentile(drawn, COVERAGE_PERCENT, method="nearest")
     return Interval(value, float(low), float(high))
