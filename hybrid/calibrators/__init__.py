@@ -1,4 +1,4 @@
-"""Calibrators behind one interface: the methods by name, each imported when it is first used."""
+"""Calibrators behind one interface: the methods by name, each imported on first use."""
 
 from __future__ import annotations
 
@@ -23,24 +23,23 @@ _METHODS = {
 INSTALL = "pip install 'seatrial[networks]'"
 METHODS: tuple[str, ...] = tuple(_METHODS)
 COMPARED = tuple(method for method in METHODS if method != "paper_adam")
-"""What is compared where nobody says which methods: ``paper_adam`` is ``paper`` again, trained for longer."""
+"""The methods compared by default: ``paper_adam`` is ``paper`` again, trained for longer."""
 
 
 def refuse_unknown(method: str) -> None:
-    """Raise :class:`ConfigurationError` for what is no calibrator: none of ours by name, no entry point of
-    ``seatrial.calibrators``, and no ``FILE.py:CLASS``.
-    """
+    """Raise :class:`ConfigurationError` unless ``method`` is one of ours by name, an entry point of
+    ``seatrial.calibrators``, or ``FILE.py:CLASS``."""
     if method not in _METHODS:
         make_calibrator(method)
 
 
 def can_train(method: str) -> bool:
-    """Whether calibrators of a method can be trained here: all but networks can, and they where PyTorch is."""
+    """Whether calibrators of a method can be trained here; networks need PyTorch."""
     return "networks:" not in _METHODS.get(method, "") or find_spec("torch") is not None
 
 
 def refuse_untrainable(method: str) -> None:
-    """Raise :class:`ConfigurationError` for the name of no calibrator, or of one that cannot be trained here."""
+    """Raise :class:`ConfigurationError` for an unknown calibrator, or one that cannot be trained here."""
     refuse_unknown(method)
     if not can_train(method):
         raise ConfigurationError(
@@ -50,9 +49,10 @@ def refuse_untrainable(method: str) -> None:
 
 
 def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
-    """An untrained calibrator by its method's name, as :func:`refuse_unknown` lists them.
+    """An untrained calibrator by the name of its method, as in :func:`refuse_unknown`.
 
-    A class that is no :class:`Calibrator` goes into an :class:`.OwnCalibrator`. Raises :class:`ConfigurationError`.
+    A class that is no :class:`Calibrator` is wrapped in an :class:`.OwnCalibrator`. Raises
+    :class:`ConfigurationError`.
     """
     made = load(method, "calibrators", _METHODS)
     if method in _METHODS:

@@ -1,7 +1,7 @@
-"""A trained calibrator on disk: weights as safetensors, all else in a JSON file that people can read, the sidecar.
+"""A trained calibrator on disk: weights as safetensors, everything else in a readable JSON file, the sidecar.
 
-It holds inputs, scaling, reference model, regions, data and metrics. Types are checked by pydantic, in strict mode;
-what types cannot say is checked here, value by value, and what has to agree with the weights against these.
+The sidecar has inputs, scaling, reference model, regions, data and metrics. Pydantic checks types in strict
+mode; further conditions on values, and their agreement with the weights, are checked here.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
 }  # fmt: skip
-"""Units by the last word of a name; names without one are pure numbers."""
+"""Units by the last word of a name; others are dimensionless."""
 
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 SemiAxis = Annotated[FiniteFloat, Field(ge=0.0)]
@@ -50,7 +50,7 @@ Error = Annotated[FiniteFloat, Field(gt=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One input or output: unit, scaling and range of the training; no deviation where it was constant."""
+    """An input or output: unit, scaling and range in training; no deviation if it was constant."""
 
     name: str
     unit: str
@@ -62,7 +62,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One calibrator: its method and seed, what goes in and comes out; of a user's own the hash of its file."""
+    """A calibrator: its method and seed, inputs and outputs; for a user-defined one the hash of its file."""
 
     method: str
     seed: NonNegativeInt
@@ -73,7 +73,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The reference model in full, so that a vessel file which has changed or moved is not missed."""
+    """The reference model in full, so that the vessel file is not needed later."""
 
     name: str
     sha256: Digest
@@ -82,9 +82,8 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class StoredFallback:
-    """The fallback: mean errors in the training of its baselines over the horizon and over the hindcast [m], and
-    the semi-axes of its 95 % region by second, per metre of expected error.
-    """
+    """The fallback: mean training errors of its baselines over the horizon and over the hindcast [m], and the
+    semi-axes of its 95 % region by second, per metre of expected error."""
 
     reference_m: tuple[Error, Error]
     constant_velocity_m: tuple[Error, Error]
@@ -93,11 +92,10 @@ class StoredFallback:
 
 @dataclass(frozen=True, slots=True)
 class Sidecar:
-    """Everything about an artefact but the weights; ``files`` has their hashes.
+    """Everything about an artefact except the weights; ``files`` has their hashes.
 
-    ``data_driven`` is left out where no network could be trained. ``any_commands`` is written where it is so: a
-    calibrator of held controls does not know the word. ``actuators`` are those of the ship as a recording says
-    them, empty for the default list.
+    ``data_driven`` is left out if no network could be trained. ``any_commands`` is written only if true.
+    ``actuators`` are the ship's as in recordings, empty for the default list.
     """
 
     format: int
@@ -127,7 +125,7 @@ _SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
 
 
 def model_of(calibrator: Calibrator, tensors: Mapping[str, Floats]) -> Model:
-    """A calibrator in words and numbers; the scaling from its ``tensors``, where they hold one."""
+    """A calibrator's description; the scaling comes from its ``tensors`` if they contain one."""
     method = absolute(calibrator.method)
     return Model(
         method,
@@ -150,12 +148,12 @@ def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Floats]
 
 
 def _finite(value: float) -> float | None:
-    """The number, or nothing for the endless deviation by which a constant column is scaled to zero."""
+    """The number, or None for an infinite deviation, by which a constant column is scaled to zero."""
     return None if abs(value) == float("inf") else value
 
 
 def unit_of(name: str) -> str:
-    """The unit that a name ends in.
+    """The unit at the end of a name.
 
     >>> unit_of("surge_mps"), unit_of("heading_sin")
     ('m/s', '1')
@@ -164,9 +162,9 @@ def unit_of(name: str) -> str:
 
 
 def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plant]:
-    """The sidecar of an artefact and its reference model, checked as far as that goes without the weights.
+    """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
 
-    Raises :class:`InputError` naming the key that is missing or not what it should be.
+    Raises :class:`InputError` naming the key that is missing or wrong.
     """
     path = folder / SIDECAR
     raw = read_bytes(path)
@@ -185,7 +183,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
 
 
 def _moved(model: Model, method: str, path: Path) -> Model:
-    """A model whose code has another place now; it is no other code. Raises :class:`InputError`."""
+    """A model whose code has moved, unchanged. Raises :class:`InputError` if it has changed."""
     if not model.code_sha256 and method != model.method:
         raise InputError(f"is of the method {model.method}, not {method}", where=str(path),
                          fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
@@ -193,7 +191,7 @@ def _moved(model: Model, method: str, path: Path) -> Model:
 
 
 def read_bytes(path: Path) -> bytes:
-    """A file of an artefact. Raises :class:`InputError`."""
+    """Read a file of an artefact. Raises :class:`InputError`."""
     try:
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError) as error:
@@ -205,12 +203,12 @@ def read_bytes(path: Path) -> bytes:
 
 
 def damage_error(path: Path, why: str) -> InputError:
-    """The error for what no version of Seatrial wrote like this."""
+    """The error for content that no version of Seatrial writes."""
     return InputError("is damaged or was edited", where=str(path), why=why, fix="take a sound copy, or train anew")
 
 
 def _check(sidecar: Sidecar, path: Path) -> None:
-    """What the types cannot say. Raises :class:`InputError`."""
+    """Check what types cannot express. Raises :class:`InputError`."""
     names = trial_names(from_text(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
@@ -233,7 +231,7 @@ def _check(sidecar: Sidecar, path: Path) -> None:
 
 
 def _check_code(model: Model, path: Path) -> None:
-    """Refuse to go on without the very file of a user that made a calibrator. Raises :class:`InputError`."""
+    """Require the unchanged user file that made a calibrator. Raises :class:`InputError`."""
     found = digest_of(model.method, "calibrators")
     if not found:
         raise InputError("was made by code that is gone", where=str(path), why=f"there is no {model.method}",
@@ -256,7 +254,7 @@ def _plant(sidecar: Sidecar, path: Path) -> Plant:
 
 
 def _explain(error: ValidationError) -> str:
-    """The first complaint: the key and what is wrong with it."""
+    """The first validation error: the key and what is wrong with it."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     return _short(": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"]))))
 
@@ -268,15 +266,15 @@ def _short(value: object) -> str:
 
 Tensors = dict[str, Floats]
 PARTS = ("calibrator", "data_driven")
-"""The tensors of an artefact, one file each; the second where there is such a network."""
+"""The tensor files of an artefact; the second only if there is such a network."""
 
 
 def save(trained: TrainedCalibrator, folder: Path) -> Path:
     """Write the artefact into ``folder`` and return the sidecar's path.
 
-    All files are written in full before the first takes its place, the sidecar last and the old one out of
-    the way: whatever happens, the folder holds the old artefact, the new one or none. Raises
-    :class:`StorageError`, and :class:`InputError` for weights that are no numbers.
+    All files are complete before the first is moved into place, the sidecar last and the old one out of the
+    way: at any time the folder holds the old artefact, the new one or none. Raises :class:`StorageError`, and
+    :class:`InputError` for weights that are not finite.
     """
     parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
     tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
@@ -296,7 +294,7 @@ def _left_out(sidecar: Sidecar) -> set[str]:
 
 
 def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
-    """Write files that go together, the sidecar the last of them. Raises :class:`StorageError`."""
+    """Write a set of files, the sidecar last. Raises :class:`StorageError`."""
     partial = {name: folder / f".{name}.part" for name in contents}
     try:
         for name, content in contents.items():
@@ -334,9 +332,9 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
 
 
 def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
-    """Read an artefact; ``method`` says where the code of a user's own is now, ``FILE.py:CLASS``.
+    """Read an artefact; ``method`` is the present place of a user's own code, ``FILE.py:CLASS``.
 
-    Raises :class:`InputError` naming what is missing or not what it should be.
+    Raises :class:`InputError` naming what is missing or wrong.
     """
     sidecar, plant = read_sidecar(folder, method)
     beside = sidecar.data_driven
@@ -372,7 +370,7 @@ def _fallback_from(stored: StoredFallback) -> Fallback:
 
 
 def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: Path) -> Calibrator:
-    """The calibrator that a ``part`` of the sidecar describes, with its weights, if one goes with the other."""
+    """The calibrator described by a ``part`` of the sidecar, with its weights, if they match."""
     tensors = _tensors(folder / _file(part), sidecar.files)
     calibrator = make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
@@ -398,7 +396,7 @@ def _file(name: str) -> str:
 
 
 def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
-    """The tensors of one file, if it is the one that the sidecar was written with."""
+    """The tensors of a file, if it is the one that the sidecar was written with."""
     content = read_bytes(path)
     if digests.get(path.name) != _digest(content):
         raise InputError(
@@ -416,7 +414,7 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
 
 
 def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
-    """Raise :class:`InputError` for weights that predict nothing; a deviation may be endless, for a constant."""
+    """Raise :class:`InputError` for weights that are not finite; the deviation of a constant may be infinite."""
     for name, value in tensors.items():
         if bool(np.isnan(value).any() if name.endswith("deviation") else not np.isfinite(value).all()):
             raise InputError(f"has a {name} that is no number", where=str(path),
@@ -428,7 +426,7 @@ def _digest(content: bytes) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """The first lines of what a library says."""
+    """The first lines of a library's error message."""
     if isinstance(error, SeatrialError):
         return error.what
     text = f"{error} is missing" if isinstance(error, KeyError) else str(error)

@@ -1,6 +1,5 @@
-"""The interface of all calibrators: fit to windows, predict tracks with their uncertainty, be saved; and their
-predictions with the fallback outside their domain of applicability.
-"""
+"""The interface of all calibrators (fit to windows, predict tracks with uncertainty, save), and their
+predictions with the fallback outside the domain of applicability."""
 
 from __future__ import annotations
 
@@ -27,10 +26,10 @@ Examples = tuple[PredictionWindows, Floats]
 
 @dataclass(frozen=True, slots=True)
 class DomainOfApplicability:
-    """The values of N windows beside the range of the training, quantity by quantity.
+    """The values of N windows compared with the range in training, by quantity.
 
-    ``names`` [C] of the quantities, ``values`` [N, K, C] of the windows (K seconds, or one), range of the training
-    ``low`` to ``high`` [C], and ``margin`` [C] by which a value may leave that range inside the domain.
+    ``names`` [C] of the quantities, ``values`` [N, K, C] of the windows (K seconds, or one), range in training
+    ``low`` to ``high`` [C], and ``margin`` [C] by which a value inside the domain may exceed that range.
     """
 
     names: tuple[str, ...]
@@ -41,7 +40,7 @@ class DomainOfApplicability:
 
     @property
     def outside_range(self) -> Bools:
-        """Which windows leave the range of the training by a thousandth of it or more, by quantity [N, C]."""
+        """Which windows leave the training range by at least a thousandth of it, by quantity [N, C]."""
         return self._beyond(1e-3 * (self.high - self.low) + 1e-9)
 
     @property
@@ -55,11 +54,11 @@ class DomainOfApplicability:
 
 
 class Calibrator(ABC):
-    """A learned map from what is known of a window at its start, and the reference's track, to the ship's track.
+    """A learned map from the start of a window and the reference's track to the ship's track.
 
     Fitted values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
-    that adapt it; ``actuators`` are the ship's, those of ``plant`` or of the windows it was fitted to;
-    ``any_commands`` says that it takes windows with any commands, as those it was fitted to.
+    that adapt it; ``actuators`` are the ship's, those of ``plant`` or of the training windows; ``any_commands``
+    means that it takes windows with any commands, like those it was fitted to.
     """
 
     method: str
@@ -74,12 +73,12 @@ class Calibrator(ABC):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The names of what goes in, for the ship at hand."""
+        """The names of the inputs, for the ship at hand."""
         return self.labels(self.actuators)
 
     @abstractmethod
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
-        """The names of what goes in, for a ship with these actuators."""
+        """The names of the inputs, for a ship with these actuators."""
 
     @abstractmethod
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
@@ -91,20 +90,21 @@ class Calibrator(ABC):
 
     @abstractmethod
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
-        """The windows' values of what the domain of applicability is made of, beside the range of the training."""
+        """The windows' values of the quantities of the domain of applicability, with the training range."""
 
     def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
         """Which windows [N] lie outside the domain of applicability."""
         return np.asarray(self.domain(windows, reference).outside.any(axis=1))
 
     def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
-        """:meth:`predict`, and the relative uncertainty of each prediction [N, H], one on average; here of all."""
+        """:meth:`predict`, with the relative uncertainty of each prediction [N, H], one on average; here
+        constant."""
         return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
     def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
-        """Its predicted ``tracks`` [N, H+1, 3] as one of those that :class:`Fallback` averages.
+        """Its predicted ``tracks`` [N, H+1, 3] as a candidate for the average of :class:`Fallback`.
 
-        Without it, None, they stand alone inside the domain of applicability.
+        If None, they are used alone inside the domain of applicability.
         """
         return None
 
@@ -118,20 +118,19 @@ class Calibrator(ABC):
 
     @abstractmethod
     def state_dict(self) -> dict[str, Floats]:
-        """Everything that was fitted, by name."""
+        """All fitted values, by name."""
 
     @abstractmethod
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
-        """Take over what :meth:`state_dict` of a fitted calibrator returned, and return itself."""
+        """Restore the fitted values of :meth:`state_dict`, and return itself."""
 
 
 @dataclass(frozen=True, slots=True)
 class PredictedTracks:
     """Predictions of N windows with their 95 % regions.
 
-    ``tracks`` [N, H+1, 3], semi-axes ``region_m`` [N, H, 2]; ``outside_domain`` [N] marks the windows outside the
-    calibrator's domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of
-    :data:`BASELINES`.
+    ``tracks`` [N, H+1, 3], semi-axes ``region_m`` [N, H, 2]; ``outside_domain`` [N] marks the windows outside
+    the calibrator's domain of applicability; ``source`` [N] is ``hybrid``, or one of :data:`BASELINES`.
     """
 
     tracks: Floats
@@ -148,14 +147,14 @@ def predict_with_fallback(
     windows: PredictionWindows,
     reference: Floats,
 ) -> PredictedTracks:
-    """The calibrator's tracks and regions, and the fallback's where it gives no number, or outside its domain if it
-    does not extrapolate.
+    """The calibrator's tracks and regions, replaced by the fallback's where it gives no finite number, or
+    outside its domain unless it extrapolates.
 
-    A calibrator that hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
-    domain too. The region is the mean of both then: who is averaged lies no further off than on average.
+    A calibrator with hindcasts (:meth:`~Calibrator.beside_baselines`) is averaged with the baselines inside its
+    domain as well; its region is then the mean of both.
 
-    ``region_m`` is the calibrator's :meth:`~Calibrator.conformal_region`, for as many seconds as the windows have
-    or more; ``reference`` [N, H+1, 3] are the model's tracks.
+    ``region_m`` is the calibrator's :meth:`~Calibrator.conformal_region`, for at least as many seconds as the
+    windows have; ``reference`` [N, H+1, 3] are the model's tracks.
     """
     tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
     regions_m = uncertainty[..., None] * region_m[: windows.horizon_s]

@@ -1,13 +1,12 @@
-"""The training of networks, which alone needs PyTorch: least squares, or Adam, stopped early.
+"""Training of networks, the only part that needs PyTorch: least squares, or Adam, with early stopping.
 
-The least squares are Levenberg's and Marquardt's steps. A step needs the derivative of every output with respect to
-every weight, which the few hundred weights of these networks allow. A few dozen steps come further than a thousand
-epochs of Adam, and in a fraction of the time. Each step sees rows drawn anew, so that its cost does not grow with
-the data.
+Least squares uses Levenberg-Marquardt steps. A step needs the derivative of every output with respect to every
+weight, feasible for the few hundred weights of these networks. A few dozen steps get further than a thousand
+epochs of Adam, in a fraction of the time. Each step draws new rows, so its cost does not grow with the data.
 
-The steps are ours for these two reasons, other rows each time and an end where windows kept out stop gaining:
-``scipy.optimize.least_squares`` on all rows is after twelve steps 1.6 times (trf) and 2.1 times (lm) as far off on
-windows not seen, in 1.5 and 3.4 times the time that ours takes to its end (tests/benchmarks/least_squares.py).
+Our own steps are needed for two reasons, the changing rows and stopping on held-out windows:
+``scipy.optimize.least_squares`` on all rows has after twelve steps 1.6 times (trf) and 2.1 times (lm) our error
+on unseen windows, in 1.5 and 3.4 times our total time (tests/benchmarks/least_squares.py).
 """
 
 from __future__ import annotations
@@ -26,26 +25,26 @@ from acquisition.core.progress import Progress
 from hybrid.calibrators.networks import HIDDEN, Layers
 
 Rows = tuple[Tensor, Tensor]
-"""Inputs [rows, C] and the outputs wanted [rows, K], both scaled."""
+"""Inputs [rows, C] and target outputs [rows, K], both scaled."""
 
 DEVICE_VARIABLE = "SEATRIAL_DEVICE"
-"""The environment variable that names the device for training, e.g. ``cpu`` or ``cuda:1``."""
+"""The environment variable for the training device, e.g. ``cpu`` or ``cuda:1``."""
 
 MOST_DECAY = 1e-4
 DECAY_IN_WINDOWS = 20.0
-"""The weights' decay is the mean squared error times this over the number of windows, as for weights that are
-normally distributed and errors that are the same all along a window (MacKay 1992); at most :data:`MOST_DECAY`."""
+"""The weight decay is the mean squared error times this over the number of windows, which corresponds to
+normally distributed weights and errors constant within a window (MacKay 1992); at most :data:`MOST_DECAY`."""
 FIRST_DAMPING, LEAST_DAMPING = 1.0, 1e-9
 FIRST_ROWS, MORE_ROWS = 100, 1.25
-"""The first steps see few rows, each step more of them: far from the goal a few show the way."""
+"""The number of rows grows over the first steps: far from the optimum a few are enough."""
 EASIER, HARDER, MOST_TRIALS = 1.0 / 3.0, 4.0, 8
 
 
 @dataclass(frozen=True, slots=True)
 class StoppingRule:
-    """When training ends: after so many steps, or so many in a row without gain on the stopping rows.
+    """When training ends: after a number of steps, or of steps in a row without gain on the held-out rows.
 
-    ``rows`` is how many are drawn for a step, once the first steps are done.
+    ``rows`` is the number drawn for a step after the first steps.
     """
 
     steps: int
@@ -54,7 +53,7 @@ class StoppingRule:
 
 
 class Perceptron:
-    """The weights of linear layers with ReLU between them as one vector, and the derivatives by it."""
+    """The weights of linear layers with ReLU between them as one vector, and derivatives with respect to it."""
 
     def __init__(self, network: nn.Sequential) -> None:
         self.shapes = [weight.shape for weight in network.parameters()]
@@ -77,7 +76,7 @@ class Perceptron:
                 parameter.copy_(part)
 
     def outputs(self, weights: Tensor, inputs: Tensor) -> tuple[Tensor, list[Tensor]]:
-        """The outputs [rows, K], and what enters each layer."""
+        """The outputs [rows, K], and the inputs of each layer."""
         *hidden, (matrix, offset) = self.layers(weights)
         entering = [inputs]
         for below, shift in hidden:
@@ -85,7 +84,7 @@ class Perceptron:
         return torch.addmm(offset, entering[-1], matrix.T), entering
 
     def jacobian(self, weights: Tensor, entering: list[Tensor]) -> Tensor:
-        """The derivative of each output by each weight [rows K, weights], back from the last layer."""
+        """The derivative of each output with respect to each weight [rows K, weights], by backpropagation."""
         layers = self.layers(weights)
         rows, outputs = len(entering[0]), len(layers[-1][1])
         by_sum = torch.eye(outputs, dtype=weights.dtype, device=weights.device).expand(rows, outputs, outputs)
@@ -109,9 +108,9 @@ def fit_network(
 ) -> None:
     """Fit the weights of linear layers with ReLU between them; the best on the ``stopping`` rows are kept.
 
-    ``windows`` is how many of the training rows are independent: those of one window err together.
-    The damping of Marquardt (1963) falls after a step that lowered the error and grows after one that did not.
-    Rows are drawn on the processor, so that the same seed means the same rows on every device.
+    ``windows`` is the number of independent training rows: errors within a window are correlated. The damping
+    (Marquardt 1963) is reduced after a step that lowered the error and increased after one that did not. Rows
+    are drawn on the CPU, so that a seed gives the same rows on every device.
     """
     perceptron, generator = Perceptron(network), torch.Generator().manual_seed(seed)
 
@@ -130,10 +129,9 @@ def fit_network(
 def _keep_best(
     network: nn.Sequential, steps: Iterator[Tensor], stopping: Rows, until: StoppingRule, progress: Progress
 ) -> None:
-    """Give the network those weights of all ``steps`` that err least on the ``stopping`` rows; they end where too
-    many have brought no gain.
-    """
-    torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
+    """Set the network to the weights of all ``steps`` with the lowest error on the ``stopping`` rows, ending
+    after too many steps without gain."""
+    torch.set_num_threads(1)  # layers of ten neurons are faster on one thread
     perceptron, best, best_error, since = Perceptron(network), _weights_of(network), float("inf"), 0
     for step, weights in enumerate(islice(steps, until.steps), 1):
         error, since = _mean_square(perceptron, weights, stopping), since + 1
@@ -147,12 +145,12 @@ def _keep_best(
 
 
 def _weights_of(network: nn.Sequential) -> Tensor:
-    """All weights of a network, one after the other; not those that it learns on."""
+    """All weights of a network in one vector, detached."""
     return nn.utils.parameters_to_vector(network.parameters()).detach()
 
 
 ADAM_RATE = 1e-3
-"""The learning rate that the paper gives."""
+"""The paper's learning rate."""
 
 
 def fit_network_by_adam(
@@ -181,7 +179,7 @@ def fit_network_by_adam(
 
 
 def _drawn(data: Rows, rows: int, generator: torch.Generator) -> Rows:
-    """As many rows, each at most once; all where there are no more."""
+    """A sample of rows without replacement; all if there are no more."""
     inputs, wanted = data
     if len(inputs) <= rows:
         return data
@@ -192,7 +190,7 @@ def _drawn(data: Rows, rows: int, generator: torch.Generator) -> Rows:
 def _stepped(
     perceptron: Perceptron, weights: Tensor, damping: float, share: float, data: Rows
 ) -> tuple[Tensor, float]:
-    """The weights after the first step that lowers error and decay, and the damping for the next."""
+    """The weights after the first step that lowers error plus decay, and the next damping."""
     inputs, wanted = data
     outputs, entering = perceptron.outputs(weights, inputs)
     slopes, missed = perceptron.jacobian(weights, entering), (outputs - wanted).reshape(-1)
@@ -234,8 +232,7 @@ def train_network(
     progress: Progress = lambda share: None,
 ) -> Layers:
     """The layers of a network fitted to scaled rows, inputs [rows, C] and outputs [rows, K], on the
-    :func:`training_device`: by least squares, the training rows being of so many ``windows``, or by Adam (None).
-    """
+    :func:`training_device`: by least squares with this number of independent ``windows``, or by Adam (None)."""
     torch.manual_seed(seed)
     network, device = make_network(training[0].shape[1], training[1].shape[1]), training_device()
     network.to(device)
@@ -249,9 +246,9 @@ def train_network(
 
 
 def training_device() -> torch.device:
-    """The device for training: the one that is named, else a GPU where there is one.
+    """The training device: the one named in the environment, else a GPU if there is one.
 
-    Raises :class:`ConfigurationError` for one that is named but not there.
+    Raises :class:`ConfigurationError` if the named one does not exist.
     """
     name = os.environ.get(DEVICE_VARIABLE) or ("cuda" if torch.cuda.is_available() else "cpu")
     try:

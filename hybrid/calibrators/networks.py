@@ -1,16 +1,17 @@
-"""The calibrators that are small neural networks: the paper's, one without a model, one of the reference's error.
+"""Small neural networks as calibrators: the paper's, one without a model, one for the reference's error.
 
-All are perceptrons with three hidden layers of ten in double precision, on standardised inputs: one row a window
-and second, angles as points on the unit circle, and out comes the displacement from the start. The paper's (Wang,
-Li et al. 2021) has the reference's displacement among its inputs and learns the ship's own; ``data_driven`` has no
-model at all; ``additive``, which the paper argues against, learns what the reference's displacement lacks.
+All are perceptrons with three hidden layers of ten in double precision, on standardised inputs: one row for
+each window and second, angles as points on the unit circle; the output is the displacement from the start. The
+paper's (Wang, Li et al. 2021) has the reference's displacement among its inputs and learns the ship's;
+``data_driven`` has no model; ``additive``, which the paper argues against, learns the difference between the
+two.
 
-Where the commands may be any, each second's row has two means of every control up to then: the plain one, as what a
-force that goes with it adds to the speed, and one that counts each second by the time that is left, as what that
-speed adds to the distance. Held controls are both of their means.
+With any commands each second's row has two means of every control up to then: the plain mean, like the speed
+gained from a proportional force, and one weighted by the remaining time, like the distance gained from that
+speed. For held controls both equal the control.
 
-They are trained by least squares (``network_training.py``, which alone needs PyTorch), stopped early;
-``paper_adam`` is the paper's network trained as it was published, by Adam (Kingma and Ba 2015).
+Training is by least squares (``network_training.py``, the only part that needs PyTorch) with early stopping;
+``paper_adam`` is the paper's network trained as published, by Adam (Kingma and Ba 2015).
 """
 
 from __future__ import annotations
@@ -40,15 +41,15 @@ if TYPE_CHECKING:
 
 
 Rows = tuple[Floats, Floats]
-"""Inputs [rows, C] and the outputs wanted [rows, K], both scaled."""
+"""Inputs [rows, C] and target outputs [rows, K], both scaled."""
 Layers = tuple[tuple[Floats, Floats], ...]
 """The matrix [above, below] and the offset [above] of each layer."""
 
 HIDDEN = (10, 10, 10)
 DOMAIN_MARGIN = 0.1
-"""How far past the range of the training an input may lie inside the domain, as a share of that range."""
+"""The margin by which an input inside the domain may exceed the training range, as a share of it."""
 _PLACE = 2
-"""A layer's number on disk grows by so much: between two stands a ReLU, as in PyTorch's sequences."""
+"""The step between layer numbers on disk: a ReLU lies between two layers, as in PyTorch's sequences."""
 REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
 
 
@@ -61,7 +62,7 @@ def start_labels(actuators: Actuators) -> tuple[str, ...]:
 
 
 def _means_until_now(values: Floats) -> Floats:
-    """Means of series [N, H, C] from their first second to each second, plain, and by the time left: [N, H, 2C]."""
+    """Running means of series [N, H, C], plain and weighted by the remaining time: [N, H, 2C]."""
     second = np.arange(1.0, values.shape[1] + 1)[:, None]
     total = np.cumsum(values, axis=1)
     return np.concatenate([total / second, np.cumsum(total, axis=1) / (0.5 * second * (second + 1.0))], axis=-1)
@@ -99,9 +100,9 @@ def _control_names(actuators: Actuators) -> list[str]:
 
 
 def start_inputs(windows: PredictionWindows) -> Floats:
-    """The window's start and the second that is asked for [N, H, columns], columns as :func:`start_labels`.
+    """The window's start and the predicted second [N, H, columns], columns as :func:`start_labels`.
 
-    Positions are left out: the displacement from the start does not depend on where the ship is.
+    Positions are left out: the displacement does not depend on them.
     """
     heading, (direction, speed) = windows.start[:, HEADING], windows.wind.T
     controls = _controls(windows.control, angle_columns(windows.actuators))
@@ -124,7 +125,7 @@ def displacement(track: Floats, start: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Standardisation:
-    """Standard scaling of columns: zero mean and unit deviation; constant columns become zero."""
+    """Standardisation of columns: zero mean and unit deviation; constant columns become zero."""
 
     mean: Floats
     deviation: Floats
@@ -145,7 +146,7 @@ class Standardisation:
 
 
 def outputs_of(layers: Layers, inputs: Floats) -> Floats:
-    """What a perceptron with ReLU between its layers gives [*, K] for inputs [*, C]."""
+    """The outputs [*, K] of a perceptron with ReLU between its layers, for inputs [*, C]."""
     *hidden, (matrix, offset) = layers
     for below, shift in hidden:
         inputs = np.maximum(inputs @ below.T + shift, 0.0)
@@ -153,11 +154,11 @@ def outputs_of(layers: Layers, inputs: Floats) -> Floats:
 
 
 class NetworkCalibrator(Calibrator):
-    """One network from features of a window and second to the displacement at that second.
+    """A network from features of a window and second to the displacement at that second.
 
-    ``fit`` takes at most ``epochs`` steps of least squares on ``batch`` rows each. It stops early on windows it
-    is not trained on, after ``patience`` steps without gain, and keeps the best weights seen. Its errors on these
-    windows, and on hindcasts of the seconds before them, say how much it weighs beside the baselines.
+    ``fit`` takes at most ``epochs`` least-squares steps on ``batch`` rows each. It stops early on held-out
+    windows, after ``patience`` steps without gain, and keeps the best weights. Its errors on these windows, and
+    on hindcasts of the seconds before them, give its weight beside the baselines.
     """
 
     needs_reference: ClassVar[bool]
@@ -180,7 +181,7 @@ class NetworkCalibrator(Calibrator):
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The names of what goes in, for the ship at hand."""
+        """The names of the inputs, for the ship at hand."""
         commands = command_labels(self.actuators) if self.any_commands else ()
         return (*super().inputs, *commands)
 
@@ -203,7 +204,7 @@ class NetworkCalibrator(Calibrator):
         return self
 
     def _train(self, training: Rows, stopping: Rows, windows: int, progress: Progress) -> Layers:
-        """The layers of the network, fitted to scaled rows of so many ``windows``."""
+        """The layers of the network, fitted to scaled rows of this number of ``windows``."""
         from hybrid.calibrators.network_training import StoppingRule, train_network
 
         until = StoppingRule(self.epochs, self.batch, self.patience)
@@ -215,7 +216,7 @@ class NetworkCalibrator(Calibrator):
         return np.array([mean_known(each) for each in found])
 
     def _hindcast_m(self, windows: PredictionWindows) -> Floats:
-        """The mean errors [N] over the seconds before second 0, no more than it was trained for; NaN without."""
+        """The mean errors [N] over the seconds before second 0, at most the training horizon; NaN without data."""
         if self.plant is None:
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
@@ -242,11 +243,11 @@ class NetworkCalibrator(Calibrator):
         )
 
     def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The displacement [N, H, 2] that what is learned is added to: none here."""
+        """The displacement [N, H, 2] that the network's output is added to: zero here."""
         return np.zeros((len(windows), windows.horizon_s, 2))
 
     def heading(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The heading [N, H+1] that goes with the positions: the reference's, or the present turn held."""
+        """The heading [N, H+1] for the positions: the reference's, or a constant rate of turn."""
         track = reference if self.needs_reference else constant_velocity(windows)
         return track[..., 2]
 
@@ -275,7 +276,7 @@ class NetworkCalibrator(Calibrator):
         return self
 
     def _rows(self, windows: PredictionWindows, reference: Floats) -> Rows:
-        """Inputs and targets [rows, C], [rows, 2] of the seconds whose position was measured."""
+        """Inputs [rows, C] and targets [rows, 2] of the seconds with a measured position."""
         features = self._inputs(windows, reference)
         targets = displacement(windows.track, windows.start) - self.base(windows, reference)
         measured = np.isfinite(targets).all(axis=-1)
@@ -311,7 +312,7 @@ class PaperCalibrator(NetworkCalibrator):
 
 
 class PublishedPaperCalibrator(PaperCalibrator):
-    """The paper's calibrator trained by Adam, as published; passes, rows and patience are ours."""
+    """The paper's calibrator trained by Adam, as published; epochs, batch size and patience are ours."""
 
     method = "paper_adam"
     by_adam: ClassVar[bool] = True

@@ -1,7 +1,7 @@
-"""A calibrator of a user's own: a class with ``fit`` and ``predict``, behind the interface of all calibrators.
+"""User-defined calibrators: a class with ``fit`` and ``predict``, behind the interface of all calibrators.
 
-The class sees :class:`KnownWindows`, what is known of windows at their start, and never what came after. Its
-regions are made by split conformal prediction on legs that it was not fitted to, as everybody's are.
+The class gets :class:`KnownWindows`, what is known of windows at their start, and never later data. Its regions
+are made by split conformal prediction on held-out legs, like those of all calibrators.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 STATE = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 WIND = ("wind_direction_rad", "wind_speed_mps")
 DOMAIN_MARGIN = 0.1
-"""How far past the range of the training a start may lie inside the domain, as a share of it; as for networks."""
+"""The margin by which a start inside the domain may exceed the training range, as a share of it; as for
+networks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +60,10 @@ class KnownWindows:
 
 
 class OwnMethod(Protocol):
-    """What a class has to have to be a calibrator; it is made without arguments, or with a ``seed``.
+    """The interface of a user's class, which is made without arguments or with a ``seed``.
 
-    Attributes that are arrays, numbers, texts and lists of them are saved with it. For others it needs
-    ``__getstate__``, which returns a dict of such, and ``__setstate__``, which takes it.
+    Attributes that are arrays, numbers, texts or lists of them are saved with it. For others it needs
+    ``__getstate__``, which returns a dict of such, and ``__setstate__``, which restores it.
     """
 
     def fit(self, windows: KnownWindows, track: Floats) -> object:
@@ -85,7 +86,7 @@ def own_calibrator(made: Any, name: str, seed: int, plant: Plant | None) -> Cali
 
 
 def known_windows(windows: PredictionWindows, reference: Floats) -> KnownWindows:
-    """What a user's class sees of windows; the arrays are its own."""
+    """The windows in the form that a user's class gets; the arrays are copies."""
     labels, angles = control_labels(windows.actuators), angle_columns(windows.actuators)
     controls = [f"{name}_rad" if column in angles else name for column, name in enumerate(labels)]
     start = np.column_stack([windows.start, windows.wind, windows.control])
@@ -96,7 +97,7 @@ def known_windows(windows: PredictionWindows, reference: Floats) -> KnownWindows
 
 
 class OwnCalibrator(Calibrator):
-    """A user's class: what it says is checked, and what it raises is told by its own line."""
+    """Wraps a user's class: its output is checked, and its errors name its own line."""
 
     method = "own"
 

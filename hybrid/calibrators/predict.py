@@ -1,4 +1,4 @@
-"""``seatrial predict``: one prediction from one instant of a recording, with its band."""
+"""``seatrial predict``: one prediction from one instant of a recording, with its region."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Prediction(ModelResult):
         return None if self.region_m is None else circle_about(self.region_m)
 
     def as_dict(self) -> dict[str, Any]:
-        """One object a second, for JSON."""
+        """One object for each second, for JSON."""
         rows, region = [], bands(self.region_m)
         for second, (north, east, heading) in enumerate(self.track):
             row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
@@ -132,11 +132,11 @@ def predict(
     trained: TrainedCalibrator | None = None,
     commands: pd.DataFrame | None = None,
 ) -> Prediction:
-    """Predict from ``at`` with the actuators as they are, or under planned ``commands`` (:func:`.read_commands`).
+    """Predict from ``at`` with the actuators held, or under planned ``commands`` (:func:`.read_commands`).
 
-    The reference predicts, or the calibrator on it; the wind is held, or dies down as gusts do. Raises
-    :class:`InputError` for a longer horizon than the calibrator's or an instant that is not in the recording,
-    :class:`ModelRangeError` where the reference leaves its range.
+    The prediction is the reference model's, or the calibrator's; the wind is held, or decays to its mean as
+    gusts do. Raises :class:`InputError` for a longer horizon than the calibrator's or an instant outside the
+    recording, :class:`ModelRangeError` if the reference leaves its range.
     """
     if trained is not None:
         trained.refuse_horizon(horizon_s)
@@ -174,7 +174,7 @@ def predict(
 def _under_plan(
     windows: PredictionWindows, commands: pd.DataFrame
 ) -> tuple[PredictionWindows, Mapping[str, Floats]]:
-    """A window under planned commands, and its channels [H] that these order; as it is where the plan is over."""
+    """A window under planned commands, and the channels [H] that these order; unchanged if the plan is over."""
     orders = commands_from(commands, pd.Timestamp(windows.start_time[0]), windows.horizon_s)
     if orders is None:
         return windows, {}

@@ -1,4 +1,4 @@
-"""What predicts on recordings: a reference model, or a calibrator on one."""
+"""The predictor of recordings: a reference model, or a calibrator on one."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from hybrid.vessel.files import Trials, chosen, reference_model
 from hybrid.vessel.plant import Plant
 
 HORIZON_S = 15
-"""How far is predicted where nobody says [s]."""
+"""The default horizon [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Predictor:
-    """The reference model of a vessel, or a calibrator on it, and the horizon [s].
+    """The reference model of a vessel, or a calibrator on it, with the horizon [s].
 
-    ``calibrator`` is the folder that it came from; ``said`` what is to be said of the choice.
+    ``calibrator`` is the folder that it came from; ``said`` are remarks on the choice.
     """
 
     vessel: str
@@ -41,8 +41,8 @@ def predictor_of(
 ) -> Predictor:
     """The calibrator, or without one the reference model that :func:`.reference_model` chooses for recordings.
 
-    Without a horizon that of the calibrator, or ``usual_s``. Raises :class:`InputError` for a calibrator that
-    cannot be read, :class:`ConfigurationError` for a vessel that is not the calibrator's.
+    The default horizon is the calibrator's, or ``usual_s``. Raises :class:`InputError` for an unreadable
+    calibrator, :class:`ConfigurationError` for a vessel other than the calibrator's.
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
@@ -57,7 +57,7 @@ def predictor_of(
 
 
 def _said_of(trained: TrainedCalibrator, trials: Trials) -> ChosenModel:
-    """What is to be said of a calibrator's model, whose file may have gone: it holds all numbers itself."""
+    """Remarks on a calibrator's model, whose file may no longer exist: the calibrator holds all its numbers."""
     try:
         return reference_model(trials, trained.vessel).said
     except ConfigurationError:

@@ -1,4 +1,4 @@
-"""``seatrial train``: a calibrator on a reference model, what it is worth on legs it did not see, and its use."""
+"""``seatrial train``: a calibrator on a reference model, its accuracy on held-out legs, and its use."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from hybrid.vessel.plant import Plant, plant_hash
 
 HELD_OUT_SHARE = 0.2
 METHOD = "adaptive"
-"""The kind of calibrator that is trained unless another is asked for."""
+"""The default method."""
 
 
 def versions() -> dict[str, str]:
-    """The software that a calibrator is made with."""
+    """The versions of the software used for training."""
     libraries = {name: version(name) for name in ("torch", "numpy") if find_spec(name)}
     return {
         "seatrial": software_version().removeprefix("seatrial "),
@@ -42,12 +42,12 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class TrainedCalibrator(ModelResult):
-    """A calibrator as it is trained, saved and used for predictions.
+    """A trained calibrator, as saved and used for predictions.
 
-    ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was
-    trained on the same windows without a model, None where networks could not be trained. ``region_m`` [H, 2] are
-    the semi-axes of the 95 % region by second for a relative uncertainty of one, from legs kept out of the
-    training; ``fallback`` predicts outside the domain of applicability.
+    ``calibrator`` corrects the reference model ``plant``, called ``vessel``; ``data_driven`` was trained on the
+    same windows without a model, None if networks could not be trained. ``region_m`` [H, 2] are the semi-axes
+    of the 95 % region by second for a relative uncertainty of one, from held-out legs; ``fallback`` predicts
+    outside the domain of applicability.
     """
 
     calibrator: Calibrator
@@ -73,7 +73,7 @@ class TrainedCalibrator(ModelResult):
         return predict_with_fallback(self.calibrator, self.plant, self.region_m, self.fallback, windows, reference)
 
     def refuse_commands(self) -> None:
-        """Raise :class:`InputError` when it was trained on held controls and so cannot take any commands."""
+        """Raise :class:`InputError` if it was trained on held controls and so cannot take any commands."""
         if not self.calibrator.any_commands:
             raise InputError(
                 "the calibrator was trained on held controls and cannot take any commands",
@@ -81,7 +81,7 @@ class TrainedCalibrator(ModelResult):
             )
 
     def refuse_horizon(self, horizon_s: int) -> None:
-        """Raise :class:`InputError` when it was trained for a shorter horizon."""
+        """Raise :class:`InputError` if it was trained for a shorter horizon."""
         if horizon_s > self.horizon_s:
             raise InputError(
                 f"the calibrator predicts {self.horizon_s} s at the most, not {horizon_s} s",
@@ -90,9 +90,9 @@ class TrainedCalibrator(ModelResult):
 
 
 def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
-    """The reference model that a calibrator was trained on; ``vessel`` may name it but not another.
+    """The reference model that a calibrator was trained on; ``vessel`` may confirm it but not replace it.
 
-    Raises :class:`ConfigurationError` when the named model differs in any number from that of the training.
+    Raises :class:`ConfigurationError` if the named model differs in any number from that of the training.
     """
     if vessel is not None and plant_hash(vessel_plant(load_vessel(vessel))) != plant_hash(trained.plant):
         raise ConfigurationError(
@@ -111,11 +111,11 @@ def train(
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> TrainedCalibrator:
-    """Train a calibrator of ``method`` and, where networks can be trained, the one without a model on a data set.
+    """Train a calibrator of ``method`` on a data set and, if networks can be trained, the one without a model.
 
-    A share :data:`HELD_OUT_SHARE` of the legs, or of the recordings where the commands may be any, is kept out for
-    early stopping and for the size of the regions.
-    Raises :class:`DataShortageError` without windows in the range of the model, or with one leg only.
+    A share :data:`HELD_OUT_SHARE` of the legs, or of the recordings with any commands, is held out for early
+    stopping and for the size of the regions. Raises :class:`DataShortageError` without windows in the range of
+    the model, or with only one leg.
     """
     windows, tracks = within_model_range(dataset.windows, plant)
     held_out = draw_windows(windows, unlike_groups(windows), HELD_OUT_SHARE, seed)

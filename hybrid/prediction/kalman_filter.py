@@ -1,11 +1,11 @@
-"""The model of a ship as a Kalman filter: its gains, what it is given, and the start states that it knows.
+"""A ship model as a Kalman filter: its gains, its observations, and its causal start states.
 
-The start of a prediction is what was known at its instant, by nothing that came after: the reference model runs
-along the half minute before, corrected second by second by what was measured, with a bias force for what it lacks
-and an oscillator for the motion in waves. At second 0 the model goes on from there by itself, that force, per mass
-in surge, sway and yaw, decaying slowly. Where a measurement is too far off to be the ship's motion, as at a splice,
-the filter begins anew. Predictions of 15 s from such starts, reference and constant velocity, in m, against those
-from lines through the last 10 s and from both sides of the start:
+A prediction starts from what was known at that instant, without later data: the reference model runs over the half
+minute before, corrected every second by the measurements, with a bias force for what it lacks and an oscillator
+for the wave motion. From second 0 the model runs freely; the bias force, per mass in surge, sway and yaw, decays
+slowly. Where a measurement is too far off to be the ship's motion, as at a splice, the filter is reinitialised.
+Mean errors [m] of predictions over 15 s (reference, constant velocity) from such starts, compared with starts from
+lines fitted to the last 10 s and from two-sided smoothing:
 
 =========================  ===========  ===========  ===========
 trial                      filter       lines        both sides

@@ -1,7 +1,7 @@
-"""The parameter vector of the adaptive calibrator, the plant and the observer's Kalman gains that follow from it.
+"""The parameter vector of the adaptive calibrator, and the plant and observer gains that follow from it.
 
-The vector has the model's coefficients, steady forces, current, drift, wind and the observer's noise levels, each
-as a deviation from the reference in units of its prior standard deviation: zero is the reference itself, and the
+The vector has the model's coefficients, steady forces, current, drift, wind and the observer's noise levels,
+each as a deviation from the reference in units of its prior standard deviation: zero is the reference, and the
 prior is a standard normal distribution.
 """
 
@@ -31,11 +31,12 @@ from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
 _WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")
-"""Force of the wind ahead and aside. R/V Gunnerus, whose hull is the polynomial, has hers from a wind tunnel."""
+"""Wind force coefficients in surge and sway. R/V Gunnerus, whose hull model is the polynomial, has hers from a
+wind tunnel."""
 
 
 def positive_names(form: Form) -> tuple[str, ...]:
-    """Numbers that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
+    """Coefficients that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
     kinds = dict.fromkeys(each.kind for each in form.actuators)
     damping = HULLS[form.hull].keeps_sign
     areas = () if form.hull == "polynomial" else _WIND_AREAS
@@ -43,28 +44,28 @@ def positive_names(form: Form) -> tuple[str, ...]:
 
 
 def signed_names(form: Form) -> tuple[str, ...]:
-    """Numbers that may change their sign, each actuator's own among them."""
+    """Coefficients that may change sign, including each actuator's own."""
     hull = HULLS[form.hull]
     own = (f"{each.name}_{name}" for each in form.actuators for name in KINDS[each.kind].adapted)
     return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *own)
 
 
 def parameter_names(form: Form) -> tuple[str, ...]:
-    """The names of the vector's numbers: of the model of a ship of this form, and of what acts on her."""
+    """The names of the vector's parameters: of the model of a ship of this form, and of her environment."""
     return (*positive_names(form), *signed_names(form), *SURROUNDED)
 
 
 USUAL_SHARE = 0.5
-"""A coefficient of another ship of the kind is off by half, more or less."""
+"""The prior relative standard deviation of a coefficient, as between ships of a kind."""
 STEADY = {"constant_X_n": 3000.0, "constant_Y_n": 3000.0, "constant_N_nm": 30000.0}
 STEADY_MASS_KG = 4.0e5
-"""The ship for which the usual steady forces above hold; they grow with the mass."""
+"""The mass for which the steady forces above hold; they scale with mass."""
 CURRENT_MPS, WIND_MPS, DRIFT_N = 0.2, 3.0, 3000.0
 SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "wind_north", "wind_east")
 LAG, LAG_S = "thruster_lag", 1.0
-"""Thrusters that are recorded as ordered act later; a lag below zero means none."""
+"""The prior of the thrusters' lag when commands are recorded; negative values mean none."""
 SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, *FILTER_NUMBERS)
-"""The names of the vector's last numbers: what acts on any ship, and how closely she is followed."""
+"""The names of the vector's last parameters: the environment of any ship, and the observer's noise levels."""
 _PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUNDED)}  # from the end
 
 _AVERAGED_S = 5
@@ -74,11 +75,10 @@ LARGEST_FACTOR = 2.0
 
 
 def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> Observations:
-    """The observations of windows, with their commands from second 0 and the wind that is to be expected.
+    """The observations of windows, with their commands from second 0 and the expected wind.
 
-    Without commands the mean of the last seconds in which the thrusters stood still is held. Without ``gust_s``
-    the mean wind of the last seconds is; with it what is left of gusts dies away in that time
-    (:func:`expected_wind`).
+    Without commands the mean control over the last steady seconds is held. Without ``gust_s`` the mean wind of
+    the last seconds is held; with it gusts decay with that time constant (:func:`expected_wind`).
     """
     measured, known_s = measured_past(windows, _MEAN_WIND_S)
     past = measured[:, : OBSERVED_S + 1]
@@ -93,7 +93,7 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
 
 
 def _mean_control(past: Floats, actuators: Actuators) -> Floats:
-    """The controls at second 0 [N, controls], averaged over the seconds before in which they stood still."""
+    """The controls at second 0 [N, controls], averaged over the preceding seconds in which they were steady."""
     recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(actuators)
     most = np.array([most for each in actuators for most in KINDS[each.kind].still])
     off = recent - recent[:, :1]
@@ -103,15 +103,14 @@ def _mean_control(past: Floats, actuators: Actuators) -> Floats:
 
 
 def _mean_wind(past: Floats) -> Floats:
-    """The mean wind vector of the last seconds' finite ones, as direction [rad] and speed [m/s]: [N, 2]."""
+    """The mean wind vector of the last seconds, ignoring NaN, as direction [rad] and speed [m/s]: [N, 2]."""
     vector = _mean_vector(_wind_vectors(past)[:, :_AVERAGED_S])
     return np.column_stack([np.angle(vector), np.abs(vector)])
 
 
 def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
-    """The wind [N, H, 2] that follows what was measured: the mean of the ``past``, and what the last seconds differ
-    by from it, dying away as exp(-t / ``gust_s``): the best forecast of gusts that are a first-order process.
-    """
+    """The expected wind [N, H, 2]: the mean of the ``past``, plus the deviation of the last seconds decaying as
+    exp(-t / ``gust_s``), the optimal forecast of gusts as a first-order process."""
     vectors = _wind_vectors(past)
     mean, now = _mean_vector(vectors), _mean_vector(vectors[:, :_GUSTING_S])
     left = np.exp(-(np.arange(horizon_s) + 0.5) / gust_s)
@@ -120,9 +119,9 @@ def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
 
 
 def gust_decay_s(windows: PredictionWindows) -> float:
-    """The time in which gusts die away, by how much alike the winds :data:`_GUSTS_APART_S` apart are [s].
+    """The decay time of gusts [s], from the correlation of winds :data:`_GUSTS_APART_S` apart.
 
-    Winds are counted from the mean of their recording; the longest such time where it did not blow.
+    Winds are relative to the mean of their recording; the longest such time if there was no wind.
     """
     vectors = _wind_vectors(windows.past)
     for trial in np.unique(windows.trial):
@@ -137,25 +136,26 @@ def gust_decay_s(windows: PredictionWindows) -> float:
 
 
 def _wind_vectors(past: Floats) -> Complexes:
-    """The winds of the past as complex numbers, north and east [N, P+1]; NaN where they are not known."""
+    """The winds of the past as complex numbers, north and east [N, P+1]; NaN where unknown."""
     direction, speed = np.moveaxis(past[..., WIND], -1, 0)
     return np.asarray(speed * np.exp(1j * direction))
 
 
 def _mean_vector(vectors: Complexes) -> Complexes:
-    """The mean of the finite ones [N], none where there is none."""
+    """The mean of the finite vectors [N], zero if there are none."""
     known = np.isfinite(vectors)
     return np.asarray(np.where(known, vectors, 0.0).sum(axis=1) / known.sum(axis=1).clip(min=1))
 
 
 def parameter(vector: Floats, name: str) -> float:
-    """One number of the vector, by one of :data:`SURROUNDED`."""
+    """One parameter of the vector, by one of :data:`SURROUNDED`."""
     return float(vector[_PLACES[name]])
 
 
 @lru_cache(maxsize=32)
 def _adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
-    """Where in a flat plant the vector's numbers stand, which of them it is, and how many keep their sign."""
+    """The positions of the vector's parameters in a flat plant, their indices, and the number that keep their
+    sign."""
     positive = positive_names(form)
     every = [
         (place, number)
@@ -168,7 +168,7 @@ def _adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
 def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
     """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector.
 
-    The last ones are remembered: one prediction asks for each member's several times.
+    Recent results are cached, since one prediction needs each member's several times.
     """
     return _adapt_plant(vector.tobytes(), plant)
 
@@ -198,7 +198,7 @@ def _adapt_plant(stored: bytes, plant: Plant) -> NDArray[np.void]:
 
 
 def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
-    """A measured wind with the vector's steady one added: direction it comes from [rad] and speed [m/s]."""
+    """A measured wind plus the vector's steady one: direction it comes from [rad] and speed [m/s]."""
     north, east = WIND_MPS * parameter(vector, "wind_north"), WIND_MPS * parameter(vector, "wind_east")
     if north == 0.0 == east:
         return direction_rad, speed_mps
@@ -207,21 +207,22 @@ def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[
 
 
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
-    """The gains that follow from the vector, as :func:`.filter_gains` has them."""
+    """The observer's gains for a vector, as :func:`.filter_gains`."""
     return filter_gains(*(parameter(vector, name) for name in FILTER_NUMBERS))
 
 
 def follow_closer(vector: Floats, deviations: float) -> Floats:
-    """The vector of a filter whose bias force wanders by so many prior standard deviations more in each axis."""
+    """The vector with the process noise of the bias force raised by this number of prior standard deviations in
+    each axis."""
     closer = vector.copy()
     closer[[_PLACES[f"force_walk_{axis}"] for axis in AXES]] += deviations
     return closer
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
-    """Run the adapted model as a filter along the observations of N windows, and on from second 0.
+    """Run the adapted model as a filter along the observations of N windows, and freely from second 0.
 
-    Returns the states [N, H+1, 6] and the motion in waves [N, H+1, 3], as :func:`.run_filter`.
+    Returns the states [N, H+1, 6] and the wave motion [N, H+1, 3], as :func:`.run_filter`.
     """
     if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
         past, wind = observations.past.copy(), observations.wind

@@ -1,10 +1,9 @@
 """The adaptive calibrator: an ensemble of adapted models, cross-validated by legs and weighted by hindcasts.
 
-What it learned holds for the day, the loading and the sea of its training. How far it holds now shows in
-hindcasts over the last minutes: how wrong the model would have been, beside how wrong it was in the training.
-Where it is worse than nearly all of the training, and outside the range of the training, models that follow
-what is measured more closely speak too, and the baselines, by how well each would have done; and the regions
-grow with it.
+What it learned applies to the day, loading and sea of its training. Hindcasts over the last minutes show
+whether it still applies: the model's errors now, compared with those in training. If they exceed nearly all of
+those, or outside the training range, models that follow the measurements more closely and the baselines are
+averaged in, weighted by their own hindcasts; and the regions grow accordingly.
 """
 
 from __future__ import annotations
@@ -55,24 +54,23 @@ from hybrid.vessel.sensors import SURGE, YAW_RATE
 MEMBERS = 5
 MOST_WINDOWS = 400
 FITTED_S = 60
-"""The models are fitted to so much of each window at the most. A minute shows how the ship answers; what comes
-after depends on wind and current to come as well. Over 300 s the models of whole windows were at 0.74 and 0.55 of
-the best baseline on the last 30 % of 2019 and 2022, those of the first minute at 0.61 and 0.61, in less than half
-of the time.
-"""
+"""The models are fitted to at most this part of each window. A minute shows the ship's response; what follows
+also depends on future wind and current. Over 300 s, models fitted to whole windows had 0.74 and 0.55 of the
+best baseline's error on the last 30 % of 2019 and 2022, those of the first minute 0.61 and 0.61, in less than
+half of the time."""
 WEIGHT_POWERS = (np.inf, 4.0, 2.0)
-"""The weight of a candidate falls with such a power of its hindcast's error; with infinity only our own counts."""
+"""The candidates' weights are inverse powers of their hindcast errors; infinity means only our own counts."""
 DOMAIN_MARGIN = 0.5
-"""How far past the range of the training a start may lie inside the domain, as a share of that range."""
+"""The margin by which a start inside the domain may exceed the training range, as a share of it."""
 _LEAST_MARGIN = (0.5, 0.2, 0.01, 2.0)
 _LEAST_ANGLE_MARGIN = 0.15
-"""The least such margin, however little the training varied: surge, sway [m/s], yaw rate [rad/s], wind speed [m/s],
-cosine and sine of the actuators' angles (30 degrees from dead ahead); of revolutions, their kind says it.
-"""
+"""The smallest margin, however little the training varied: surge, sway [m/s], yaw rate [rad/s], wind speed
+[m/s], cosine and sine of the actuators' angles (30 degrees from dead ahead); for revolutions it depends on the
+kind."""
 
 
 def start_names(actuators: Actuators) -> tuple[str, ...]:
-    """The quantities of a start that span the domain of applicability, of a ship with these actuators."""
+    """The quantities of a start that define the domain of applicability, of a ship with these actuators."""
     labels, angles = control_labels(actuators), angle_columns(actuators)
     shafts = (name for column, name in enumerate(labels) if column not in angles)
     turned = (f"{labels[column]}_{part}" for column in angles for part in ("cos", "sin"))
@@ -86,32 +84,31 @@ def least_margin(actuators: Actuators) -> Floats:
     return np.array([*_LEAST_MARGIN, *shafts, *[_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(actuators)))])
 
 
-_LEAST_RATIO = 0.1  # hindcast errors below this share of the median one say nothing more
-_UNKNOWN_RATIO = 2.0  # the hindcast error of a window whose past is not known, in median ones
+_LEAST_RATIO = 0.1  # lower bound on hindcast errors, as a share of the median
+_UNKNOWN_RATIO = 2.0  # hindcast error of a window with an unknown past, in medians
 _RECENT_S = 5
 _CANDIDATES = 3  # the adapted model, constant velocity, the reference
 _EVERY_S, _LONGEST_S = 15, 60
-"""How far apart the hindcasts begin that say how good the model is on this day, and how long they are at the most
-[s]. They are as long as the prediction: over 120 s, on a simulated ship a tenth heavier than trained, hindcasts of
-15 s left the regions at 88 % and the error at 0.16 of the best baseline's, such of a minute at 98 % and 0.13."""
+"""The interval between the hindcasts that test the model on this day, and their maximum length [s]. They are as
+long as the prediction: over 120 s, on a simulated ship a tenth heavier than in training, hindcasts of 15 s left
+coverage at 88 % and the error at 0.16 of the best baseline's, those of a minute at 98 % and 0.13."""
 _CLOSER = (1.0, 2.0)
-"""By how many prior standard deviations the force that a model lacks may wander more than in the training."""
+"""The increases, in prior standard deviations, of the bias force's process noise."""
 _MINUTES_POWER = 4.0
-"""The weight of each falls with that power of its error over the last minutes."""
+"""Their weights are this inverse power of the error over the last minutes."""
 _UNUSUAL = 0.95
-"""Worse than this share of the training's windows, a model is not believed alone."""
+"""A model whose errors exceed this share of those in training is not used alone."""
 _DAYS_APART = np.log(2.0)
-"""The prior standard deviation of a day's errors beside those of another day, as a logarithm: a factor of two."""
+"""The prior standard deviation of the logarithm of the ratio of errors between days: a factor of two."""
 _LEAST_LOG_M = 1e-6
-_AT_ONCE = 500  # windows whose last minutes are looked at together: a day of them would take gigabytes
+_AT_ONCE = 500  # windows hindcast together, to limit memory
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidates:
     """The candidate predictions of N windows, the adapted model's first: ``tracks`` [3, N, H+1, 3] and the mean
-    errors ``hindcast_m`` [3, N] of their hindcasts in metres; ``spread_m`` [N, H] is how far the members' tracks
-    lie apart; ``minutes`` [3, N] the mean logarithms of the candidates' errors over the last minutes [log m].
-    """
+    errors ``hindcast_m`` [3, N] of their hindcasts in metres; ``spread_m`` [N, H] is the spread of the members'
+    tracks; ``minutes`` [3, N] the mean logarithms of the candidates' errors over the last minutes [log m]."""
 
     tracks: Floats
     hindcast_m: Floats
@@ -119,7 +116,7 @@ class _Candidates:
     minutes: Floats
 
     def subset(self, chosen: Bools) -> _Candidates:
-        """Those of the windows that a mask chooses."""
+        """The candidates of the windows that a mask chooses."""
         return _Candidates(
             self.tracks[:, chosen], self.hindcast_m[:, chosen], self.spread_m[chosen], self.minutes[:, chosen]
         )
@@ -127,10 +124,9 @@ class _Candidates:
 
 @dataclass(frozen=True, slots=True)
 class _Usual:
-    """What was usual in the training, on legs left out: the median error of hindcasts ``hindcast_m``, the median
-    spread of the members ``spread_m`` [H], and of the errors over the last minutes, as logarithms, ``mean``,
-    standard ``deviation`` and what nearly all of them are below, ``most``.
-    """
+    """The usual values in training, on held-out legs: the median hindcast error ``hindcast_m``, the median
+    spread of the members ``spread_m`` [H], and of the log errors over the last minutes the ``mean``, standard
+    ``deviation`` and upper limit ``most``."""
 
     hindcast_m: float
     spread_m: Floats
@@ -140,7 +136,7 @@ class _Usual:
 
     @classmethod
     def of(cls, candidates: _Candidates) -> _Usual:
-        """That of the candidates of all windows; of what was recorded in none a metre."""
+        """The usual values of the candidates of all windows; a metre where nothing was recorded."""
         own_m, minutes = candidates.hindcast_m[0], candidates.minutes[0]
         minutes = minutes[np.isfinite(minutes)] if np.isfinite(minutes).any() else np.zeros(1)
         return cls(
@@ -152,10 +148,10 @@ class _Usual:
         )
 
     def day(self, minutes: Floats) -> Floats:
-        """How many times the errors of the training are to be expected [N] after such last minutes, at least once.
+        """The factor [N], at least 1, on the training errors to expect after such last minutes.
 
-        What a few minutes show is uncertain by ``deviation``, so that the logarithm shrinks (normal prior of
-        standard deviation :data:`_DAYS_APART` and normal likelihood); where nothing is known they count as usual.
+        A few minutes are uncertain by ``deviation``, so the logarithm is shrunk (normal prior of standard
+        deviation :data:`_DAYS_APART`, normal likelihood); unknown minutes count as usual.
         """
         worse = np.maximum(np.nan_to_num(minutes, nan=self.mean) - self.mean, 0.0)
         return np.asarray(np.exp(worse * _DAYS_APART**2 / (_DAYS_APART**2 + self.deviation**2)))
@@ -164,9 +160,8 @@ class _Usual:
 class AdaptiveCalibrator(Calibrator):
     """An ensemble of adapted models, averaged with constant velocity and the reference by hindcast errors.
 
-    Each of :data:`MEMBERS` models is fitted without a share of the legs (cross-validation). On these follow the
-    power by which hindcast errors weigh the candidates and the 95 % regions. All members predict
-    together.
+    Each of :data:`MEMBERS` models is fitted without a share of the legs (cross-validation). The held-out legs
+    determine the power of the hindcast weights and the 95 % regions. All members predict together.
     """
 
     method = "adaptive"
@@ -211,7 +206,7 @@ class AdaptiveCalibrator(Calibrator):
         return adapt(self._model, self._observed(drawn), drawn.track, _own_share(drawn), progress)
 
     def _observed(self, windows: PredictionWindows) -> Observations:
-        """What the observer is given; how gusts go on was learned with any commands only."""
+        """The observer's observations; the decay of gusts is learned with any commands only."""
         return observations_of(windows, self.gust_s_)
 
     def _fitted(self, windows: PredictionWindows, rows: NDArray[np.int64], member: int) -> PredictionWindows:
@@ -234,7 +229,7 @@ class AdaptiveCalibrator(Calibrator):
         return self.plant
 
     def _cross_validate(self, windows: PredictionWindows, fold: NDArray[np.int64]) -> Floats:
-        """Fit weights and regions; the tracks [N, H+1, 3] of each window by the member not fitted to it."""
+        """Fit weights and regions; return the tracks [N, H+1, 3] of each window by the member not fitted to it."""
         candidates = _Candidates(
             np.empty((_CANDIDATES, *windows.track.shape)),
             np.empty((_CANDIDATES, len(windows))),
@@ -271,9 +266,8 @@ class AdaptiveCalibrator(Calibrator):
     def _last_minutes(
         self, windows: PredictionWindows, predict: Callable[[Observations], Iterable[Floats]]
     ) -> Floats:
-        """The mean logarithms [K, N] of the mean errors of K predictors in hindcasts over the last minutes; NaN
-        where none of them was recorded. ``predict`` gives their tracks [.., H+1, 3].
-        """
+        """The mean logarithms [K, N] of the errors of K predictors in hindcasts over the last minutes; NaN if
+        none of them was recorded. ``predict`` gives their tracks [.., H+1, 3]."""
         if len(windows) > _AT_ONCE:
             halves = np.array_split(np.arange(len(windows)), 2)
             return np.concatenate([self._last_minutes(windows.subset(each), predict) for each in halves], axis=1)
@@ -288,9 +282,8 @@ class AdaptiveCalibrator(Calibrator):
     def _predicted(
         self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
-        """The tracks [N, H+1, 3] and their relative uncertainty [N, H], of models of whose vectors the mean is
-        ``vector``.
-        """
+        """The tracks [N, H+1, 3] and their relative uncertainty [N, H], from models whose vectors have the mean
+        ``vector``."""
         tracks, hindcast_m = self._average(candidates, self.weight_power_)
         minutes = candidates.minutes[0].copy()
         begins = self.domain(windows, tracks)
@@ -306,11 +299,9 @@ class AdaptiveCalibrator(Calibrator):
     def _averaged_by_minutes(
         self, windows: PredictionWindows, tracks: Floats, candidates: _Candidates, vector: Floats
     ) -> tuple[Floats, Floats]:
-        """The mean of ``tracks`` [N, H+1, 3] with those of models that follow what is measured more closely, of
-        constant velocity and of the reference, weighted by how well each would have predicted the last minutes; and
-        their mean errors over these [N], as a logarithm. Of which they are not known has no say beside one of which
-        they are.
-        """
+        """The mean of ``tracks`` [N, H+1, 3] with those of models that follow the measurements more closely, of
+        constant velocity and of the reference, weighted by their hindcasts over the last minutes; and their
+        mean log errors over these [N]. A predictor without hindcasts gets no weight beside one with them."""
         closer = [follow_closer(vector, more) for more in _CLOSER]
 
         def follow(observed: Observations) -> list[Floats]:
@@ -328,25 +319,23 @@ class AdaptiveCalibrator(Calibrator):
         return average_tracks(weight, every), (weight * logs).sum(axis=0)
 
     def _member_states(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats, Floats]:
-        """The members' mean states [N, H+1, 6] and motion in waves [N, H+1, 3], and how far their tracks lie apart
-        [N, H]: their standard deviation [m].
-        """
+        """The members' mean states [N, H+1, 6] and wave motion [N, H+1, 3], and the standard deviation of their
+        tracks [N, H] in m."""
         parts = [run_observer(vector, self._model, observations) for vector in vectors]
         states, waves = (np.stack(part) for part in zip(*parts, strict=True))
         spread_m = np.linalg.norm(np.std(states[:, :, 1:, :2], axis=0), axis=-1)
         return states.mean(axis=0), waves.mean(axis=0), spread_m
 
     def _candidate_tracks(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats]:
-        """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, in one motion in waves, and
-        the members' spread [N, H].
-        """
+        """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, with the same wave
+        motion, and the members' spread [N, H]."""
         states, waves, spread_m = self._member_states(vectors, observations)
         held = present_motion_held(states[:, 0], observations.control.shape[1])
         model = simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
         return np.asarray(np.stack([states[..., :3], held, model]) + waves), spread_m
 
     def _average(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
-        """The candidates' weighted mean [N, H+1, 3] and the hindcast error [N] that goes with it in metres.
+        """The candidates' weighted mean [N, H+1, 3] and its hindcast error [N] in metres.
 
         Windows in which the adapted model leaves its range are NaN.
         """
@@ -363,9 +352,8 @@ class AdaptiveCalibrator(Calibrator):
         return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
     def _uncertainty(self, hindcast_m: Floats, spread_m: Floats, minutes: Floats) -> Floats:
-        """The relative uncertainty [N, H]: a third of it grows with the hindcast's error [N], another with how far
-        the members' tracks lie apart [N, H], and all of it with how wrong the last minutes were [N].
-        """
+        """The relative uncertainty [N, H]: a third is proportional to the hindcast's error [N], another to the
+        spread of the members' tracks [N, H], and all of it to the errors over the last minutes [N]."""
         usual_m = self.usual_.spread_m[: spread_m.shape[1]].clip(min=1e-6)
         by_hindcast = hindcast_m[:, None] / max(self.usual_.hindcast_m, 1e-6)
         return np.asarray((1.0 + by_hindcast + spread_m / usual_m) / 3.0 * self.usual_.day(minutes)[:, None])
@@ -386,7 +374,7 @@ class AdaptiveCalibrator(Calibrator):
         return DomainOfApplicability(start_names(windows.actuators), starts_of(windows), low, high, margin)
 
     def state_dict(self) -> dict[str, Floats]:
-        power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # no infinity in a file
+        power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # files cannot hold infinity
         usual = self.usual_
         fitted = {
             "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.region_,
@@ -412,15 +400,15 @@ class AdaptiveCalibrator(Calibrator):
 
 
 def _hindcast_s(horizon_s: int) -> int:
-    """How long the hindcasts over the last minutes are, for predictions trained over so many seconds."""
+    """The length of the hindcasts over the last minutes, for predictions trained over this horizon."""
     return min(max(horizon_s, _EVERY_S), _LONGEST_S)
 
 
 def starts_of(windows: PredictionWindows) -> Floats:
-    """The quantities :func:`start_names` of the windows' starts [N, 1, names], second by second [N, H, names] where
-    the commands may be any.
+    """The quantities :func:`start_names` of the windows' starts [N, 1, names], or second by second [N, H,
+    names] with any commands.
 
-    Motions are means over the last seconds, so that single waves do not decide.
+    Motions are means over the last seconds, so that single waves do not matter.
     """
     observations = observations_of(windows)
     recent = observations.past[:, :_RECENT_S]

@@ -1,13 +1,13 @@
-"""Adapting the vector: least squares on predicted tracks, robust, no further than the data demand.
+"""Adapting the vector: robust least squares on predicted tracks, with the prior.
 
-Levenberg's and Marquardt's steps on the whitened differences between predicted and measured tracks, beside the
-prior. Every second's scale is its own median error, so that late seconds do not drown the early ones; windows in
-which something happened that no model could know count less (Huber). Windows that overlap count as often as there
-are seconds in them that no other has.
+Levenberg-Marquardt steps on the whitened differences between predicted and measured tracks, plus the prior.
+Each second is scaled by its own median error, so that late seconds do not dominate; windows with events that no
+model could know get less weight (Huber). Overlapping windows count only for the seconds that no other has.
 
-The steps are ours since scales and weights are drawn up anew after each, and one costs sixty predictions of all
-windows. ``scipy.optimize.least_squares`` with the same Jacobians (trf) comes as far, 0.081 m on windows not seen,
-in 1.14 times the time; its lm to 0.087 m, in as long (tests/benchmarks/least_squares.py, mean of 3 seeds).
+Our own steps are needed since scales and weights are updated after each, and one costs sixty predictions of all
+windows. ``scipy.optimize.least_squares`` with the same Jacobians (trf) reaches the same error, 0.081 m on
+unseen windows, in 1.14 times the time; its lm 0.087 m, in the same time (tests/benchmarks/least_squares.py,
+mean of 3 seeds).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from hybrid.vessel.plant import Plant
 
 STEPS = 8
 _OUTLYING = 1.5
-_NUMBERS_A_WINDOW = 6.0  # what a track of three coordinates says: where it bends and how, in each
-_LEAST = np.array([0.01, 0.01, 0.0005])  # nothing is predicted better [m, m, rad]
-_USUAL_LENGTH_M = 30.0  # by a ship of that length, and a shorter one in proportion
+_NUMBERS_A_WINDOW = 6.0  # independent numbers in a track: two in each of three coordinates
+_LEAST = np.array([0.01, 0.01, 0.0005])  # lower bound on prediction errors [m, m, rad]
+_USUAL_LENGTH_M = 30.0  # for a ship of this length; proportional to length
 _DIFFERENCE = 1e-3
 _ENOUGH = 2e-3
 _GIVE_UP = 1e6
@@ -42,10 +42,10 @@ def adapt(
     progress: Progress = lambda share: None,
     steps: int = STEPS,
 ) -> Floats:
-    """The vector [numbers] with which predictions meet the tracks [N, H+1, 3] that were measured.
+    """The vector [parameters] for which predictions fit the measured tracks [N, H+1, 3].
 
-    ``overlap`` is the share of a window that is its own, at most one. Seconds whose position was not measured are
-    NaN and say nothing.
+    ``overlap`` is the share of a window that is its own, at most one. Seconds without a measured position are
+    NaN and ignored.
     """
     off, known = _differences(plant, windows, track)
     vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
@@ -64,18 +64,20 @@ def adapt(
 
 
 def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Floats, overlap: float) -> Floats:
-    """The covariance of the vector [numbers, numbers] where the cost is least, as if it were a parabola there: of
-    what the data do not say it is the prior's, one. Arguments as those of :func:`adapt`.
-    """
+    """The covariance of the vector [parameters, parameters] at the minimum, by a quadratic approximation of the
+    cost; in directions without data it is the prior's, one. Arguments as those of :func:`adapt`."""
     off, known = _differences(plant, windows, track)
     now = off(vector)
     slope = _slope(off, vector, now, _whitening(now, known, overlap, plant))
-    slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # a window at the edge of the model's range says nothing
+    slope = slope[
+        (np.abs(slope) < _STEEPEST).all(axis=1)
+    ]  # windows at the edge of the model's range are uninformative
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
 
 def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
-    """What predictions with a vector differ by from the tracks [N, H, 3], and which seconds are known [N, H]."""
+    """A function for the differences [N, H, 3] between predictions with a vector and the tracks, and the known
+    seconds [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
     def off(vector: Floats) -> Floats:
@@ -87,7 +89,7 @@ def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Ca
 
 
 def _whitening(now: Floats, known: Bools, overlap: float, plant: Plant) -> Floats:
-    """What each difference is multiplied by [N, H, 3]: its second's scale, its window's weight."""
+    """The factor of each difference [N, H, 3]: its second's scale, its window's weight."""
     scale = 1.48 * np.sqrt(_median_where(known, now**2)) + _LEAST * min(
         1.0, plant.length_overall_m / _USUAL_LENGTH_M
     )
@@ -104,12 +106,12 @@ def _median_where(known: Bools, squares: Floats) -> Floats:
 
 
 def _ahead_aside(gap: Floats, heading: Floats) -> Floats:
-    """Differences of north, east and heading [N, H, 3] as ahead, aside and heading."""
+    """Differences of north, east and heading [N, H, 3] as surge, sway and heading."""
     return np.stack([*to_ship(gap[..., 0], gap[..., 1], heading), gap[..., 2]], axis=-1)
 
 
 def _weights(whitened: Floats, overlap: float) -> Floats:
-    """The square root of each window's weight [N, 1, 1]; none for windows that the model cannot run."""
+    """The square root of each window's weight [N, 1, 1]; zero for windows outside the model's range."""
     size = np.sqrt(np.mean(whitened**2, axis=(1, 2)))
     known = np.isfinite(size)
     robust = np.where(known, np.minimum(1.0, _OUTLYING / np.maximum(np.where(known, size, 1.0), 1e-9)), 0.0)
@@ -118,7 +120,7 @@ def _weights(whitened: Floats, overlap: float) -> Floats:
 
 
 def _slope(off: Callable[[Floats], Floats], vector: Floats, now: Floats, weight: Floats) -> Floats:
-    """How the weighted differences change with each number of the vector [N H 3, numbers]."""
+    """The derivative of the weighted differences with respect to each parameter [N H 3, parameters]."""
     columns = np.empty((now.size, len(vector)))
     for number in range(len(vector)):
         moved = vector.copy()
@@ -130,7 +132,8 @@ def _slope(off: Callable[[Floats], Floats], vector: Floats, now: Floats, weight:
 def _step(
     off: Callable[[Floats], Floats], vector: Floats, now: Floats, slope: Floats, weight: Floats, damping: float
 ) -> tuple[float, float, Floats, Floats, float] | None:
-    """Cost before and after, vector, differences and damping after the first step that helps; None if none does."""
+    """Costs before and after, vector, differences and damping after the first step that lowers the cost; None
+    if none does."""
     counted = weight[:, 0, 0] > 0.0
 
     def cost(vector: Floats, differences: Floats) -> float:

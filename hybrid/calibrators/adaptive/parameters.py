@@ -1,7 +1,7 @@
-"""What the adaptive calibrator has learned, in the units of the thing, and how well the data know it.
+"""The parameters learned by the adaptive calibrator, in physical units, and how well the data determine them.
 
-A parameter's standard error is that of the cost's parabola beside the prior of width one
-(:func:`.fit.covariance_at`); where it is nearly as wide as the prior the data say nothing of it.
+A parameter's standard error is that of the quadratic approximation of the cost with a prior of unit width
+(:func:`.fit.covariance_at`); if it is nearly as wide as the prior, the data do not determine the parameter.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from hybrid.calibrators.adaptive.adaptation import (
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.vessel.plant import Plant
 
-_NEARLY = 0.95  # of a bound: members that differ have a mean that does not quite reach it
+_NEARLY = 0.95  # of a bound, which the mean of differing members does not quite reach
 _TITLES = {
     "constant_X_n": "steady force ahead", "constant_Y_n": "steady force aside", "constant_N_nm": "steady moment",
     "wind_north": "wind added, north", "wind_east": "wind added, east",
@@ -40,9 +40,8 @@ _TITLES = {
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One number: ``value`` in ``unit`` with its 95 % interval and standard error, what it is ``neutral``ly, and
-    how it stands: at the bound of what is allowed, and whether the data know it.
-    """
+    """A parameter: ``value`` in ``unit`` with its 95 % interval and standard error, its ``neutral`` value,
+    whether it is at a bound, and whether the data determine it."""
 
     name: str
     value: float
@@ -57,23 +56,23 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """All parameters of the model, the best known first, and how they are correlated [P, P]."""
+    """All parameters of the model, the best determined first, and their correlations [P, P]."""
 
     every: tuple[Parameter, ...]
     correlation: Floats
 
     @property
     def identified(self) -> tuple[Parameter, ...]:
-        """Those that the data know."""
+        """Those that the data determine."""
         return tuple(each for each in self.every if each.identified)
 
     def entangled(self) -> list[tuple[str, str, float]]:
-        """Pairs of identified parameters that cannot be told apart, and their correlation."""
+        """Pairs of identified parameters that the data cannot separate, with their correlation."""
         return correlated_pairs([each.name for each in self.identified], self.correlation)
 
 
 def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
-    """What was learned of the ship and of what acts on her; how closely she is followed is left out."""
+    """The parameters of the ship and of her environment, without the observer's noise levels."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
     units = units_of(calibrator.plant)
@@ -96,9 +95,8 @@ Natural = Callable[[float], float]
 
 
 def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
-    """Unit, the reference model's own value and the way from a departure to the value, for each parameter of the
-    ship and of what acts on her. Wind is what is added to the measured one.
-    """
+    """Unit, the reference model's value and the conversion from deviation to value, for each parameter of ship
+    and environment. Wind is relative to the measured one."""
 
     def added(own: float, usual: float) -> Natural:
         return lambda z: own + usual * z
