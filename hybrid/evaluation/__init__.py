@@ -1,1 +1,1 @@
-"""What each method is worth on recordings, judged on windows that it has not seen."""
+"""Comparison of methods on recordings, by cross-validation."""

@@ -1,14 +1,13 @@
-"""How windows are parted: into those that a method learns from and those that it is judged on, and into classes.
+"""Splits of windows into training and test sets, and their classification.
 
-``leg`` keeps whole legs back, drawn at random; ``time`` keeps the end of every recording back, ``recording`` one
-recording after the other. In these no second of a window that is judged was ever fitted: where commands
-may be any and legs follow each other without an end, windows that share a second with one on the other side are
-left out of the fit. ``random`` draws windows
-one by one, as is often published: windows overlap, so most seconds that are judged were fitted too. It stands
-beside the others to show how much that flatters.
+``leg`` holds out whole legs, drawn at random; ``time`` the end of every recording; ``recording`` one recording
+after the other. In these no second of a test window was used for fitting: with any commands, where legs follow
+each other without end, windows that share a second with the other side are left out. ``random`` draws single
+windows, as is often published: windows overlap, so most test seconds were also fitted. It is included to show
+by how much that flatters.
 
-Classes are by what the ship did, by wind and by recording: where a method is good and where it is not. Their limits
-are those of a ship of any size: lengths in ship lengths, speeds as Froude numbers.
+Classes are by what the ship did, by wind and by recording, to show where a method is good and where it is not.
+Their limits scale with the ship: lengths in ship lengths, speeds as Froude numbers.
 """
 
 from __future__ import annotations
@@ -26,16 +25,15 @@ from hybrid.calibrators.train import HELD_OUT_SHARE
 from hybrid.prediction.prediction_windows import WIND, PredictionWindows, clear_of, draw_windows, unlike_groups
 
 TEST_SHARE = 0.3
-"""The share of the windows, or of a recording's time, that is kept back to judge by."""
+"""The share of the windows, or of a recording's time, that is held out for testing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One way to part N windows, as masks [N] that exclude each other.
+    """A split of N windows, as disjoint masks [N].
 
-    ``fitting`` is learned from, ``stopping`` ends the learning and sizes the regions, ``held_out`` is judged on and
-    holds whole windows only.
-    Windows in none of them share seconds with both sides.
+    ``fitting`` is for training, ``stopping`` for early stopping and for the size of regions, ``held_out`` for
+    testing; the latter holds whole windows only. Windows in none of them share seconds with both sides.
     """
 
     fitting: Bools
@@ -44,22 +42,22 @@ class Draw:
 
 
 def draws_of(kind: str, windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """The draws of a kind of split: ``draws`` of them where chance plays, otherwise as many as there are.
+    """The draws of a kind of split: ``draws`` of them if it is random, otherwise as many as there are.
 
-    Raises :class:`DataShortageError` where windows cannot be parted in that way.
+    Raises :class:`DataShortageError` if windows cannot be split in that way.
     """
     return SPLITS[kind](windows, draws, seed)
 
 
 def refuse_unknown(kinds: Sequence[str]) -> None:
-    """Raise :class:`ConfigurationError` when one of the names is no kind of split."""
+    """Raise :class:`ConfigurationError` if one of the names is no kind of split."""
     for kind in kinds:
         if kind not in SPLITS:
             raise ConfigurationError(f"no split is called {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
 
 
 def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
+    """Whole legs with about 30 % of the windows held out, drawn anew each time."""
     parts = [draw_windows(windows, windows.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
     return [
         with_stopping(windows, clear_of(windows, ~unseen, unseen), unseen, seed + draw)
@@ -68,7 +66,7 @@ def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
 
 
 def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """The last 30 % of each recording's time kept back; windows that meet the border are dropped."""
+    """The last 30 % of each recording's time held out; windows across the border are dropped."""
     first, last = windows.known_seconds()
     known, unseen = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
     for trial in np.unique(windows.trial):
@@ -82,7 +80,7 @@ def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
 
 
 def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """Each recording in turn that holds whole windows kept back from all others."""
+    """Each recording in turn held out from all others, if it has whole windows."""
     trials = np.unique(windows.trial[windows.whole])
     if len(trials) < 2:
         raise DataShortageError("a split by recording needs two recordings or more", fix="give two or more")
@@ -90,7 +88,7 @@ def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw
 
 
 def at_random(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """Single windows kept back, whatever leg they are of, and others of them to stop by: this leaks."""
+    """Single windows held out, whatever their leg, and others for early stopping: this leaks."""
     result = []
     for draw in range(draws):
         rank = np.random.default_rng(seed + draw).permutation(len(windows)) / len(windows)
@@ -110,7 +108,7 @@ SPLITS: dict[str, Callable[[PredictionWindows, int, int], list[Draw]]] = {
 
 
 def shared_seconds(windows: PredictionWindows, known: Bools, unseen: Bools) -> int:
-    """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
+    """The number of seconds of the windows ``unseen`` that are also in windows ``known``, trial by trial."""
     first, _ = windows.known_seconds()
     seconds = first[:, None] + np.arange(windows.horizon_s + 1)
     there = np.isfinite(windows.track[..., 0])
@@ -120,13 +118,13 @@ def shared_seconds(windows: PredictionWindows, known: Bools, unseen: Bools) -> i
 
 
 def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
-    """The share of the seconds that are judged which were learned from too."""
+    """The share of the test seconds that were also used for training."""
     judged = shared_seconds(windows, draw.held_out, draw.held_out)
     return shared_seconds(windows, draw.fitting | draw.stopping, draw.held_out) / judged
 
 
 def with_stopping(windows: PredictionWindows, known: Bools, unseen: Bools, seed: int) -> Draw:
-    """The draw in which whole legs of what is known, or recordings, are left out of the fit, to stop by."""
+    """The draw in which whole legs, or recordings, of the known windows are kept for early stopping."""
     stopping = np.zeros(len(windows), dtype=bool)
     some = windows.subset(known)
     stopping[known] = draw_windows(some, unlike_groups(some), HELD_OUT_SHARE, seed)
@@ -135,13 +133,13 @@ def with_stopping(windows: PredictionWindows, known: Bools, unseen: Bools, seed:
 
 GRAVITY_MPS2 = 9.81
 SLOW_FROUDE = 0.06
-"""A ship below this speed over the root of gravity and length is docking, drifting or holding her place."""
+"""Froude number below which a ship is docking, drifting or keeping her position."""
 SIDEWAYS_DEG = 30.0
-"""A course further than this from the heading is sideways or astern."""
+"""Drift angle beyond which the ship moves sideways or astern."""
 TURNING_DEG_PER_LENGTH = 4.0
-"""A ship that turns more than this while she sails her length is turning: in a circle of less than 29 lengths."""
+"""Change of heading over a ship length above which she is turning: a circle of less than 29 lengths."""
 ACCELERATING_PER_LENGTH = 0.02
-"""A ship whose speed changes by more than this share while she sails her length speeds up or slows down."""
+"""Relative change of speed over a ship length above which she accelerates."""
 
 MANOEUVRES = ("straight", "turning", "accelerating", "slow", "other")
 BEAUFORT_MPS = (3.4, 8.0, 13.9)
@@ -149,7 +147,7 @@ WINDS = ("0-2 Bft", "3-4 Bft", "5-6 Bft", "7 Bft and more")
 
 
 def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
-    """Masks [N] by kind of class and class, without the empty ones, those of a kind holding all windows."""
+    """Masks [N] by kind of class and class, without empty ones; those of a kind cover all windows."""
     named = {
         "manoeuvre": (manoeuvres(windows, length_m), MANOEUVRES),
         "wind": (winds(windows), WINDS),
@@ -162,7 +160,7 @@ def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[st
 
 
 def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
-    """What the measured track of each window says she did [N], one of :data:`MANOEUVRES`.
+    """The class of motion of each window's measured track [N], one of :data:`MANOEUVRES`.
 
     The first that applies of: slow; other, sideways or astern; turning; accelerating; straight.
     """
@@ -198,7 +196,7 @@ def _drift_deg(windows: PredictionWindows, steps: Floats) -> Floats:
 
 
 def _speed_change(steps: Floats) -> Floats:
-    """How much of her speed a ship gains or loses from the first to the last third of each window [N]."""
+    """The relative change of speed from the first to the last third of each window [N]."""
     third = max(1, steps.shape[1] // 3)
     speeds = [np.hypot(*part.mean(axis=1).T) for part in (steps[:, :third], steps[:, -third:])]
     return np.asarray(np.abs(speeds[1] - speeds[0]) / np.maximum(0.5 * (speeds[0] + speeds[1]), 1e-9))

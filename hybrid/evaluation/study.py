@@ -1,4 +1,4 @@
-"""Every method fitted on one part of the windows and judged on the other, with intervals."""
+"""Every method fitted on one part of the windows and tested on the other, with intervals."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ BASELINES: dict[str, Predict] = {
     "constant_velocity": lambda windows, reference: constant_velocity(windows),
     "reference": lambda windows, reference: reference,
 }
-"""What needs no training: the methods that every other has to beat."""
+"""The methods without training, which every other has to beat."""
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
     """The errors of one method on N windows, seconds 1 to H.
 
-    ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
-    over the seconds; ``inside`` [N, H] whether the 95 % region, of semi-axes ``region_m`` [N, H, 2], holds the
-    measured position; ``outside_domain`` [N] whether the start lies outside the domain of applicability, so that
-    the fallback predicted; ``truth_m`` [N, K] the mean distance by each sensor (:mod:`.truth`). After pooling
-    draws, ``inside`` and ``outside_domain`` are shares.
+    ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute
+    means over the seconds; ``inside`` [N, H] whether the 95 % region, of semi-axes ``region_m`` [N, H, 2],
+    contains the measured position; ``outside_domain`` [N] whether the start lies outside the domain of
+    applicability, so that the fallback predicted; ``truth_m`` [N, K] the mean distance by each sensor
+    (:mod:`.truth`). After pooling draws, ``inside`` and ``outside_domain`` are shares.
     """
 
     distance_m: Floats
@@ -63,11 +63,11 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class SplitResult:
-    """What one kind of split says of all methods.
+    """The results of one kind of split for all methods.
 
     ``held_out`` [N] marks the windows that were held out in any draw; ``errors`` by method are on these, each
-    window's averaged over the draws that held it out: so every window counts once. ``fitted`` is the number of
-    windows learned from in each draw.
+    window's averaged over the draws that held it out, so every window counts once. ``fitted`` is the number of
+    training windows in each draw.
     """
 
     kind: str
@@ -79,9 +79,10 @@ class SplitResult:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """The results by split, on ``windows``, less ``outside`` windows in which the reference leaves its range.
+    """The results by split, on ``windows`` without the ``outside`` windows in which the reference leaves its
+    range.
 
-    ``failed`` are the methods of a user's own that failed, and why; they have no results.
+    ``failed`` are user-defined methods that failed, and why; they have no results.
     """
 
     windows: PredictionWindows
@@ -99,10 +100,10 @@ def study(
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Study:
-    """Fit and judge ``methods``, and the baselines beside them, on every split.
+    """Fit and test ``methods``, and the baselines, on every split.
 
-    A method of a user's own that fails is left out, and the others go on. Raises :class:`DataShortageError` where
-    there are too few legs, recordings or windows for a split, :class:`OwnCodeError` where all methods failed.
+    A user-defined method that fails is left out, and the others go on. Raises :class:`DataShortageError` if
+    there are too few legs, recordings or windows for a split, :class:`OwnCodeError` if all methods failed.
     """
     inside, tracks = within_model_range(windows, plant)
     failed: dict[str, str] = {}
@@ -134,10 +135,10 @@ def evaluate_draw(
     progress: Progress,
     failed: dict[str, str] | None = None,
 ) -> dict[str, Errors]:
-    """Every method's errors on the windows that ``draw`` holds out; one that fails goes into ``failed``.
+    """Every method's errors on the windows that ``draw`` holds out; failures are added to ``failed``.
 
-    They start from what was known at second 0, and beside it, as methods whose names end in :data:`TWO_SIDED`, from
-    what is known afterwards.
+    Predictions start from the causal state at second 0, and, for methods whose names end in :data:`TWO_SIDED`,
+    from the two-sided one.
     """
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
@@ -169,7 +170,7 @@ def evaluate_draw(
 
 
 def _errors(predict: Predict, stopping: Examples, held_out: Examples) -> Errors:
-    """The errors of what a baseline says of the windows held out, its regions sized on those stopped by."""
+    """The errors of a baseline on the held-out windows, its regions sized on the stopping windows."""
     region_m = conformal_region(predict(*stopping), stopping[0])
     return errors_of(predict(*held_out), held_out[0], region_m, np.zeros(len(held_out[0]), dtype=bool))
 
@@ -223,8 +224,8 @@ def _mean_over_draws(draws: Sequence[Draw], values: Sequence[Floats], times: NDA
 class MethodFigures:
     """One method on one set of windows.
 
-    ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the 95
-    % region, ``outside_domain`` the share of windows that start beyond what it was trained on. At seconds 1 to H:
+    ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside
+    the 95 % region, ``outside_domain`` the share of windows that start outside its domain. At seconds 1 to H:
     ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean semi-axes of the region [H, 2].
     """
 
@@ -263,7 +264,7 @@ class MethodFigures:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """All methods on one set of windows of some legs, and which baseline is the best there."""
+    """All methods on one set of windows of some legs, and the best baseline there."""
 
     windows: int
     legs: int
@@ -272,16 +273,17 @@ class Summary:
 
     @property
     def best(self) -> str:
-        """The method with the least mean distance."""
+        """The method with the smallest mean distance."""
         return min(self.methods, key=lambda name: self.methods[name].mean_distance_m.value)
 
 
 @dataclass(frozen=True, slots=True)
 class SplitSummary:
-    """The figures of one split, as a whole, by kind of class and class (``breakdown``), and by sensor (``truths``).
+    """The figures of one split, overall, by kind of class and class (``breakdown``), and by sensor
+    (``truths``).
 
-    ``leaked`` is the share of the seconds judged that were learned from too. All methods start from what was known
-    at second 0; in ``two_sided`` from what is known afterwards, and so does the baseline they are measured by.
+    ``leaked`` is the share of the test seconds also used for training. Methods start from the causal state at
+    second 0; in ``two_sided`` from the two-sided state, as does the baseline they are compared with.
     """
 
     kind: str
@@ -294,20 +296,20 @@ class SplitSummary:
 
     @property
     def by_start(self) -> dict[str, Summary]:
-        """The summaries of all windows, by what predictions start from."""
+        """The summaries of all windows, by start state."""
         return {"causal": self.whole, "two-sided": self.two_sided}
 
     @property
     def shown(self) -> dict[str, dict[str, Summary]]:
-        """The kinds of class that part the windows; one class alone says what the whole says."""
+        """The kinds of class that divide the windows; a single class would repeat the overall figures."""
         return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation(ModelResult):
-    """The figures of a study by split, and the leak of the random one (:func:`leak_of`).
+    """The figures of a study by split, and the leak of the random split (:func:`leak_of`).
 
-    ``failed`` are the methods of a user's own that failed, and why.
+    ``failed`` are user-defined methods that failed, and why.
     """
 
     horizon_s: int
@@ -322,7 +324,7 @@ class Evaluation(ModelResult):
 
     @property
     def measurements(self) -> str:
-        """That positions and speeds disagree, where they do in the windows of any split."""
+        """A remark if positions and speeds disagree in the windows of any split."""
         return next((each.truths.remark for each in self.splits.values() if each.truths and each.truths.remark), "")
 
     @property
@@ -360,7 +362,7 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
 
 
 def leak_of(study: Study, seed: int) -> dict[str, Interval]:
-    """By method, how many times the error that the random split shows is found on legs never seen.
+    """By method, the ratio of the error on unseen legs to the error in the random split.
 
     Both on the same windows, those held out in both; empty unless both splits were made.
     """
@@ -428,7 +430,7 @@ def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: fl
 
 
 def _by_start(errors: Mapping[str, Errors]) -> tuple[dict[str, Errors], dict[str, Errors]]:
-    """The errors from causal and from two-sided starts, each by the method's own name."""
+    """The errors from causal and from two-sided starts, each by the method's plain name."""
     causal = {name: each for name, each in errors.items() if start_of(name) == "causal"}
     return causal, {name: errors[f"{name}{TWO_SIDED}"] for name in causal}
 

@@ -1,13 +1,14 @@
-"""Where the ship really was, by each sensor alone: what predictions are judged by, and how far that can be trusted.
+"""The true track by each sensor alone: what predictions are compared with, and how reliable it is.
 
-Three tracks stand beside the one that is predicted from: the positions as they were measured, which no repair has
-rebuilt; dead reckoning, speed over ground along the heading integrated from second 0; and all sensors joined by the
-Kalman smoother. Each starts where the smoother has the ship at second 0.
+Besides the track used for prediction there are three: the measured positions, never rebuilt by a repair; dead
+reckoning, the speed over ground along the heading integrated from second 0; and all sensors combined by the
+Kalman smoother. Each starts at the smoother's position at second 0.
 
-The floor of each is what a perfect prediction would err by. It comes from a parametric bootstrap (Efron and
-Tibshirani 1993, section 6.5): the smoothed motion, measured anew with white noise at the levels of the recording,
-goes through the same steps, and its tracks are compared with the motion that it was made of. What the first two
-differ by beyond that may be in either (positions that wander, a speed out of scale), so it is in every floor.
+The noise floor of each is the error that a perfect prediction would show. It comes from a parametric bootstrap
+(Efron and Tibshirani 1993, section 6.5): the smoothed motion, measured again with white noise at the
+recording's levels, goes through the same steps, and the resulting tracks are compared with that motion. A
+further difference between the first two may be due to either (wandering positions, a wrong speed scale), so it
+is included in every floor.
 """
 
 from __future__ import annotations
@@ -35,14 +36,13 @@ from hybrid.vessel.channels import STATE_UNITS
 TRUTHS = ("position", "dead_reckoning", "joined")
 
 UNSEEN_SHARE = float(np.hypot(SMALLEST["speed_factor"], SMALLEST["heading_offset_rad"]))
-"""Speed and heading may be wrong by so much of the way without a word of ``seatrial check``."""
+"""Errors of speed and heading, as a share of the distance sailed, that ``seatrial check`` would not find."""
 
 
 @dataclass(frozen=True, slots=True)
 class ByTruth:
-    """Mean distances [m] to one truth over the ``windows`` in which it is known: of a perfect prediction, and of
-    each method.
-    """
+    """Mean distances [m] to one truth over the ``windows`` in which it is known: of a perfect prediction, and
+    of each method."""
 
     windows: int
     floor_m: Interval
@@ -51,10 +51,10 @@ class ByTruth:
 
 @dataclass(frozen=True, slots=True)
 class Truths:
-    """What methods are worth by each of :data:`TRUTHS`, over ``horizon_s``.
+    """The errors of methods by each of :data:`TRUTHS`, over ``horizon_s``.
 
-    ``apart_m`` is the mean distance between positions and dead reckoning, ``explained_m`` what noise and what no
-    check would find leave of it.
+    ``apart_m`` is the mean distance between positions and dead reckoning, ``explained_m`` the part of it that
+    noise and undetectable errors explain.
     """
 
     horizon_s: int
@@ -64,7 +64,7 @@ class Truths:
 
     @property
     def remark(self) -> str:
-        """What to say first where positions and speeds disagree; nothing where they do not."""
+        """A remark if positions and speeds disagree, else empty."""
         if not _clearly(self.apart_m, self.explained_m):
             return ""
         floor_m = min(each.floor_m.value for each in self.by.values())
@@ -87,7 +87,7 @@ class Truths:
 
 
 def _clearly(apart_m: Interval, explained_m: float) -> bool:
-    """Whether a mean distance is more than what explains it; of one leg it is taken as it is."""
+    """Whether a mean distance exceeds what explains it; significantly, unless there is only one leg."""
     return bool((apart_m.low if np.isfinite(apart_m.low) else apart_m.value) > explained_m)
 
 
@@ -101,9 +101,9 @@ def with_truths(
 ) -> PredictionWindows:
     """The windows with their tracks by each of :data:`TRUTHS`, and with the errors of simulated ones.
 
-    ``tables`` are the recordings at 1 Hz by trial, as measured. Where the windows' positions were ``rebuilt`` they
-    run away from the measured ones, and every truth is moved to where the windows' tracks begin. NaN where a sensor
-    has a gap or leaps further than the ship can.
+    ``tables`` are the recordings at 1 Hz by trial, as measured. If the windows' positions were ``rebuilt``,
+    they differ from the measured ones, and every truth is shifted to the start of the windows' tracks. NaN
+    where a sensor has a gap or jumps further than the ship can move.
     """
     shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
     truths, errors = np.full((2, *shape), np.nan)
@@ -116,7 +116,7 @@ def with_truths(
             really = sailed(motion.states)
             again = measured_anew(really, motion.noise, random)
             joined = smooth(again, 1.0, levels=motion.noise).states
-        except SeatrialError:  # too short to know its noise: nothing to judge by
+        except SeatrialError:  # too short to estimate its noise
             continue
         rows = row_numbers(table, start_ns[mine], np.arange(windows.horizon_s + 1))
         measured, smoothed, true, anew, rejoined = (
@@ -131,7 +131,7 @@ def with_truths(
 
 
 def sailed(motion: pd.DataFrame) -> pd.DataFrame:
-    """A smoothed motion with the positions that its speeds and headings lead to: no receiver jumped there."""
+    """A smoothed motion with positions integrated from its speeds and headings, and so without receiver jumps."""
     surge, sway = motion["surge_mps"].to_numpy(), motion["sway_mps"].to_numpy()
     velocity = to_earth(surge, sway, np.deg2rad(motion["heading_deg"].to_numpy()))
     north, east = (integrate(np.nan_to_num(each), 1.0) for each in velocity)
@@ -139,16 +139,15 @@ def sailed(motion: pd.DataFrame) -> pd.DataFrame:
 
 
 def measured_anew(motion: pd.DataFrame, levels: NoiseLevels, random: np.random.Generator) -> pd.DataFrame:
-    """A motion as sensors with white noise at these levels would record it."""
+    """A motion as recorded by sensors with white noise at these levels."""
     position, speed, turn = levels.position_m, levels.speed_mps, np.rad2deg(levels.yaw_rate_radps)
     sigma = np.array([position, position, np.rad2deg(levels.heading_rad), speed, speed, turn])
     return motion + sigma * random.standard_normal(motion.shape)
 
 
 def truth_tracks(measured: Floats, joined: Floats) -> Floats:
-    """The tracks [N, K, H+1, 2] by each of :data:`TRUTHS`, of what was ``measured`` [N, H+1, 6] and the positions
-    of the sensors ``joined`` [N, H+1, 2]. NaN where positions leap further than the ship can.
-    """
+    """The tracks [N, K, H+1, 2] by each of :data:`TRUTHS`, from ``measured`` [N, H+1, 6] and the ``joined``
+    positions of all sensors [N, H+1, 2]. NaN where positions jump further than the ship can move."""
     velocity = np.stack(to_earth(measured[..., 3], measured[..., 4], measured[..., 2]), axis=-1)
     steps = 0.5 * (velocity[:, 1:] + velocity[:, :-1])
     way = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
@@ -158,16 +157,15 @@ def truth_tracks(measured: Floats, joined: Floats) -> Floats:
 
 
 def truth_distances(predicted: Floats, windows: PredictionWindows) -> Floats:
-    """The mean distance [N, K] of tracks [N, H+1, 2 or 3] to each truth; of no truth without any."""
+    """The mean distance [N, K] of tracks [N, H+1, 2 or 3] to each truth; K is 0 if there are none."""
     truths = np.empty((len(windows), 0, *predicted.shape[1:2], 2)) if windows.truths is None else windows.truths
     apart = predicted[:, None, 1:, :2] - truths[:, :, 1:]
     return np.asarray(np.hypot(apart[..., 0], apart[..., 1]).mean(axis=2))
 
 
 def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats], seed: int = 0) -> Truths | None:
-    """What methods are worth by each truth, their mean distances [N, K] of :func:`truth_distances`; intervals by
-    legs. None where windows have no truth.
-    """
+    """The errors of methods by each truth, from mean distances [N, K] of :func:`truth_distances`, with
+    intervals over legs. None if windows have no truths."""
     if windows.truths is None or windows.truth_errors is None:
         return None
     known = np.asarray(np.isfinite(windows.truths + windows.truth_errors).all(axis=(2, 3)))
@@ -193,11 +191,11 @@ def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats
 
 
 def _with_more(floor_m: Interval, beyond_m: float) -> Interval:
-    """A floor with what is in it beside noise."""
+    """A noise floor plus its further part."""
     return Interval(*(float(np.hypot(each, beyond_m)) for each in (floor_m.value, floor_m.low, floor_m.high)))
 
 
 def _si(table: pd.DataFrame, rows: Ints) -> Floats:
-    """Pose and velocity in SI at these rows [N, H+1, 6]; NaN at -1. The heading may go round."""
+    """Pose and velocity in SI at these rows [N, H+1, 6]; NaN at -1. The heading may be unwrapped."""
     values = table[list(POSE_AND_VELOCITY)].to_numpy(dtype=float) * STATE_UNITS
     return np.asarray(np.vstack([values, np.full(6, np.nan)])[rows])

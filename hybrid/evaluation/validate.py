@@ -1,4 +1,4 @@
-"""``seatrial validate``: every method on windows that no method has seen, in one table."""
+"""``seatrial validate``: every method on unseen windows, in one table."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Validation(ModelResult):
 
     @property
     def measurements(self) -> str:
-        """That positions and speeds disagree, where they do."""
+        """A remark if positions and speeds disagree."""
         return self.truths.remark if self.truths else ""
 
     @property
@@ -64,7 +64,7 @@ class Validation(ModelResult):
 
     @property
     def fallback(self) -> dict[str, int] | None:
-        """In how many windows the fallback predicted, by its main baseline; None without a calibrator."""
+        """The number of windows predicted by the fallback, by its main baseline; None without a calibrator."""
         if self.source is None:
             return None
         names, times = np.unique(self.source[self.source != "hybrid"], return_counts=True)
@@ -90,7 +90,7 @@ class Validation(ModelResult):
 
 
 def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator) -> None:
-    """Raise :class:`InputError` when a recording took part in the training."""
+    """Raise :class:`InputError` if a recording was used for training."""
     known = [each for each in sources if any(each.overlaps(other) for other in trained.sources)]
     if known:
         raise InputError(
@@ -103,8 +103,8 @@ def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator
 def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
     """Score every baseline, and the calibrator if there is one, on the windows of ``dataset``.
 
-    Raises :class:`InputError` when the calibrator was trained for a shorter horizon, or on held controls and the
-    windows have any commands.
+    Raises :class:`InputError` if the calibrator was trained for a shorter horizon, or on held controls while
+    the windows have any commands.
     """
     if trained is not None:
         trained.refuse_horizon(dataset.windows.horizon_s)
@@ -135,7 +135,7 @@ def _scores(tracks: Mapping[str, Floats], windows: PredictionWindows, ending: st
 def _tracks(
     windows: PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
 ) -> tuple[dict[str, Floats], PredictedTracks | None]:
-    """The tracks by method, and the calibrator's with their regions where there is one."""
+    """The tracks by method, and the calibrator's with their regions if there is one."""
     tracks = {
         "straight_line": straight_line(windows),
         "constant_velocity": constant_velocity(windows),

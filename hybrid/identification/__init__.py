@@ -1,1 +1,2 @@
-"""A model's coefficients from trials: what the data say of each, with its error, and what they do not say."""
+"""Estimating a model's coefficients from trials, with their errors, and finding which the data do not
+determine."""

@@ -1,9 +1,10 @@
-"""The numbers of a vessel file that a trial can tell of, each with what is thought of it before.
+"""The coefficients of a vessel file that trials can determine, with their priors.
 
-A coefficient is named as in ``[estimated]``: ``hull.Y_v``, ``rudder.a_H``. Before any data its departure is normal,
-of the relative width that ``[estimated]`` says, or else of one that is usual for such a number. Numbers that keep
-their sign, as damping, masses and all of an actuator's do, depart by a factor exp(width z), the others by a share
-1 + width z. Dimensions, places and limits are known, and so is whatever is zero: a term that the model lacks.
+A coefficient is named as in ``[estimated]``: ``hull.Y_v``, ``rudder.a_H``. The prior of its deviation is
+normal, with the relative width given in ``[estimated]`` or else the usual one. Coefficients that keep their
+sign, such as damping, masses and all of an actuator's, vary by a factor exp(width z), the others by 1 + width
+z. Dimensions, positions and limits are known, and so is everything that is zero: a term that the model does not
+have.
 """
 
 from __future__ import annotations
@@ -20,14 +21,14 @@ from hybrid.vessel.hulls import HULLS
 from hybrid.vessel.parameters import Vessel
 
 USUAL_WIDTHS = {"hull": 0.3, "inertia": 0.15, "actuator": 0.2}
-"""The relative widths of numbers that nobody gave an error for: about those of ``vessel new``."""
+"""The relative prior widths of coefficients without a stated error: about those of ``vessel new``."""
 
 WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
-"""Of the wind's coefficients as a whole, whose regressions err by a fifth (Fujiwara, Ueno and Nimura 1998); of the
-thrust of a shaft that turns astern where the file has no number for it, as ``vessel new`` has of those it has."""
+"""The relative prior width of the wind coefficients as a whole, whose regressions have errors of a fifth
+(Fujiwara, Ueno and Nimura 1998), and of a shaft's astern thrust if the file does not give it."""
 
 _FAR = 100.0
-"""A logarithm beyond any number's: where a search tries it, the model just leaves its range."""
+"""A bound on logarithms; the model leaves its range where a search reaches it."""
 
 _ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
@@ -37,9 +38,9 @@ _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """One number: its name, what it is at first, the relative width of what is thought of it, and its form.
+    """A coefficient: its name, its initial value, the relative width of its prior, and its parametrisation.
 
-    ``twins`` are the names of those of like actuators, which are the same number; ``most`` is what it is at most.
+    ``twins`` are the names of the same coefficient of identical actuators; ``most`` is its upper bound.
     """
 
     name: str
@@ -50,13 +51,13 @@ class Coefficient:
     most: float = inf
 
     def value(self, z: float) -> float:
-        """The number at a departure of ``z`` standard deviations."""
+        """The value at a deviation of ``z`` standard deviations."""
         departed = exp(min(self.width * z, _FAR)) if self.keeps_sign else 1.0 + self.width * z
         return min(self.start * departed, self.most)
 
 
 def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
-    """The coefficients of a vessel that trials can tell of."""
+    """The coefficients of a vessel that trials can determine."""
     return tuple(_coefficients(vessel))
 
 
@@ -76,7 +77,7 @@ _OWN = {"name": "", "y_m": 0.0, "behind": ""}
 
 
 def _alike(vessel: Vessel) -> list[list[Any]]:
-    """The actuators, those together that are the same but for their name, side and what is behind what."""
+    """The actuators, grouped if identical but for name and side."""
     groups: dict[Any, list[Any]] = {}
     listed: tuple[Any, ...] = vessel.actuator
     for each in listed:
@@ -86,7 +87,7 @@ def _alike(vessel: Vessel) -> list[list[Any]]:
 
 
 def _renamed(name: str, one: str, other: str) -> str:
-    """The name of a number of ``one`` actuator for the ``other``."""
+    """The name of a coefficient of ``one`` actuator for the ``other``."""
     table, _, number = name.rpartition(".")
     return f"{table.removesuffix(one)}{other}.{number}"
 
@@ -100,7 +101,7 @@ def _of_actuator(vessel: Vessel, entry: Any) -> Iterable[Coefficient]:
 
 
 def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
-    """The factor of an effect, where it is in the file or at 1, within the effect's bounds."""
+    """The factor of an effect, from the file or 1, within the effect's bounds."""
     start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
     (factor,) = catalogue_of(vessel)[effect].parameters
     return Coefficient(f"effects.{effect}.factor", start, width, keeps_sign=True, most=factor.high)
@@ -109,7 +110,7 @@ def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
 def _of_table(
     vessel: Vessel, label: str, entry: Any, usual: Sequence[str], keeps_sign: Sequence[str]
 ) -> Iterable[Coefficient]:
-    """Those of one table of the file: what has an error there, and the ``usual`` ones."""
+    """The coefficients of one table of the file: those with a stated error, and the ``usual`` ones."""
     width = USUAL_WIDTHS.get(label, USUAL_WIDTHS["actuator"])
     for name in (field.name for field in fields(entry)):
         start, given = getattr(entry, name), vessel.estimated.get(f"{label}.{name}", 0.0)
@@ -118,7 +119,7 @@ def _of_table(
 
 
 def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float]:
-    """The numbers by name at departures ``z`` [coefficients]."""
+    """The values by name at deviations ``z`` [coefficients]."""
     return {
         name: each.value(float(at))
         for each, at in zip(coefficients, z, strict=True)
@@ -127,7 +128,7 @@ def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float
 
 
 def with_values(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
-    """A vessel with numbers of these names instead."""
+    """A vessel with these coefficients replaced."""
     tables: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         table, _, number = name.rpartition(".")

@@ -1,13 +1,13 @@
-"""Coefficients by the likelihood of all segments beside their priors.
+"""Maximum a posteriori coefficients from all segments.
 
-What a segment has to itself, its start and the forces that the model lacks, is taken out of the likelihood in
-closed form; for what is left the steps are Levenberg's and Marquardt's, after each of which the levels of noise and
-of lacking forces are drawn up anew. They are ours, as in the adaptive calibrator, because starts and unknowns move
-together in a step: with the starts held, ``scipy.optimize.least_squares`` goes to and fro between the two.
+What belongs to a single segment, its start and the forces that the model lacks, is marginalised in closed form;
+the rest is fitted by Levenberg-Marquardt steps, after each of which the levels of noise and missing forces are
+estimated anew. Our own steps are needed, as in the adaptive calibrator, because starts and unknowns must move
+together: with the starts fixed, ``scipy.optimize.least_squares`` oscillates between the two.
 
-What is left of a segment at some coefficients is r = Z b + e: b are the departures of its start and the forces that
-the model lacks, e the sensors' white noise, so that r has the covariance V = Z D Z' + R (of such mixed models Laird
-and Ware 1982). Nothing of V's size is ever inverted, but the Q by Q matrix that Woodbury's identity asks for.
+The residual of a segment is r = Z b + e: b are the deviation of its start and the forces that the model lacks,
+e the sensors' white noise, so r has covariance V = Z D Z' + R (mixed models, Laird and Ware 1982). Only the Q
+by Q matrix of Woodbury's identity is inverted, never one of V's size.
 """
 
 from __future__ import annotations
@@ -24,20 +24,19 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.identification.response import PARTS, Model
 
 START_VARIANCE = 1.0
-"""Of a start's departure, in the squared units of :attr:`Model.start_scale`: the start is free."""
+"""The prior variance of a start's deviation, in units of :attr:`Model.start_scale` squared: the start is free."""
 
 _LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
-"""Variances between which levels are looked for: what a search may try on its way must still be numbers."""
+"""Bounds of the variances in the search."""
 
 _ROUNDING = 1e-12
-"""Of a diagonal, more than what rounding of sums takes off: a trial far out is then still positive definite."""
+"""A share of the diagonal that exceeds rounding errors and keeps matrices positive definite."""
 
 
 @dataclass(frozen=True, slots=True)
 class Levels:
-    """``noise`` [6], the sensors' variances in SI, and ``forces`` [2, 3]: those of the force that the model lacks
-    in a whole segment and in each part of it, ahead, aside and in yaw, in the squared units of the slopes.
-    """
+    """Variances: ``noise`` [6] of the sensors in SI, and ``forces`` [2, 3] of the missing force over a whole
+    segment and in each part of it, in surge, sway and yaw, in the squared units of the slopes."""
 
     noise: Floats
     forces: Floats
@@ -50,7 +49,7 @@ class Levels:
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """Of what each segment and channel knows: Z'Z [S, 6, Q, Q], Z'r [S, 6, Q], r'r [S, 6] and how many [S, 6]."""
+    """Moments of each segment and channel: Z'Z [S, 6, Q, Q], Z'r [S, 6, Q], r'r [S, 6] and their number [S, 6]."""
 
     squares: Floats
     products: Floats
@@ -58,9 +57,8 @@ class Moments:
     count: Floats
 
     def explained(self, levels: Levels) -> tuple[Floats, Floats, Floats]:
-        """The unknowns [S, Q] that the data speak for, their covariance [S, Q, Q], and minus twice the log
-        likelihood of each segment [S].
-        """
+        """The estimated unknowns [S, Q], their covariance [S, Q, Q], and minus twice the log likelihood of each
+        segment [S]."""
         weight, scale = 1.0 / levels.noise, np.sqrt(levels.own)
         information = np.einsum("scqp,c->sqp", self.squares, weight) * np.outer(scale, scale) + np.eye(len(scale))
         information[:, range(len(scale)), range(len(scale))] *= 1.0 + _ROUNDING
@@ -73,13 +71,14 @@ class Moments:
         return own, covariance, cost + self.count @ np.log(levels.noise)
 
     def rest(self, own: Floats) -> Floats:
-        """The squares that the unknowns [S, Q] leave [S, 6]: unlike r'r less what is explained, never too small."""
+        """The sums of squares [S, 6] left by the unknowns [S, Q]; unlike r'r less what is explained, never
+        negative by rounding."""
         bent = np.einsum("scqp,sp->scq", self.squares, own) - 2.0 * self.products
         return np.asarray(np.maximum(self.total + np.einsum("scq,sq->sc", bent, own), 0.0))
 
 
 def moments_of(left: Floats, slopes: Floats) -> Moments:
-    """Those of what is ``left`` [S, T, 6], NaN where nothing was measured, and its ``slopes`` [S, T, 6, Q]."""
+    """The moments of residuals ``left`` [S, T, 6], NaN without measurement, and their ``slopes`` [S, T, 6, Q]."""
     known = np.isfinite(left)
     Z = np.ascontiguousarray(np.where(known[..., None], slopes, 0.0).transpose(0, 2, 1, 3))
     r = np.where(known, left, 0.0).transpose(0, 2, 1)
@@ -88,10 +87,10 @@ def moments_of(left: Floats, slopes: Floats) -> Moments:
 
 
 def estimate_levels(moments: Moments, first: Levels) -> Levels:
-    """The levels under which what is left of all segments is the most likely.
+    """The maximum-likelihood levels of all segments' residuals.
 
-    L-BFGS on the logarithms of the variances. Expectation and maximisation have the same slopes and creep where a
-    level goes to nought.
+    By L-BFGS on the logarithms of the variances; expectation maximisation has the same gradient but is slow
+    where a level tends to zero.
     """
     most = [_MOST_NOISE] * first.noise.size + [_MOST_FORCE] * first.forces.size
     bounds = [(log(_LEAST), log(each)) for each in most]
@@ -105,7 +104,7 @@ def _levels(logs: Floats) -> Levels:
 
 
 def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
-    """Minus twice the log likelihood of levels by their logarithms [12], and its slopes (Fisher's identity)."""
+    """Minus twice the log likelihood of log levels [12], and its gradient (Fisher's identity)."""
     levels = _levels(logs)
     own, covariance, cost = moments.explained(levels)
     rest = moments.rest(own) + np.einsum("scqp,spq->sc", moments.squares, covariance)
@@ -117,17 +116,17 @@ def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
 
 ROUNDS = 30
 _ENOUGH = 0.1
-"""Where a step is less better than so much, in minus twice the log likelihood, or promises to be, the search ends:
-the best place is then a third of the errors away, or less."""
+"""The search ends when a step improves minus twice the log likelihood by less than this, or is expected to: the
+optimum is then at most a third of the standard errors away."""
 
 _TRIES = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The unknowns ``z`` [model.size] and their covariance, the ``starts`` [S, 6] and the levels they are at.
+    """The unknowns ``z`` [model.size] and their covariance, with the ``starts`` [S, 6] and levels.
 
-    ``information`` [S, P, P] is what each segment says of the unknowns, ``scores`` [S, P] where it pulls them.
+    ``information`` [S, P, P] is each segment's information on the unknowns, ``scores`` [S, P] its score.
     """
 
     z: Floats
@@ -140,7 +139,8 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where the search is, what is left there [S, T, 6] and how it changes with each segment's own [S, T, 6, Q].
+    """A point of the search, the residuals there [S, T, 6] and their derivatives with respect to each segment's
+    own unknowns [S, T, 6, Q].
 
     ``costs`` [S] are minus twice the log likelihood of each segment, infinite where the model leaves its range.
     """
@@ -160,7 +160,7 @@ class _Place:
 
 
 def first_levels(model: Model) -> Levels:
-    """Where the estimate of the levels begins: in shares of the usual motion and of the usual forces."""
+    """The start of the estimate of the levels, as shares of the usual motion and forces."""
     return Levels((0.01 * model.start_scale * [0.1, 0.1, 1.0, 1.0, 1.0, 1.0]) ** 2, np.full((2, 3), 1e-3))
 
 
@@ -171,10 +171,10 @@ def fit(
     rounds: int = ROUNDS,
     progress: Progress = lambda share: None,
 ) -> Fit:
-    """The most likely unknowns of a model on its segments, from ``z`` on or from the priors' middle.
+    """The most likely unknowns of a model on its segments, starting from ``z`` or from the prior mean.
 
-    From the middle the way leads over segments cut into parts: the shorter they are, the less a wrong model carries
-    the ship away from what was measured, and the nearer to linear is the fit. Raises :class:`ModelRangeError` where
+    From the prior mean the search first uses segments cut into parts: the shorter they are, the less a wrong
+    model drifts from the measurements, and the closer to linear is the fit. Raises :class:`ModelRangeError` if
     the model cannot be simulated on them.
     """
     levels = levels or first_levels(model)
@@ -190,7 +190,7 @@ def fit(
 def _search(
     model: Model, z: Floats, levels: Levels, rounds: int, progress: Progress, near: float = _ENOUGH
 ) -> _Place:
-    """The best place, or one of which the next step promises to be less than ``near`` better."""
+    """The optimum, or a point whose next step is expected to gain less than ``near``."""
     now, damping, promise = _settled(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
     for number in range(rounds):
         progress(number / rounds)
@@ -203,11 +203,11 @@ def _search(
 
 
 def covariance_of(information: Floats, scores: Floats) -> Floats:
-    """The covariance [P, P] of the unknowns, from what segments say of them [S, P, P] and where each pulls [S, P].
+    """The covariance [P, P] of the unknowns, from the segments' information [S, P, P] and scores [S, P].
 
-    That of the likelihood, if the levels were all there is, would be its inverse curvature. What a model lacks is
-    not white: its effect is what the estimate varies by when each segment in turn is left out (the jackknife, Efron
-    and Stein 1981, of the sandwich by clusters: Liang and Zeger 1986). To it comes the prior's share.
+    If the model were exact, it would be the inverse curvature of the likelihood. What a model lacks is not
+    white, so its effect is estimated by leaving out each segment in turn (jackknife, Efron and Stein 1981;
+    cluster sandwich, Liang and Zeger 1986). The prior's share is added.
     """
     total = information.sum(axis=0) + np.eye(information.shape[-1])
     departures = np.linalg.solve(total - information, scores[..., None])[..., 0]
@@ -216,9 +216,8 @@ def covariance_of(information: Floats, scores: Floats) -> Floats:
 
 
 def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float, float]:
-    """The place after the first step that helps, or the same place, the damping for the next step, and how much
-    better the best place would be if all were linear.
-    """
+    """The point after the first step that improves, or the same point; the next damping; and the improvement
+    expected if the problem were linear."""
     information, scores, columns = _normal(model, now)
     total, pull = information.sum(axis=0) + np.eye(model.size), scores.sum(axis=0) - now.z
     promise = float(pull @ np.linalg.solve(total, pull))
@@ -243,13 +242,13 @@ def _place(model: Model, z: Floats, starts: Floats, levels: Levels) -> _Place:
 
 
 def _with_levels(place: _Place) -> _Place:
-    """The same place at the most likely levels."""
+    """The same point with maximum-likelihood levels."""
     levels = estimate_levels(place.moments, place.levels)
     return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
 def _settled(model: Model, place: _Place) -> _Place:
-    """The place with its levels and with the starts where the data want them."""
+    """The point with its levels and fitted starts."""
     if not np.isfinite(place.cost):
         raise ModelRangeError(
             "the model does not follow the recordings", why="it leaves its range", fix="check --vessel and units"
@@ -261,10 +260,10 @@ def _settled(model: Model, place: _Place) -> _Place:
 
 
 def _moved(model: Model, place: _Place, step: Floats, expected: Floats) -> _Place:
-    """Where a step in the unknowns leads that should change what is reported as ``expected`` [S, T, 6], the starts
-    going with it.
+    """The point after a step in the unknowns that is expected to change the reported motion by ``expected`` [S,
+    T, 6], with the starts adjusted.
 
-    Far from the truth the slopes of a segment may send its start astray: where they do it stays.
+    Far from the optimum the derivatives of a segment may throw its start far off: then it is kept.
     """
     own, _, _ = moments_of(place.left - expected, place.slopes).explained(place.levels)
     z = place.z + step
@@ -277,9 +276,8 @@ def _moved(model: Model, place: _Place, step: Floats, expected: Floats) -> _Plac
 
 
 def _normal(model: Model, place: _Place) -> tuple[Floats, Floats, Floats]:
-    """What each segment says of the unknowns [S, P, P], where it pulls them [S, P], and the slopes [S, 6 T, p] of
-    the p of them that it knows of, :attr:`Model.own_unknowns`.
-    """
+    """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
+    with respect to the p of them that it depends on, :attr:`Model.own_unknowns`."""
     columns = model.slopes(place.z, place.starts)
     weight = np.isfinite(place.left) / np.sqrt(place.levels.noise)
     C, Z, r = (_weighted(each, weight) for each in (columns, place.slopes, np.nan_to_num(place.left)))
@@ -295,13 +293,13 @@ def _normal(model: Model, place: _Place) -> tuple[Floats, Floats, Floats]:
 
 
 def _weighted(values: Floats, weight: Floats) -> Floats:
-    """Values [S, T, 6] or [S, T, 6, n] times weights [S, T, 6], as a matrix a segment [S, 6 T, n]."""
+    """Values [S, T, 6] or [S, T, 6, n] times weights [S, T, 6], as one matrix for each segment [S, 6 T, n]."""
     segments = len(values)
     return np.asarray(values.reshape(segments, weight[0].size, -1) * weight.reshape(segments, -1, 1))
 
 
 def information_at(model: Model, z: Floats, starts: Floats, levels: Levels) -> Floats:
-    """What segments would say of all unknowns there [P, P]; NaN where the model leaves its range."""
+    """The expected information of segments on all unknowns [P, P]; NaN if the model leaves its range."""
     place = _place(model, z, starts, levels)
     if not np.isfinite(place.cost):
         return np.full((model.size, model.size), np.nan)

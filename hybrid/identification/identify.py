@@ -1,10 +1,9 @@
-"""``seatrial identify``: coefficients from recordings, what they are worth, and the vessel file with them.
+"""``seatrial identify``: coefficients from recordings, their validation, and the vessel file with them.
 
-They are judged on recordings that took no part: with three or more each in turn, or each of some groups of them, is
-left out and predicted by the model that the others give; with fewer the last third of each is, by the model of what
-comes before. Which manoeuvre to make next is rehearsed by the ship as she is now thought to be: what its segments
-would say is added to what is known, and the best one is where the covariance shrinks most (D-optimality, Atkinson
-and Donev 1992).
+They are tested on held-out recordings: with three or more, each in turn, or each of some groups, is predicted
+by the model fitted to the others; with fewer, the last third of each by the model fitted to what comes before.
+Candidates for the next manoeuvre are simulated with the identified ship: their expected information is added to
+the present one, and the best reduces the covariance most (D-optimality, Atkinson and Donev 1992).
 """
 
 from __future__ import annotations
@@ -47,14 +46,13 @@ from hybrid.vessel.plant import Plant
 REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35", "speed_runs", "stopping",
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
 SEGMENTS = 20
-"""How long each is rehearsed, in segments."""
+"""The length of each simulated candidate, in segments."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A manoeuvre of ``minutes``: how much it would tell, in nats, the share of the variances it would leave on
-    average, and which coefficients would be known then that are not now.
-    """
+    """A manoeuvre of ``minutes``: its expected information in nats, the mean share of the variances that it
+    would leave, and the coefficients that it would newly determine."""
 
     manoeuvre: str
     minutes: float
@@ -73,7 +71,8 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
 
 
 def rank_trials(model: Model, found: Fit, names: Sequence[str]) -> list[Candidate]:
-    """What each manoeuvre would tell beside what is known, the best first, without those that she cannot make."""
+    """The expected information of each manoeuvre beside the present one, the best first, without those that the
+    ship cannot make."""
     ranked = []
     for name in names:
         try:
@@ -85,7 +84,7 @@ def rank_trials(model: Model, found: Fit, names: Sequence[str]) -> list[Candidat
 
 
 def _information(model: Model, found: Fit, name: str) -> Floats:
-    """What a rehearsal says of the coefficients [P, P], its own surroundings unknown."""
+    """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
     ship = model.vessel_at(found.z)
     lasting = model.segments.duration_s
     silent = Noise().scaled(0.0)
@@ -118,10 +117,11 @@ _NORMAL_95 = 1.959964
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One coefficient: its value with the 95 % interval, what it was at the start with the interval that was
-    thought of then, and whether the data know it.
+    """A coefficient: its value with the 95 % interval, its initial value with the prior interval, and whether
+    the data determine it.
 
-    ``share`` is the standard error in units of the prior's; ``twins`` are names of the same number elsewhere.
+    ``share`` is the standard error in units of the prior's; ``twins`` are names of the same coefficient
+    elsewhere.
     """
 
     name: str
@@ -136,13 +136,13 @@ class Estimate:
 
     @property
     def known(self) -> bool:
-        """Whether the data say more of it than was thought before."""
+        """Whether the data determine it beyond the prior."""
         return self.share < UNKNOWN
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """How far predictions are off on what took no part in the fits: scores by method on so many windows."""
+    """Errors of predictions on held-out data: scores by method on a number of windows."""
 
     horizon_s: int
     windows: int
@@ -154,9 +154,10 @@ class Judgement:
 class Identification(ModelResult):
     """A vessel with coefficients from trials.
 
-    ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and sensor
-    errors by recording, in SI; ``candidates`` are trials that would tell more, the best first; ``set_aside`` says
-    what of the recordings was not used; ``tracks`` are what a picture of the fit needs, measured and simulated.
+    ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and
+    sensor errors by recording, in SI; ``candidates`` are further trials, the most informative first;
+    ``set_aside`` lists parts of the recordings not used; ``tracks`` are measured and simulated, for a figure of
+    the fit.
     """
 
     vessel: Vessel
@@ -177,7 +178,7 @@ class Identification(ModelResult):
 
     @property
     def entangled(self) -> list[tuple[str, str, float]]:
-        """Pairs of known coefficients that cannot be told apart, and their correlation."""
+        """Pairs of known coefficients that the data cannot separate, with their correlation."""
         known = [number for number, each in enumerate(self.coefficients) if each.known]
         names = [self.coefficients[number].name for number in known]
         return correlated_pairs(names, self.correlation[np.ix_(known, known)])
@@ -220,14 +221,13 @@ def identify_tables(
     segment_s: float | None = None,
     progress: Progress = lambda share: None,
 ) -> tuple[Identification, Fit, Model]:
-    """The coefficients of ``vessel`` from tables of raw samples by recording, without a validation.
+    """The coefficients of ``vessel`` from tables of samples by recording, without validation.
 
-    ``only`` names those that are not known, by default all of :func:`coefficients_of`; ``candidates`` are
-    manoeuvres to rank; ``segment_s`` is how long each stretch is that has a start of its own. Raises
-    :class:`DataShortageError`, :class:`InputError` for recordings of another ship, :class:`ModelRangeError` where
-    the model cannot follow them.
+    ``only`` names the unknown ones, by default all of :func:`coefficients_of`; ``candidates`` are manoeuvres to
+    rank; ``segment_s`` is the length of a segment. Raises :class:`DataShortageError`, :class:`InputError` for
+    recordings of another ship, :class:`ModelRangeError` if the model cannot follow them.
     """
-    with threadpool_limits(1, user_api="blas"):  # small matrices, on which more threads only wait for each other
+    with threadpool_limits(1, user_api="blas"):  # small matrices, for which threads do not pay
         wanted = set(only)
         coefficients = [each for each in coefficients_of(vessel) if not only or wanted & {each.name, *each.twins}]
         model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
@@ -269,7 +269,7 @@ def _estimate(coefficient: Coefficient, at: float, share: float) -> Estimate:
 
 
 def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) -> Vessel:
-    """The vessel with the numbers at ``z``; what is known of each stands in its ``estimated``."""
+    """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
     vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, each in zip(model.coefficients, estimates, strict=True):
         if not coefficient.name.startswith("effects.") and each.value != 0.0:
@@ -291,11 +291,11 @@ _ROUNDS = 6
 _STRIDE_S = 5
 Tables = Mapping[str, pd.DataFrame]
 Fold = tuple[Tables, Tables]
-"""The tables to fit on, and those to judge on."""
+"""The tables to fit and those to test on."""
 
 
 def folds_of(tables: Tables) -> tuple[list[Fold], str]:
-    """What is fitted and what is judged in each fold, and what is left out in words."""
+    """The training and test data of each fold, and a description of what is held out."""
     names = list(tables)
     if len(names) < BY_RECORDING:
         first, last = (
@@ -315,9 +315,9 @@ def folds_of(tables: Tables) -> tuple[list[Fold], str]:
 def judge(
     tables: Tables, model: Model, found: Fit, horizon_s: int, progress: Progress = lambda share: None
 ) -> Judgement | None:
-    """How far predictions over ``horizon_s`` are off, under the commands as recorded; None without a window.
+    """Errors of predictions over ``horizon_s`` under the recorded commands; None without a window.
 
-    ``tables`` are those that were fitted, of raw samples by recording.
+    ``tables`` are the fitted ones, of samples by recording.
     """
     folds, held_out = folds_of(tables)
     tracks: dict[str, list[np.ndarray]] = {}
@@ -354,7 +354,7 @@ def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int
 
 
 def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: Model, found: Fit) -> Plant:
-    """The plant by these tables alone; the search begins where that of all ended."""
+    """The plant fitted to these tables alone, starting from the fit to all."""
     segments = segments_of(tables, vessel_plant(model.vessel), model.segments.duration_s)
     own, z = model.on_segments(segments, found.z)
     return vessel_plant(own.vessel_at(fit(own, z, levels=found.levels, rounds=_ROUNDS).z))

@@ -1,8 +1,8 @@
-"""What the model says of every segment, and how that changes with each unknown.
+"""The model's response on every segment, and its derivatives with respect to each unknown.
 
-The unknowns of all segments are the coefficients; those of a recording its current, the errors of its wind sensor
-and of its motion sensors; those of a segment its start and the forces that the model lacks in it, one for the whole
-of it and one for each part.
+Unknown for all segments are the coefficients; for a recording its current and the errors of its wind and motion
+sensors; for a segment its start and the forces that the model lacks, one over the whole segment and one in each
+part.
 """
 
 from __future__ import annotations
@@ -22,15 +22,14 @@ from hybrid.vessel.sensors import acting_controls, measure
 from hybrid.vessel.simulate import simulate_batch
 
 PARTS = 5
-"""Parts of a segment, in each of which the model may lack another force."""
+"""The number of parts of a segment, each with its own missing force."""
 
 FORCES = ("constant_X_n", "constant_Y_n", "constant_N_nm")
 CURRENT_SHARE, WIND_SHARE, WIND_RAD = 0.05, 0.15, 0.15
 HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_S = 0.01, 0.01, 0.01, 0.02, 0.5
-"""Before any data: a current in shares of the ship's speed, the wind sensor's factor and direction, the heading's
-bias, the speeds' factor, the sway's bias in shares of the speed, the antenna's place in ship lengths, and how late
-controls and positions are recorded: a matter of instruments and buses, on a model as on a ship, and as ordinary as
-in the catalogue of effects."""
+"""Prior widths: the current as a share of the ship's speed, the wind sensor's factor and direction, the heading
+bias, the speed factor, the sway bias as a share of the speed, the antenna position in ship lengths, and the
+delays of controls and positions, which do not scale with the ship. As in the catalogue of effects."""
 
 Variant = tuple[Plant, Floats, Floats]
 """A plant, the surroundings of each recording, the starts."""
@@ -41,7 +40,7 @@ _WIDER = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Surrounding:
-    """An unknown of a recording: the plant's number, its value at zero and its width."""
+    """An unknown of a recording: the plant's parameter, its value at zero and its width."""
 
     name: str
     neutral: float
@@ -49,7 +48,7 @@ class Surrounding:
 
 
 def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
-    """The unknowns of every recording of a ship at her usual speed; those of the sensors last."""
+    """The unknowns of every recording of a ship at her usual speed; those of the sensors come last."""
     length_m = plant.length_between_perpendiculars_m
     widths = {
         "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
@@ -62,7 +61,7 @@ def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
 
 
 SIMULATED = 5
-"""How many of the surroundings act in the simulation; the others on what is reported of it."""
+"""The number of surroundings that act in the simulation; the others act on its sensor readings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ class Model:
 
     @property
     def own_unknowns(self) -> Ints:
-        """Which of the unknowns each segment knows of [S, coefficients + surroundings]."""
+        """The unknowns that each segment depends on [S, coefficients + surroundings]."""
         kept, each = len(self.coefficients), len(self.surroundings)
         around = kept + self.segments.recording[:, None] * each + np.arange(each)
         return np.concatenate([np.tile(np.arange(kept), (len(around), 1)), around], axis=1)
@@ -95,12 +94,12 @@ class Model:
         return with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)]))
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[Model, Floats]:
-        """The same coefficients on other segments, and ``z`` there: nothing is known of their surroundings."""
+        """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
         own, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
         return own, np.concatenate([z[:kept], np.zeros(own.size - kept)])
 
     def plant(self, z: Floats) -> Plant:
-        """The plant at the coefficients of ``z``; wider in its range, as a search needs."""
+        """The plant at the coefficients of ``z``, with a wider range, as a search needs."""
         plant = vessel_plant(self.vessel_at(z))
         high = _WIDER * max(plant.surge_high_mps, -plant.surge_low_mps)
         return plant.replaced(
@@ -120,9 +119,8 @@ class Model:
         return self._seen(self._run([(self.plant(z), around, start)])[0], around)
 
     def slopes(self, z: Floats, start: Floats) -> Floats:
-        """How what is reported changes with each coefficient and with each surrounding of the segment's own
-        recording, [S, T, 6, coefficients + surroundings].
-        """
+        """The derivative of the readings with respect to each coefficient and each surrounding of the segment's
+        recording, [S, T, 6, coefficients + surroundings]."""
         plant, around = self.plant(z), self.around(z)
         moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
         others = [around + _DIFFERENCE * row for row in np.diag([each.width for each in self.surroundings])]
@@ -135,10 +133,11 @@ class Model:
         return np.stack(columns, axis=-1)
 
     def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
-        """What is reported [S, T, 6], and how it changes with what is a segment's own: [S, T, 6, 6 + 3 + 3 PARTS].
+        """The readings [S, T, 6], and their derivatives with respect to a segment's own unknowns: [S, T, 6, 6 +
+        3 + 3 PARTS].
 
-        The start in units of :attr:`start_scale`, the forces of the whole segment and those of each part in units
-        of mass times speed squared over length, moments of that times the length.
+        The start in units of :attr:`start_scale`; the forces over the whole segment and in each part in units
+        of mass times speed squared over length, moments of that times length.
         """
         plant, around = self.plant(z), self.around(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
@@ -150,7 +149,7 @@ class Model:
         return seen, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
 
     def _pulses(self, plant: Plant, around: Floats, still: Floats) -> Floats:
-        """How states change with a force that acts in one part: [S, T, 6, 3 axes, parts]."""
+        """The derivative of states with respect to a force that acts in one part: [S, T, 6, 3 axes, parts]."""
         length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
         sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
         pushed = [
@@ -165,7 +164,7 @@ class Model:
 
     @property
     def start_scale(self) -> Floats:
-        """The units of a start's departures [6]: a length, a radian, the speed, a turn."""
+        """The units of a start's deviation [6]: a length, a radian, the speed, a turn."""
         speed = self.segments.speed_mps
         length_m = self.vessel.dimensions.length_between_perpendiculars_m
         return np.array([length_m, length_m, 1.0, speed, speed, speed / length_m])
@@ -190,7 +189,7 @@ class Model:
         return states.reshape(len(variants), len(segments), *states.shape[1:])
 
     def _seen(self, states: Floats, around: Floats) -> Floats:
-        """What is reported of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
+        """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
         sparse = states[:, : -1 : self.segments.every]
         seen = np.empty_like(sparse)
         names = [each.name for each in self.surroundings[SIMULATED:]]

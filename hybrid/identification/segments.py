@@ -1,8 +1,8 @@
-"""Recordings cut into segments, each of which is simulated from a start of its own.
+"""Recordings cut into segments, each simulated from its own start.
 
-A segment lasts a ship length or so, the time in which she answers to her helm: long enough to show what the
-coefficients do, short enough that what the model lacks has not carried the ship away, and that there are many
-segments, by leaving out each of which in turn errors are judged.
+A segment lasts about the time to sail a ship length, in which she responds to her helm: long enough to show the
+effect of coefficients, short enough that model errors do not carry the ship away, and that there are many
+segments for estimating errors by leaving out each in turn.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ LENGTHS = 1.0
 
 SHORTEST_S, LONGEST_S = 15.0, 240.0
 COMPARED = 30
-"""How many times in a segment the motion is compared."""
+"""The number of comparisons with measurements in a segment."""
 
 LEAST_EVERY, MOST_EVERY = 3, 8
-"""Steps of the controls from one such time to the next. As far as these allow a step is as long as the interval
-of the records or a whole part of that: between them a rudder that moves is not where a straight line has it."""
+"""The least number of control steps between comparisons. As far as possible a step equals the interval of the
+records or a whole fraction of it, since between records a moving rudder is not on the interpolated line."""
 
 MOST = 400
-"""So many segments are enough: of longer recordings every second one, every third one ... is taken."""
+"""The number of segments beyond which only every second, third ... one of a longer recording is used."""
 
 _MOVING_SHARE = 0.2
 _LEAST = 4
@@ -67,17 +67,17 @@ class Segments:
 
     @property
     def start(self) -> Floats:
-        """A first guess of the states [S, 6] at the start."""
+        """An initial estimate of the states [S, 6] at the start."""
         return self.motion[:, 0]
 
     @property
     def every(self) -> int:
-        """The steps from one time of comparison to the next."""
+        """The steps between comparisons."""
         return int(self.controls.shape[1] // self.measured.shape[1])
 
     @property
     def duration_s(self) -> float:
-        """How long a segment is [s]."""
+        """The length of a segment [s]."""
         return float(self.controls.shape[1] * self.dt_s)
 
     def subset(self, chosen: Bools | NDArray[np.int64]) -> Segments:
@@ -86,7 +86,7 @@ class Segments:
         return replace(self, **rows)
 
     def split(self, parts: int) -> Segments:
-        """Segments of so many parts of the duration."""
+        """Segments divided into this number of parts."""
         measured, motion, controls, wind = (_in_parts(getattr(self, name), parts) for name in _ROWS[:-1])
         return replace(
             self, measured=measured, motion=motion, controls=controls, wind=wind,
@@ -103,9 +103,9 @@ def _in_parts(rows: Floats, parts: int) -> Floats:
 
 
 def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
-    """The segments of tables of raw samples, or of evenly spaced ones, by the recording's name.
+    """The segments of tables of samples, at any rate, by the recording's name.
 
-    Raises :class:`DataShortageError` where there are less than a handful, :class:`InputError` for recordings of
+    Raises :class:`DataShortageError` if there are fewer than a handful, :class:`InputError` for recordings of
     another ship.
     """
     speed = _usual_speed(tables)
@@ -138,7 +138,7 @@ def _usual_speed(tables: Mapping[str, pd.DataFrame]) -> float:
 
 
 def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float, int]:
-    """The length of a step [s], and how many of them lie from one time of comparison to the next."""
+    """The length of a step [s], and the number of steps between comparisons."""
     records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
     interval_s = float(np.median(np.concatenate(records)))
     apart_s = lasting_s / COMPARED

@@ -1,1 +1,2 @@
-"""A twin aboard: beside the recorder it says where the ship will be, and how far off it was before."""
+"""A digital twin aboard: beside the recorder it predicts where the ship will be, and evaluates its earlier
+predictions."""

@@ -1,9 +1,9 @@
-"""The samples of the last minute, a prediction from their newest whole second, as ``seatrial predict`` makes it,
-and that prediction as the body of a ``/prediction`` message and as GeoJSON for a map.
+"""The samples of the last minute, a prediction from their newest whole second, as by ``seatrial predict``, and
+that prediction as the body of a ``/prediction`` message and as GeoJSON for a map.
 
-Nothing was measured after that second but in the fraction of a second since. So the filter that brings the channels
-to 1 Hz is one-sided there, and the start state of all methods is that of a Kalman filter
-(:mod:`hybrid.prediction.kalman_filter`): less certain than the state that a recording gives afterwards.
+Only a fraction of a second of data follows that second. So the filter that brings the channels to 1 Hz is
+one-sided there, and the start state of all methods is that of a Kalman filter
+(:mod:`hybrid.prediction.kalman_filter`), less certain than a two-sided state computed from a recording.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 _SOURCE = ("",)
 MOTION = (*POSE, *VELOCITY)
-"""What must have been measured up to the start; wind and thrusters are held anyhow, and may be older."""
+"""The channels that must have been measured up to the start; wind and thrusters are held anyway, and may be
+older."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ class Forecast:
 
 
 def newest_second_ns(recording: Recording) -> int | None:
-    """The newest whole second within what was measured of all of the ship's motion [ns]; None without one."""
+    """The newest whole second [ns] covered by all motion channels; None if there is none."""
     spans = [_span_ns(recording.series.get(name)) for name in MOTION]
     known = [each for each in spans if each is not None]
     if len(known) < len(MOTION):
@@ -62,7 +63,7 @@ def newest_second_ns(recording: Recording) -> int | None:
 
 
 def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
-    """Those of the 13 channels without a value at a second: never received, or too long before it.
+    """The trial's channels without a value at a second: never received, or too long before it.
 
     Without a second (None) those that were never received.
     """
@@ -112,14 +113,14 @@ def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[st
 
 
 def _longer(series: Series, until_ns: int) -> Series:
-    """A series with its newest believed value once more, as if measured at ``until_ns``."""
+    """A series with its newest valid value repeated, as if measured at ``until_ns``."""
     believed = np.flatnonzero(series.quality < Quality.BAD)
     last = believed[np.argmax(series.measured_ns[believed])]
     return series.append(replace(series.subset(np.array([last])), measured_ns=np.array([until_ns])))
 
 
 def _span_ns(series: Series | None) -> tuple[int, int] | None:
-    """When the first and the last believed sample of a channel were measured [ns]; None without one."""
+    """The times of a channel's first and last valid samples [ns]; None without one."""
     if series is None:
         return None
     believed = series.measured_ns[series.quality < Quality.BAD]
@@ -127,7 +128,7 @@ def _span_ns(series: Series | None) -> tuple[int, int] | None:
 
 
 def _longest_hold_ns(series: Series) -> float:
-    """As long a gap as resampling bridges in this channel [ns]."""
+    """The longest gap that resampling bridges in this channel [ns]."""
     apart = np.diff(np.sort(series.measured_ns))
     return own_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
 
@@ -146,7 +147,7 @@ class RecentSamples:
         self.newest_received_ns = 0
 
     def add(self, samples: Mapping[str, Series], *, again: bool = False) -> None:
-        """Append samples by channel; with ``again`` those that are here already are passed over."""
+        """Append samples by channel; with ``again``, known ones are skipped."""
         for name, each in samples.items():
             added, known = each, self._samples.get(name)
             if again and known is not None and known.received_ns.size:
@@ -158,7 +159,7 @@ class RecentSamples:
         self._samples = {name: each.subset(each.received_ns >= oldest_ns) for name, each in self._samples.items()}
 
     def recording(self, trial: Trial, path: Path) -> Recording:
-        """All of it as a recording that has just been read; it does not say which source a sample came from."""
+        """The samples as a recording, without their sources."""
         series = {
             name: replace(each, sources=_SOURCE, source_index=np.zeros(each.value.size, np.int32))
             for name, each in self._samples.items()
@@ -185,9 +186,8 @@ def message_body(
     running: tuple[float, MeanErrors],
     band_factor: float = 1.0,
 ) -> dict[str, Any]:
-    """The message. ``model`` names the vessel and the calibrator's folder, ``running`` is over how many seconds the
-    means are and what they are, ``band_factor`` what the band has been multiplied by.
-    """
+    """The message body. ``model`` names the vessel and the calibrator's folder, ``running`` has the mean errors
+    and the seconds that they cover, ``band_factor`` is the factor on the band."""
     over_s, mean = running
     body = {
         "start": prediction.at.as_unit("ns").value / NANO,
@@ -210,12 +210,12 @@ def message_body(
 
 
 def _without_none(values: dict[str, Any]) -> dict[str, Any]:
-    """Without what is None."""
+    """The dictionary without None values."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float]]:
-    """The track as arrays, a second an element; positions to the millimetre, what is not known empty."""
+    """The track as arrays by second; positions to the millimetre, unknown quantities empty."""
     north_m, east_m, heading = prediction.track.T
     latitude_deg, longitude_deg = positions(north_m, east_m, origin)
     return {

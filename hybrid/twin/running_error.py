@@ -1,19 +1,20 @@
-"""The errors of the predictions of the last minutes, as soon as their horizons have been measured.
+"""The errors of the predictions of the last minutes, computed as soon as their horizons have been measured.
 
-A prediction is made with the wind held, and the thrusters held or as planned. Where one moved otherwise in its
-horizon, which it could not know, its error says little of the model: such errors are counted, marked and left out
-of the means.
+A prediction assumes constant wind, and thrusters held or as planned. If a thruster moved otherwise during the
+horizon, which the prediction could not know, its error says little about the model: such errors are counted,
+marked and excluded from the means.
 
-The regions correct themselves by these errors: wider after the ship has left them too often, narrower after too
-seldom. The factor on their size follows the quantile that it stands for (adaptive conformal inference: Gibbs and
-Candes 2021; as a quantile tracker Angelopoulos, Candes and Tibshirani 2023, "Conformal PID control for time series
+The regions adapt to these errors: wider after the ship has left them too often, narrower after too seldom. The
+factor on their size tracks the quantile that it stands for (adaptive conformal inference: Gibbs and Candes
+2021; as a quantile tracker Angelopoulos, Candes and Tibshirani 2023, "Conformal PID control for time series
 prediction", equation 3), on a logarithmic scale:
 
     log factor  <-  log factor + step (share of seconds outside - 0.05)
 
-for each independent prediction, the step larger at first. Predictions that start a second apart have nearly the
-same error, so each counts as the seconds since the one before it over the horizon. Whatever the errors do, the mean
-share outside comes to 5 % as 1 / (number of independent predictions) while the factor is inside its bounds.
+for each independent prediction, with larger steps at first. Predictions that start a second apart have nearly
+the same error, so each counts as the seconds since the previous one over the horizon. Whatever the errors, the
+mean share outside tends to 5 % as 1 / (number of independent predictions) while the factor is inside its
+bounds.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.prediction.regions import COVERAGE, relative_distances
 
 FILTER_REACH_S = MOTION_FILTER.reach
-"""How long after a second its value at 1 Hz is final [s]: the reach of the filter."""
+"""The delay after which the value of a second at 1 Hz is final [s]: the reach of the filter."""
 AVERAGED_S = 300.0
 _DRIVEN_S = 5
-"""So long after an order its drive may be on the way [s]: with a lag of 1 s, the longest of the vessel files, it is
-within a hundredth after 4.6 s."""
+"""The time that a drive may need to follow an order [s]: with a lag of 1 s, the longest of the vessel files, it
+is within a hundredth after 4.6 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +79,9 @@ _MEANS = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_d
 
 @dataclass(frozen=True, slots=True)
 class MeanErrors:
-    """Means over judged predictions in whose horizon the thrusters did as predicted with, None where there is none.
+    """Means over evaluated predictions during which the thrusters did as assumed, None if there are none.
 
-    ``along_m`` and ``across_m`` keep their sign. ``left_out`` counts those in which one did otherwise.
+    ``along_m`` and ``across_m`` are signed. ``left_out`` counts the other predictions.
     """
 
     predictions: int = 0
@@ -93,7 +94,7 @@ class MeanErrors:
     inside_band: float | None = None
 
     def with_error(self, error: TrackError) -> MeanErrors:
-        """The means with one prediction more."""
+        """The means updated with one more prediction."""
         if error.thrusters_moved:
             return replace(self, left_out=self.left_out + 1)
         number, means = self.predictions + 1, dict[str, Any]()
@@ -133,11 +134,10 @@ def _inside_band(prediction: Prediction, measured: Floats) -> float | None:
 def any_thruster_moved(
     table: pd.DataFrame, row: int, horizon_s: int, planned: Mapping[str, Floats] | None = None
 ) -> bool:
-    """Whether a thruster moved otherwise than ``planned`` in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz
+    """Whether a thruster departed from ``planned`` in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz
     table.
 
-    ``planned`` are channels [horizon_s] by name, all others are held. What counts as moved is the rule by which
-    windows are held.
+    ``planned`` are channels [horizon_s] by name, all others are held. The tolerance is that of held windows.
     """
     actuators, plan = table_actuators(table), planned or {}
     return not all(
@@ -149,11 +149,11 @@ def any_thruster_moved(
 
 
 def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: Actuators) -> bool:
-    """Whether a control channel did from ``row`` on what was ``planned`` [H], in the channel's unit.
+    """Whether a control channel followed ``planned`` [H] from ``row`` on, in the channel's unit.
 
-    Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those that the
-    filter of the 1 Hz table reaches, within the span that a held setting may have. The last seconds do not count,
-    to which that filter carries what comes after the horizon.
+    Its mean over each second has to lie between the orders of the last :data:`_DRIVEN_S` seconds and those
+    within reach of the 1 Hz filter, with the tolerance of a held setting. The last seconds, to which that
+    filter carries values from after the horizon, do not count.
     """
     reach, circular = SETTING_FILTER.reach, is_circular(name)
     seconds = max(len(planned) - reach, 1)
@@ -169,10 +169,10 @@ def as_planned(name: str, values: Floats, row: int, planned: Floats, actuators: 
 
 
 class RunningError:
-    """Predictions whose horizon is not over, and the errors of the last ones whose horizon is.
+    """Pending predictions, whose horizons are not over, and the errors of the latest ones whose horizons are.
 
-    ``unmeasured`` counts those without a measured track, as a channel was missing, the positions
-    jumped or another recording began.
+    ``unmeasured`` counts those without a measured track because a channel was missing, positions jumped or
+    another recording began.
     """
 
     def __init__(self, over_s: float = AVERAGED_S) -> None:
@@ -191,7 +191,7 @@ class RunningError:
         self._pending.clear()
 
     def evaluate(self, table: pd.DataFrame, until_ns: int) -> list[TrackError]:
-        """Judge what can be judged by a 1 Hz table that is known up to a time [ns]; the errors, earliest first."""
+        """Evaluate predictions with a 1 Hz table known up to a time [ns]; the errors, earliest first."""
         found = []
         while self._pending:
             prediction = self._pending[0]
@@ -210,7 +210,7 @@ class RunningError:
         return found
 
     def mean(self) -> MeanErrors:
-        """The means over the last ``over_s`` seconds of predictions that have been judged."""
+        """The means over the evaluated predictions of the last ``over_s`` seconds."""
         return reduce(MeanErrors.with_error, self._last, MeanErrors())
 
     def _error(
@@ -233,32 +233,32 @@ class RunningError:
 
 
 STEP = 0.3
-"""The step after the first predictions. Where errors are a Gaussian process, regions half as wide as they should be
-hold 94 % over the first hour of 30 s predictions, twice as wide ones 97 %, and right ones become 9 % larger in area
-by chance; a step half as large takes twice as long to get there, one twice as large costs twice the area."""
+"""The step after the first predictions. For errors that follow a Gaussian process, regions of half the right
+width cover 94 % over the first hour of 30 s predictions, of twice the width 97 %, and right ones grow by 9 % in
+area by chance; half the step takes twice as long, twice the step costs twice the area."""
 LARGEST_FACTOR = 4.0
-"""And 1 over it the smallest. From there, as after a failed sensor, it is back in an hour of 30 s predictions."""
+"""The largest factor; the smallest is its inverse. From there, as after a failed sensor, it recovers in an hour
+of 30 s predictions."""
 
 
 def step(learned: float) -> float:
-    """The step after so many independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and Bates
-    2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, as ships and days change.
-    """
+    """The step after a number of independent predictions: large at first, as t^-0.6 (Angelopoulos, Barber and
+    Bates 2024, "Online conformal prediction with decaying step sizes"), then :data:`STEP`, since ships and days
+    change."""
     return max(STEP, exp(-0.6 * log(max(learned, 1.0))))
 
 
 @dataclass(frozen=True, slots=True)
 class RegionFactor:
-    """What the size of the 95 % regions is multiplied by, from how many independent predictions it was learned,
-    and the start of the last of them [ns UTC].
-    """
+    """The factor on the size of the 95 % regions, the number of independent predictions behind it, and the
+    start of the latest [ns UTC]."""
 
     factor: float = 1.0
     learned: float = 0.0
     start_ns: int | None = None
 
     def after(self, error: TrackError, horizon_s: int) -> RegionFactor:
-        """The factor after one judged prediction more; as it is where that had no region or a thruster moved."""
+        """The factor after one more evaluated prediction; unchanged if that had no region or a thruster moved."""
         if error.inside_band is None or error.thrusters_moved:
             return self
         apart_s = 0.0 if self.start_ns is None else (error.start_ns - self.start_ns) / NANO
@@ -275,7 +275,7 @@ class RegionFactor:
 
     @property
     def is_at_bound(self) -> bool:
-        """Whether it would go further: the regions are no measure of the errors any more."""
+        """Whether it is at a bound, where regions no longer measure the errors."""
         return abs(log(self.factor)) > 0.999 * log(LARGEST_FACTOR)
 
     def __str__(self) -> str:

@@ -47,10 +47,10 @@ from hybrid.prediction.planned_commands import read_commands
 
 
 class PlanFile:
-    """The orders of a plan file, read again whenever it changes; ``notify`` is told each time, level and text.
+    """The orders of a plan file, reread whenever it changes; ``notify`` gets level and text each time.
 
-    Without the file what is ordered now goes on. A file that cannot be read is told, and the plan before it is
-    followed until it can.
+    Without the file the present orders continue. An unreadable file is reported, and the previous plan is
+    followed until it can be read.
     """
 
     def __init__(self, path: Path, actuators: Actuators, notify: Callable[[str, str], None]) -> None:
@@ -82,7 +82,7 @@ class PlanFile:
 
 
 def _version_of(path: Path) -> tuple[int, ...] | None:
-    """What changes when a file does; None without one."""
+    """A file's version, which changes when it does; None without a file."""
     try:
         found = path.stat()
     except OSError:
@@ -106,16 +106,16 @@ def plan_text(orders: pd.DataFrame) -> str:
     return f"plan of {', '.join(map(str, orders.columns))}: {number}, {when}"
 
 
-_MARGIN_S = 15.0  # more than the filters look back, and than judging waits
-_LEAST_APART_S = 0.55  # what the recorder takes is two a second
+_MARGIN_S = 15.0  # longer than the filters' reach and the evaluation's delay
+_LEAST_APART_S = 0.55  # the recorder accepts two a second
 _STALLED_S = 3.0
-_BACK_NS = 5_000_000_000  # a wrong stamp in the future must not silence the twin for good
+_BACK_NS = 5_000_000_000  # a wrong time stamp in the future must not silence the twin for good
 
 Notify = Callable[[str, str], None]
 
 
 def keep_s(horizon_s: int) -> float:
-    """How much of the past predicting and evaluating need [s]."""
+    """The seconds of data needed for prediction and evaluation."""
     return max(PAST_S, horizon_s) + _MARGIN_S
 
 
@@ -130,9 +130,9 @@ class Statistics:
 
 
 class Twin:
-    """Beside the recorder of the trial ``name``; to be closed. Call :meth:`poll` ten times a second or so.
+    """The twin of the recorder of trial ``name``; to be closed. Call :meth:`poll` about ten times a second.
 
-    The thrusters are held as they are, or follow a ``plan`` of orders.
+    The thrusters are held, or follow a ``plan`` of orders.
     """
 
     def __init__(
@@ -234,21 +234,21 @@ class Twin:
             self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
 
     def _notify_once(self, level: str, text: str) -> None:
-        """Notify what is new, once."""
+        """Notify once of each new text."""
         if text != self._last_notice:
             self._last_notice = text
             self._notify(level, text)
 
 
 def warm_up(predictor: Predictor) -> None:
-    """Predict once for a ship at rest, so that what is compiled at first use is compiled before it matters."""
+    """Make one prediction for a ship at rest, so that compilation happens before it matters."""
     with suppress(SeatrialError):
         still = recording_at_rest(keep_s(predictor.horizon_s), predictor.plant.layout)
         predict_now(still, predictor.horizon_s, predictor.plant, predictor.trained)
 
 
 def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recording:
-    """A recording of so many seconds in which all channels of a ship are zero, a sample a second."""
+    """A recording with all channels of a ship at zero, one sample a second."""
     times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
     zeros = np.zeros(times_ns.size)
     flags = np.full(times_ns.size, Quality.GOOD, np.uint8)

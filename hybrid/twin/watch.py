@@ -1,4 +1,4 @@
-"""``seatrial watch``: the twin from start to end, its display in a terminal and its summary."""
+"""``seatrial watch``: running the twin, its display in a terminal and its summary."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """Counts of predictions, means of their errors, and latencies.
+    """Counts of predictions, mean errors, and latencies.
 
-    ``made`` predictions, of them ``recorded`` by the logger; ``judged`` by what was measured, ``left_out`` of the
-    means as a thruster moved otherwise than planned, ``unmeasured`` as no track was measured. ``band_factor`` is
-    what the calibrator's band was multiplied by at the end.
+    ``made`` predictions, of which the logger ``recorded`` some; ``judged`` against measurements, ``left_out``
+    of the means because a thruster departed from the plan, ``unmeasured`` for lack of a measured track.
+    ``band_factor`` is the final factor on the calibrator's band.
     """
 
     made: int
@@ -75,7 +75,7 @@ class Summary:
 
 
 def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> Summary:
-    """The statistics in a few numbers, and what has become of the regions."""
+    """A summary of the statistics and of the adaptation of the regions."""
     median_s, most_s, longest_s = (_quantile(statistics.latency_s, share) for share in (0.5, 0.95, 1.0))
     errors = statistics.errors
     return Summary(
@@ -126,7 +126,7 @@ def watch(
             LOG.log(_LEVELS[level], text)
 
     with ExitStack() as stack:
-        stack.enter_context(threadpool_limits(limits=1))  # the other cores are the logger's
+        stack.enter_context(threadpool_limits(limits=1))  # leave the other cores to the logger
         plan = None if commands is None else PlanFile(commands, predictor.plant.layout, notify)
         twin = Twin(config.trial.name, config.path, predictor, notify, folder, plan)
         stack.callback(twin.close)
@@ -202,7 +202,7 @@ def source_text(prediction: Prediction) -> str:
 
 
 def track_table(prediction: Prediction) -> Table:
-    """A row every few seconds: how far ahead and to starboard of where she is now, heading, band."""
+    """A row every few seconds: distance ahead and to starboard of the present position, heading, band."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     for title in ("in s", "ahead m", "starboard m", "heading deg", "95 % band m"):
         table.add_column(title, justify="right", min_width=8, no_wrap=True)
