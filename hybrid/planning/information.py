@@ -1,8 +1,8 @@
-"""How much a trial says of each effect, before or without any data: what could be seen, what told apart.
+"""The information of a trial on each effect, with or without data: what could be detected, what distinguished.
 
-The information matrix of all effects follows from the same products as the evidence itself, data left out; so a
-trial that has not been made yet has one, too. With F the inner products of the effects' columns, an effect of size
-a changes twice the log likelihood by a' F a, and by less where another effect may stand in for it.
+The information matrix of all effects follows from the same inner products as the evidence, without the data, so
+it also exists for a trial that has not been made. With F the inner products of the effects' columns, an effect
+of size a changes twice the log likelihood by a' F a, and by less if another effect can imitate it.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise
 from hybrid.effects import Catalogue, Effect
 
 POWER = 0.9
-"""An effect of the size of its limit is found in so many trials of its kind."""
+"""The power: an effect at its limit is found in this share of such trials."""
 
 TOLD_APART = 9.0
-"""Twice the log likelihood by which the wrong one of two effects has to be worse to be left out (chance 0.13 %)."""
+"""Twice the log likelihood by which the wrong one of two effects has to be worse to be excluded (p = 0.13 %)."""
 
-_UNHEARD = 1e-2  # of its prior's information: what a trial adds to it is nothing
-_NONE = 1e-7  # of the prior's: information below it is rounding
+_UNHEARD = 1e-2  # of the prior's information: less is negligible
+_NONE = 1e-7  # of the prior's information: less is rounding
 
 
 @dataclass(frozen=True, slots=True)
 class Information:
-    """``matrix`` [P, P]: the information of all effects' free coordinates, nuisances taken off."""
+    """``matrix`` [P, P]: the information on all effects' free coordinates, nuisances marginalised."""
 
     matrix: Floats
     columns: Mapping[str, Ints]
     catalogue: Catalogue
 
     def of(self, name: str, given: Sequence[str] = ()) -> Floats:
-        """The information of an effect's coordinates [d, d] when those of ``given`` may be anything at all."""
+        """The information on an effect's coordinates [d, d] when those of ``given`` are free."""
         none, own = np.zeros(0, dtype=np.int64), self.columns[name]
         others = np.concatenate([none, *(self.columns[each] for each in given)])
         return np.asarray(self.matrix[np.ix_(own, own)] - explained_by(self.matrix, own, others))
@@ -61,9 +61,10 @@ def _columns(equations: NormalEquations) -> dict[str, Ints]:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """Legs [L, P+K, P+K] from which any trial may be put together: products of effects and of what is tolerated.
+    """Legs [L, P+K, P+K] from which any trial can be assembled: inner products of effects and nuisances.
 
-    The K last are those combinations of all that is tolerated that any leg says anything of, each of unit variance.
+    The K nuisances are those combinations of all of them on which any leg has information, each of unit
+    variance.
     """
 
     legs: Floats
@@ -71,7 +72,7 @@ class Design:
     catalogue: Catalogue
 
     def information(self, legs: Sequence[int]) -> Information:
-        """The information in some legs; one that is named twice is sailed twice."""
+        """The information in some legs; one listed twice is sailed twice."""
         total = self.legs[np.array(legs, dtype=int)].sum(axis=0)
         effects = sum(len(each) for each in self.columns.values())
         rest = np.arange(effects, len(total))
@@ -80,7 +81,7 @@ class Design:
 
 
 def design_of(equations: NormalEquations) -> Design:
-    """A trial's legs, ready to be put together in other numbers, many times over."""
+    """A trial's legs, prepared for repeated assembly."""
     scale, nuisance = equations.nuisance_scale, equations.nuisance
     heard = _heard(equations.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
     effects = 1 + np.arange(len(equations.layout.effect))
@@ -93,9 +94,10 @@ def design_of(equations: NormalEquations) -> Design:
 
 
 def _heard(granted: Floats) -> Floats:
-    """Orthonormal combinations [n, K] of coordinates of unit variance that ``granted`` [n, n] says anything of.
+    """Orthonormal combinations [n, K] of coordinates of unit variance on which ``granted`` [n, n] has
+    information.
 
-    By Cholesky's decomposition with pivots, which stops at what is too small (Higham 1990).
+    By pivoted Cholesky decomposition, stopped where pivots become negligible (Higham 1990).
     """
     factor, order, rank, _ = lapack.dpstrf(granted, tol=_UNHEARD, lower=1)
     spanned = np.zeros((len(granted), rank))
@@ -108,15 +110,15 @@ def separation(
 ) -> float:
     """Twice the log likelihood by which an effect at ``free`` coordinates is better than its best imitation.
 
-    The ``rival`` imitates it at any size; effects in ``given`` are fitted beside either. The expected value, were
-    there no noise: a' (F_ii - F_ij F_jj^-1 F_ji) a.
+    The ``rival`` imitates it at any size; effects in ``given`` are fitted beside either. The expected value
+    without noise: a' (F_ii - F_ij F_jj^-1 F_ji) a.
     """
     size = np.asarray(free, dtype=float)
     return max(0.0, float(size @ information.of(name, (rival, *given)) @ size))
 
 
 def least_separation(information: Information, name: str, rival: str, sizes: float = 1.0) -> float:
-    """The least :func:`separation` over all directions, of an effect ``sizes`` times as large as is typical."""
+    """The smallest :func:`separation` over all directions, of an effect ``sizes`` times as large as typical."""
     spread = sizes * np.array(information.catalogue[name].free_scale)
     own, other = information.columns[name], information.columns[rival]
     if len(own) == len(other) == 1:  # most are, and a programme is weighed by thousands of them
@@ -128,10 +130,12 @@ def least_separation(information: Information, name: str, rival: str, sizes: flo
 
 
 def limits(equations: NormalEquations) -> dict[str, float]:
-    """How large each effect has to be to be found in nine of ten trials like this one, in its parameter's unit.
+    """The size at which each effect would be found in nine of ten trials like this one, in its parameter's
+    unit.
 
-    The distance of the first parameter from its neutral value; the largest for one that is absent at infinity.
-    Of an effect with a direction, in the worst. Infinite (0 for the latter) where no possible size would do.
+    The distance of the first parameter from its neutral value, or the largest value for one that is absent at
+    infinity. For an effect with a direction, the worst direction. Infinite (0 for the latter) if no possible
+    size would do.
     """
     information, legs = information_of(equations), legs_of(equations)
     seen = free_limits(information)
@@ -144,14 +148,15 @@ def limits(equations: NormalEquations) -> dict[str, float]:
 
 
 def legs_of(equations: NormalEquations) -> Floats:
-    """The information of all effects' coordinates in each leg by itself [L, P, P]."""
+    """The information on all effects' coordinates in each leg by itself [L, P, P]."""
     kept = 1 + np.arange(len(equations.layout.effect))
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     return np.array([marginalise(leg, kept, nuisance, scale)[0] for leg in equations.gram])
 
 
 def as_parameter(effect: Effect, size: float) -> float:
-    """A size in free coordinates as a departure of the first parameter from neutral; infinite if out of bounds."""
+    """A size in free coordinates as the deviation of the first parameter from neutral; infinite if out of
+    bounds."""
     first = effect.parameters[0]
     if effect.chart == "inverse_square":
         value = size**-0.5
@@ -160,7 +165,7 @@ def as_parameter(effect: Effect, size: float) -> float:
 
 
 def free_limits(information: Information) -> dict[str, float]:
-    """The same in free coordinates, whatever their bounds; infinite where nothing is seen."""
+    """The limits in free coordinates, ignoring bounds; infinite if undetectable."""
     return {name: _limit(information, name) for name in information.catalogue}
 
 
@@ -179,19 +184,19 @@ def _limit(information: Information, name: str) -> float:
 
 
 def _shape(effect: Effect) -> Floats:
-    """How large each coordinate is for one of the first."""
+    """The size of each coordinate relative to the first."""
     if len({each.unit for each in effect.parameters}) == 1 or effect.chart != "linear":
         return np.ones(len(effect.free_scale))
     return np.asarray(np.array(effect.free_scale) / effect.free_scale[0])
 
 
 def predicted_limit(information: Information, name: str, legs: Floats) -> float:
-    """How large an effect must be, in free coordinates, for its gains on unseen legs to be no chance (Student).
+    """The size, in free coordinates, at which an effect's gains on held-out legs become significant (Student).
 
     ``legs`` [L, d, d] is its information in each. A leg gains half its noncentrality, with the noncentrality as
-    variance; so in units of its scatter half the root, and legs that say little beside legs that say much are
-    scatter, too. Infinite where the latter alone hides any size: an effect that shows in one leg of many is not
-    predicted by the others.
+    variance, so in units of its scatter half the root, and the spread of information between legs adds scatter.
+    Infinite if that alone hides any size: an effect that shows in one leg of many is not predicted by the
+    others.
     """
     shape = _shape(information.catalogue[name])
     direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
@@ -212,11 +217,11 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
 
 
 def needed_gain(relative: Floats, effects: int) -> float:
-    """How much of the squares an effect has to explain to be named: by chance and by evidence, the larger.
+    """The gain that an effect needs to be named: the larger of those required by significance and by evidence.
 
-    ``relative`` [d] are the eigenvalues of its information in units of its prior's; so many ``effects`` are tried.
-    The first is chi-square corrected for all of them (Sidak 1967); the second is where the log evidence with its
-    price passes zero.
+    ``relative`` [d] are the eigenvalues of its information in units of its prior's; ``effects`` are tried. The
+    first is chi-square corrected for all of them (Sidak 1967); the second is where the log evidence less the
+    penalty is zero.
     """
     single = -expm1(log1p(-FALSE_ALARM) / effects)
     occam = float(np.log1p(relative).sum()) + 2.0 * log(effects)
@@ -225,7 +230,7 @@ def needed_gain(relative: Floats, effects: int) -> float:
 
 @lru_cache(maxsize=4096)
 def noncentrality(threshold: float, degrees: int, power: float = POWER) -> float:
-    """Which noncentrality takes a chi-square variate over ``threshold`` with probability ``power``."""
+    """The noncentrality at which a chi-square variate exceeds ``threshold`` with probability ``power``."""
 
     def short(value: float) -> float:
         return float(ncx2.sf(threshold, degrees, value)) - power

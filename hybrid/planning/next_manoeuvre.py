@@ -1,10 +1,9 @@
-"""Which manoeuvre to make next so that effects which now look alike do so no longer.
+"""The next manoeuvre: the one that best separates effects that the data cannot distinguish.
 
-Every candidate is rehearsed on the ship as she is thought to be, in the wind of the recording and at its noise, and
-examined behind the recording in one pass: so that the tolerance granted to the model is the same error in both. The
-best one is where most pairs are likely to be told apart afterwards, whichever of them is true (Box and Hill 1967);
-what it says of a pair is the evidence of the one against the other, at any size (T-optimality: Atkinson and Fedorov
-1975).
+Every candidate is simulated with the ship as identified, in the wind and noise of the recording, and evaluated
+together with the recording, so that the model error is common to both. The best candidate is likely to separate
+most pairs, whichever effect is true (Box and Hill 1967); for a pair it counts the evidence of one against the
+other at any size (T-optimality: Atkinson and Fedorov 1975).
 """
 
 from __future__ import annotations
@@ -32,16 +31,16 @@ from hybrid.vessel.effect import Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 
-_IDLE_SHARE = 0.2  # of the fastest: shafts that turn slower than this are stopped
-_WORTH_A_MINUTE = 0.1  # log odds: less is not worth the fuel
-_LONGEST_S = 7200  # of a recording goes into the comparison: more of the same changes nothing
+_IDLE_SHARE = 0.2  # of the fastest: slower shafts count as stopped
+_WORTH_A_MINUTE = 0.1  # log odds per minute: less is not worthwhile
+_LONGEST_S = 7200  # of a recording: more changes nothing
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """An effect at ``values`` that may be true, a ``rival`` of any size, and what is fitted beside either of them.
+    """An effect at ``values`` that may be true, a ``rival`` of any size, and the effects fitted beside either.
 
-    ``weight`` is how likely the first is to be the true one.
+    ``weight`` is the probability that the first is the true one.
     """
 
     name: str
@@ -53,9 +52,9 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class RankedCandidate:
-    """A candidate, the log odds that each pair would stand at with it and stands at without it, and its worth.
+    """A candidate, the log odds of each pair with it and without it, and its value.
 
-    ``told_apart`` is the share of the pairs that is likely to be told apart with it.
+    ``told_apart`` is the share of the pairs that it is likely to separate.
     """
 
     candidate: Candidate
@@ -65,13 +64,13 @@ class RankedCandidate:
 
     @property
     def gains(self) -> tuple[float, ...]:
-        """What each pair gains a minute."""
+        """The gain of each pair per minute."""
         return tuple((a - b) / self.candidate.minutes for a, b in zip(self.with_it, self.without, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """A recording's legs and, behind them, a leg for each candidate that the ship can make."""
+    """A recording's legs followed by a leg for each candidate that the ship can make."""
 
     design: Design
     recorded: range
@@ -85,18 +84,18 @@ def next_manoeuvre(
     pairs: Sequence[Pair],
     progress: Progress = lambda share: None,
 ) -> Manoeuvre | None:
-    """The manoeuvre that separates most of ``pairs``, or None where no candidate separates any to any use.
+    """The manoeuvre that separates most of ``pairs``, or None if no candidate is of use.
 
-    ``values`` has the parameters of everything that is named: with them the ship rehearses.
+    ``values`` has the parameters of all named effects, with which the ship is simulated.
     """
     return best_request(rank_candidates(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
 
 
 def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> Manoeuvre | None:
-    """The first of a ranking as a request, or None where it is not worth it.
+    """The first of a ranking as a request, or None if it is not worthwhile.
 
-    The evidence is in log odds, recording and manoeuvre together, of the pair that stays the closest among those
-    that the manoeuvre separates at all.
+    The evidence is in log odds, of recording and manoeuvre together, for the closest of the pairs that the
+    manoeuvre separates.
     """
     best = next(iter(ranking), None)
     if best is None or max(best.gains) < _WORTH_A_MINUTE:
@@ -114,7 +113,7 @@ def rehearsal_of(
     values: Mapping[str, Values],
     progress: Progress = lambda share: None,
 ) -> Rehearsal:
-    """Every candidate rehearsed by the ship with the effects ``values``, behind what was recorded."""
+    """Simulate every candidate with the effects ``values``, following the recording."""
     model, log = equations.model, _shortened(equations.log)
     ship = apply_effects(model.base, values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
@@ -125,7 +124,7 @@ def rehearsal_of(
 
 
 def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedCandidate]:
-    """Every candidate and what it says of ``pairs``, the best first."""
+    """Every candidate with its log odds for ``pairs``, the best first."""
     design, recorded = rehearsal.design, rehearsal.recorded
     now = _evidence(design.information(recorded), pairs)
     result = []
@@ -136,7 +135,7 @@ def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedC
 
 
 def _share_separated(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
-    """The share of the pairs that is likely to be told apart: log odds scatter by the root of twice their mean."""
+    """The share of the pairs likely to be separated: log odds have a variance of twice their mean."""
     expected = np.maximum(np.array(evidence), 1e-9)
     chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))
     return float(np.average(chances, weights=[each.weight for each in pairs]))
@@ -145,18 +144,18 @@ def _share_separated(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
 def rehearsals(
     candidates: Sequence[Candidate], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
 ) -> dict[Candidate, Log]:
-    """The log of every candidate that does not take the ship out of the range of her model."""
+    """The simulated log of every candidate that stays in the range of the model."""
     made = {}
     for candidate in candidates:
         try:
             made[candidate] = rehearse(candidate.legs, vessel, ship, sea, 60 * candidate.minutes, heading_deg)
-        except ModelRangeError:  # such a manoeuvre cannot be judged, and had better not be asked for
+        except ModelRangeError:  # cannot be evaluated, so it is not proposed
             continue
     return made
 
 
 def usual_rpm(log: Log) -> float:
-    """The shaft speed [rpm] of most of the time under way: the median of the fastest that drives her."""
+    """The usual shaft speed [rpm] under way: the median of the fastest propulsor."""
     main = {f"{name}_rpm" for name in shafts(log.actuators)}
     fastest = (
         np.abs(log.controls[:, :, [name in main for name in control_names(log.actuators)]])
@@ -168,7 +167,7 @@ def usual_rpm(log: Log) -> float:
 
 
 def wind_in(log: Log) -> SeaState:
-    """The mean wind of a log, as a sea state that has nothing else."""
+    """The mean wind of a log, as a sea state without waves."""
     direction, speed = log.wind.T
     north, east = float((speed * np.cos(direction)).mean()), float((speed * np.sin(direction)).mean())
     from_deg = float(np.rad2deg(np.arctan2(east, north)) % 360.0)
@@ -176,14 +175,14 @@ def wind_in(log: Log) -> SeaState:
 
 
 def _shortened(log: Log) -> Log:
-    """Legs spread over a log, of about so long in all as is worth examining."""
+    """Legs spread over a log, up to the length that is worth evaluating."""
     kept = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))
     chosen = np.unique(np.linspace(0, log.legs - 1, kept).round().astype(int))
     return log.subset(np.isin(log.leg, chosen))
 
 
 def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
-    """The log odds of each pair's first, at its value, against its second at any."""
+    """The log odds of each pair's first effect, at its value, against its second at any."""
     result = []
     for each in pairs:
         free = information.catalogue[each.name].free(each.values)

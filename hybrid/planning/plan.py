@@ -1,12 +1,13 @@
-"""Before a trial: which effects it could show, from what size, which it could not tell apart, and what is better.
+"""Planning a trial: which effects it could show, from what size, which it could not distinguish, and a better
+programme.
 
-The programme and the repertoire are rehearsed on the reference ship and examined together; any other programme is a
-sum of the same legs. Nothing of it needs a recording.
+The programme and the repertoire are simulated with the reference ship and evaluated together; any other
+programme is a sum of the same legs. No recording is needed.
 
-A better programme is put together one manoeuvre after the other by what each adds, and then by exchanging. What
-counts is every effect of an ordinary size, whether it would be seen, and every pair of effects, whether they would
-be told apart. Each is a term that falls as its evidence grows and hardly falls once there is enough: so the worst
-weigh the most, and no evidence is piled up where there is plenty (after Fedorov 1972).
+A better programme is assembled by adding the best manoeuvre repeatedly, then by exchanges. The criterion sums
+over all effects of typical size (would it be detected?) and all pairs (would they be separated?). Each term
+falls as its evidence grows and levels off when there is enough, so the worst weigh the most (after Fedorov
+1972).
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ _EXCHANGES = 2
 
 @dataclass(frozen=True, slots=True)
 class Aims:
-    """What a programme is for: effects to be seen, and pairs to be told apart, of ordinary sizes."""
+    """The aims of a programme: effects to be detected, and pairs to be separated, of typical sizes."""
 
     effects: tuple[str, ...]
     pairs: tuple[tuple[str, str], ...]
@@ -64,7 +65,7 @@ class Aims:
 def compose_programme(
     design: Design, legs: Sequence[int], slots: int, aims: Aims, progress: Progress = lambda share: None
 ) -> list[int]:
-    """Which of the ``legs`` to sail, ``slots`` in all, any of them twice if that is best; in their own order."""
+    """Choose ``slots`` of the ``legs``, possibly with repetition, in their own order."""
     chosen: list[int] = []
     for number in range(slots):
         chosen.append(min(legs, key=lambda leg: cost(design, [*chosen, leg], aims)))
@@ -79,7 +80,7 @@ def compose_programme(
 
 
 def _exchanged(design: Design, chosen: list[int], legs: Sequence[int], aims: Aims) -> list[int]:
-    """Each of the chosen in turn replaced by whatever is best in its place."""
+    """Replace each of the chosen in turn by the best in its place."""
     for place in range(len(chosen)):
         others = [leg for number, leg in enumerate(chosen) if number != place]
         best = min(legs, key=lambda leg: cost(design, [*others, leg], aims))
@@ -89,7 +90,7 @@ def _exchanged(design: Design, chosen: list[int], legs: Sequence[int], aims: Aim
 
 
 def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
-    """How far these legs are from doing all that they are to do; 0 would be perfect."""
+    """The shortfall of these legs from all aims; 0 would be perfect."""
     information = design.information(legs)
     seen = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
     apart = sum(log1p(TOLD_APART / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
@@ -97,7 +98,7 @@ def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
 
 
 def ordinary_evidence(information: Information, name: str) -> float:
-    """Twice the log likelihood that an effect of its ordinary size is worth, in the worst direction."""
+    """Twice the log likelihood of an effect of typical size, in the worst direction."""
     scale = np.array(information.catalogue[name].free_scale)
     block = information.of(name)
     if len(scale) == 1:
@@ -106,9 +107,9 @@ def ordinary_evidence(information: Information, name: str) -> float:
 
 
 def pair_evidence(information: Information, name: str, rival: str) -> float:
-    """Twice the log likelihood that tells two effects of ordinary sizes apart, whichever of them is there.
+    """Twice the log likelihood that separates two effects of typical sizes, whichever is present.
 
-    Infinite where neither would be seen at all: then they are not taken for each other.
+    Infinite if neither would be detected: then they cannot be confused.
     """
     ways = ((name, rival), (rival, name))
     seen = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= TOLD_APART]
@@ -131,7 +132,7 @@ _PART = re.compile(r"([a-z_0-9]+?)(?:=([0-9.]+))?")
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A manoeuvre of a programme: its name, what is done, for how long, and its legs."""
+    """A manoeuvre of a programme: its name, a description, its length, and its legs."""
 
     name: str
     what: str
@@ -141,11 +142,11 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Programme:
-    """Manoeuvres one after the other and what they would show.
+    """A sequence of manoeuvres and what they would show.
 
-    ``limits``: how far from neutral each effect's first parameter has to be to be found in nine of ten such trials,
-    or up to which value for one that is absent at infinity. ``evidence`` [E, E]: what would tell two effects of
-    ordinary sizes apart, twice the log likelihood.
+    ``limits``: how far from neutral each effect's first parameter has to be to be found in nine of ten such
+    trials, or up to which value for one that is absent at infinity. ``evidence`` [E, E]: twice the log
+    likelihood that separates two effects of typical sizes.
     """
 
     parts: tuple[Part, ...]
@@ -154,11 +155,11 @@ class Programme:
 
     @property
     def minutes(self) -> float:
-        """How long all of it takes."""
+        """The total length [min]."""
         return sum(part.minutes for part in self.parts)
 
     def indistinguishable_pairs(self) -> list[tuple[str, str]]:
-        """Pairs of effects that could not be told apart."""
+        """Pairs of effects that it could not separate."""
         names = list(self.limits)
         rows, columns = np.nonzero(np.tril(self.evidence < TOLD_APART, -1))
         return [(names[j], names[i]) for i, j in zip(rows, columns, strict=True)]
@@ -173,7 +174,7 @@ class Programme:
 
 @dataclass(frozen=True, slots=True)
 class Plan(Result):
-    """A programme that was asked about, and a better one."""
+    """A given programme, and a better one."""
 
     vessel: str
     sea: SeaState
@@ -208,7 +209,7 @@ def finite_or_none(value: float) -> float | None:
 
 
 def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[Part, ...]:
-    """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; what is left of ``minutes`` is shared evenly.
+    """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; the remaining ``minutes`` are divided evenly.
 
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
     """
@@ -250,8 +251,8 @@ def candidates_of(vessel: Vessel) -> tuple[Candidate, ...]:
 def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> Noise:
-    """The noise that a diagnosis would find in such a sea, from ten simulated minutes with sensors."""
-    every = {**catalogue_of(vessel), **catalogue}  # what is ruled out as missing may be known to be there
+    """The noise that a diagnosis would estimate in such a sea, from ten simulated minutes with sensors."""
+    every = {**catalogue_of(vessel), **catalogue}  # an effect excluded from the search may be present in the vessel
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
     model = Model(vessel_plant(vessel, every), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
@@ -266,10 +267,10 @@ def plan(
     catalogue: Catalogue,
     progress: Progress = lambda share: None,
 ) -> Plan:
-    """What a programme would show, and a better one of about the same length.
+    """Evaluate a programme, and find a better one of about the same length.
 
-    ``tolerance`` is the share of the force range that the model may be off by. Raises :class:`ModelRangeError`
-    where the programme takes the ship out of the range of her model.
+    ``tolerance`` is the model error allowed, as a share of the force range. Raises :class:`ModelRangeError` if
+    the programme takes the ship out of the range of her model.
     """
     ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
     asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
@@ -290,7 +291,7 @@ def plan(
 
 
 def _joined(logs: Sequence[Log]) -> Log:
-    """All rehearsals one behind the other, each a leg."""
+    """All simulated manoeuvres concatenated, each a leg."""
     return append_rehearsals(as_one_leg(logs[0]), [as_one_leg(log) for log in logs[1:]])
 
 
@@ -302,7 +303,7 @@ def _programme(parts: Sequence[Part], information: Information) -> Programme:
 
 
 def _pairs(shown: Programme, catalogue: Catalogue) -> tuple[tuple[str, str], ...]:
-    """Effects that are known to look alike, and those that the programme leaves so."""
+    """Effects known to resemble each other, and those that the programme does not separate."""
     known = {
         (name, rival) if name < rival else (rival, name)
         for name, each in catalogue.items()

@@ -1,9 +1,10 @@
-"""Manoeuvres of some ten minutes that a ship can be asked for, at her shaft speeds and pace, and their rehearsal.
+"""Manoeuvres of some ten minutes that a ship can be asked for, scaled to her shaft speeds and pace, and their
+simulation.
 
-They are made of the parts of :mod:`hybrid.simulation.manoeuvres`, and come with the words in which an officer of
-the watch may be asked for them. A rehearsal on the simulator is a log of what the ship would do, without noise or
-gaps: how much a trial says of an effect hangs on where it takes the ship, not on what the sensors happen to read.
-So its true motion is its measured one, and needs no smoothing.
+They are made of the parts of :mod:`hybrid.simulation.manoeuvres`, with the words in which an officer of the
+watch may be asked for them. A simulated candidate is a log without noise or gaps: the information of a trial
+depends on where it takes the ship, not on the noise of the readings, so its true motion serves as the measured
+one and needs no smoothing.
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measure
 
 MINUTES = 10
-"""How long a manoeuvre is made by R/V Gunnerus; another ship takes her own time."""
+"""The length of a manoeuvre for R/V Gunnerus [min]; other ships' lengths are scaled."""
 
 _FEWEST_MINUTES = 2
-_IN_SECONDS_S = 100.0  # shorter times are said in seconds
+_IN_SECONDS_S = 100.0  # shorter times are given in seconds
 _SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
 _TUNNEL = 0.75  # of the tunnel thruster's limit
 _ROUND_RPM = 5.0
@@ -54,7 +55,7 @@ _STEERS = {"azimuth": "azimuth", "rudder": "rudder", "waterjet": "nozzle"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A manoeuvre by name, in words, and as legs that are gone through again until its ``minutes`` are up."""
+    """A manoeuvre: name, description, and legs that are repeated until its ``minutes`` are over."""
 
     name: str
     what: str
@@ -64,13 +65,13 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Shafts:
-    """Shaft speeds [rpm] to make manoeuvres with: usual, half of it, slower, faster; the tunnel thruster's.
+    """Shaft speeds [rpm] for manoeuvres: usual, half, slower, faster; the tunnel thruster's.
 
-    ``drives`` and ``tunnels`` are the names of the thrusters that drive her and push her aside, ``steering`` those
-    of what steers her by an angle, none of a ship that is steered by the difference of her shafts. ``drive`` and
-    ``steers`` are what one of them is called. ``time`` is how long her manoeuvres take beside R/V Gunnerus'.
-    ``most`` is the lowest limit of her shafts, ``hard_over`` what the helm, hard over, adds to one and takes from
-    the other.
+    ``drives`` and ``tunnels`` are the names of propulsors and tunnel thrusters, ``steering`` those of the
+    actuators that steer by an angle, none for a ship steered by differential thrust. ``drive`` and ``steers``
+    are words for one of them. ``time`` is the length of her manoeuvres relative to R/V Gunnerus'. ``most`` is
+    the lowest limit of her shafts, ``hard_over`` the rpm that a hard-over helm adds to one shaft and subtracts
+    from the other.
     """
 
     usual: float
@@ -89,15 +90,15 @@ class Shafts:
 
     @property
     def minutes(self) -> int:
-        """How long a manoeuvre is made, again and again [min]."""
+        """The length of a manoeuvre, with repetitions [min]."""
         return max(_FEWEST_MINUTES, round(MINUTES * self.time))
 
     def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> Candidate:
-        """A candidate of legs that are stated in R/V Gunnerus' time."""
+        """A candidate whose legs are given in R/V Gunnerus' time."""
         return Candidate(name, what, in_time(tuple(legs), self.time), self.minutes)
 
     def span(self, seconds: float) -> str:
-        """A time of R/V Gunnerus' in words, in this ship's."""
+        """A time given for R/V Gunnerus, scaled to this ship, in words."""
         own_s = seconds * self.time
         if own_s < _IN_SECONDS_S:
             return "a minute" if round(own_s) == 60 else f"{max(5.0, 5.0 * round(own_s / 5.0)):g} seconds"
@@ -113,7 +114,7 @@ class Shafts:
 
 
 def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
-    """Round figures about a usual shaft speed, within what the drives can do."""
+    """Round figures around a usual shaft speed, within the limits of the drives."""
     most = shaft_limit_rpm(vessel)
     usual_rpm = min(usual_rpm, most)
     usual, half, slow, fast = (
@@ -131,7 +132,7 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
 
 
 def _called(words: Mapping[str, str], actuators: Sequence[Actuator], otherwise: str) -> str:
-    """What all of some actuators are called."""
+    """A common word for some actuators."""
     found = {words[each.kind] for each in actuators}
     return found.pop() if len(found) == 1 else otherwise
 
@@ -231,7 +232,7 @@ def _one_drive(at: Shafts) -> Candidate:
 
 
 def _named(name: str, drive: str) -> str:
-    """A drive's name, with what it is where the name does not say it."""
+    """A drive's name, with its kind where the name does not contain it."""
     words = name.replace("_", " ")
     return words if drive in words else f"{words} {drive}"
 
@@ -296,17 +297,17 @@ _MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
 )  # fmt: skip
 
 
-_STEPS = 4  # of the simulator in a quarter of a second, so that the autopilot's loop is no slower than a real one
+_STEPS = 4  # simulator steps in a quarter of a second, so that the autopilot's loop is as fast as a real one
 _SEED = 20260903
 
 
 def rehearse(
     legs: Manoeuvre, vessel: Vessel, plant: Plant, sea: SeaState, seconds: int, heading_deg: float = 0.0
 ) -> Log:
-    """The log of ``seconds`` of a manoeuvre by ``plant``, the autopilot and drives of ``vessel`` at work.
+    """Simulate ``seconds`` of a manoeuvre with ``plant`` and the autopilot and drives of ``vessel``.
 
-    Gusts are those of the ``sea``, always the same; its waves and current are not: they belong to the noise and to
-    the plant. Raises :class:`ModelRangeError` if the ship leaves the range of her model.
+    Gusts are those of the ``sea``, always the same; waves and current are not, as they belong to the noise and
+    to the plant. Raises :class:`ModelRangeError` if the ship leaves the range of her model.
     """
     per_second = STEPS_PER_SECOND * _STEPS
     streams = [np.random.default_rng(each) for each in np.random.SeedSequence(_SEED).spawn(2)]
@@ -341,9 +342,9 @@ def as_one_leg(log: Log) -> Log:
 
 
 def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
-    """One log of several: each follows the one before at its place and, after a break, at its time.
+    """Several logs as one: each continues at the place of the one before and, after a break, at its time.
 
-    What no sensor of ``first`` measured, the others do not measure either.
+    Channels not measured in ``first`` are not measured in the others either.
     """
     parts = [first]
     missing = ~np.isfinite(first.measured).any(axis=0)
@@ -363,5 +364,5 @@ def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
         )  # fmt: skip
     arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]
     together: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
-    # A rehearsal has settings of one kind only, and comes after nothing.
+    # A simulated log has a single input hold, and no log before it.
     return replace(first, held={}, cut_from=None, **together)
