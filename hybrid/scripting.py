@@ -161,19 +161,17 @@ def speed_power(
     from acquisition.recording.reader import read_recording
     from analysis.speed_power import Conditions
     from analysis.speed_power import speed_power as analyse
-    from analysis.speed_power.conditions import load_conditions, recorded_conditions
+    from analysis.speed_power.conditions import load_conditions
     from analysis.tables.table import table_of
     from hybrid.vessel.files import load_vessel
-    from hybrid.vessel.windage import conditions_of
+    from hybrid.vessel.windage import known_conditions
 
-    known = Conditions() if conditions is None else conditions
-    known = known if isinstance(known, Conditions) else load_conditions(known)
+    given = conditions if isinstance(conditions, Conditions | None) else load_conditions(conditions)
     read = [read_recording(path) for path in as_paths(recordings)]
     tables = [table_of(each) for each in read]
-    for each, table in zip(read, tables, strict=True):
-        known = known.with_known(recorded_conditions(each.trial, table))
     ship = vessel or vessel_of_ship(read[0].trial.vessel, read[0].path.parent)
-    known = known.with_known(conditions_of(load_vessel(ship))) if ship else known
+    recorded = [(each.trial, table) for each, table in zip(read, tables, strict=True)]
+    known = known_conditions(recorded, load_vessel(ship) if ship else None, given)
     return analyse(tables, known, [event for each in read for event in each.events])
 
 

@@ -22,12 +22,14 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.channels import known_channels
-from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
+from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import Recording, read_parts
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.products import Options, Products, analyse
+from analysis.speed_power import power_columns, speed_power
+from analysis.speed_power.conditions import recorded_conditions
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
 from analysis.tables.table import history_of, provenance_of, sha256_of, table_of, trial_channels
@@ -182,7 +184,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "repairs": len(products.repairs),
         "manoeuvres": dict(Counter(each.kind for each in products.manoeuvres)),
         "left_out": dict(Counter(each.kind for each in products.left_out)),
-        "indices": key_indices(products.manoeuvres),
+        "indices": key_indices(products.manoeuvres) | speed_at_power(products),
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
@@ -231,6 +233,20 @@ def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:
         for name in KEY_INDICES & set(each.indices):
             values.setdefault(f"{each.kind}_{name}", []).append(each.indices[name].value)
     return {name: float(np.median(values[name])) for name in sorted(values)}
+
+
+def speed_at_power(products: Products) -> dict[str, float]:
+    """The speed in still water at the highest power of a speed trial; empty for a recording that is none."""
+    if not power_columns(products.table):
+        return {}
+    recording = products.recording
+    try:
+        found = speed_power(
+            [products.table], recorded_conditions(recording.trial, products.table), recording.events
+        )
+    except (DataShortageError, InputError):
+        return {}
+    return {"speed_power_kw": found.fastest.power_kw, "speed_power_mps": found.fastest.speed_mps}
 
 
 def distance_m(one_hz: pd.DataFrame) -> float | None:

@@ -23,6 +23,7 @@ from markupsafe import Markup, escape
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.trial import software_version
+from acquisition.core.units import KNOT_MPS
 from analysis.kinematics import mean_wind
 from analysis.manoeuvres.criteria import mean_of
 from analysis.manoeuvres.indices import index_of
@@ -75,7 +76,14 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
     figures |= {"findings": str(row["findings"]), "repairs": str(row["repairs"])}
     if row["windows_kept"] is not None:
         figures["held windows"] = f"{row['windows_kept']} of {row['windows_candidates']}"
+    if "speed_power_kw" in row["indices"]:
+        figures[f"at {row['indices']['speed_power_kw']:,.0f} kW"] = speed_in_knots(row)
     return figures | {"manoeuvres": str(sum(row["manoeuvres"].values()))}
+
+
+def speed_in_knots(row: Mapping[str, Any]) -> str:
+    """The speed of a recording's speed trial."""
+    return f"{row['indices']['speed_power_mps'] / KNOT_MPS:.2f} kn"
 
 
 def _findings(products: Products) -> tuple[list[list[str]], list[str]]:
@@ -322,7 +330,7 @@ _COLUMNS = {
     "verdict": "diagnosis",
 }  # fmt: skip
 _OTHERS = ("track", "trial", "vessel", "place", "cause", "report", "missing")
-_COUNTS = ("findings_by_code", "manoeuvres", "left_out")
+_COUNTS = ("findings_by_code", "manoeuvres", "left_out", "indices")
 _BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
 _GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
 _STATUSES = {
@@ -355,7 +363,7 @@ def index_page(
         columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or any(map(_has_verdict, rows))},
         choices=_choices(filled),
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
-        broken=_broken, status_of=lambda row: _STATUSES[_status(row)],
+        broken=_broken, speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
         status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text, grade_order=_grade_order,
     )  # fmt: skip
 

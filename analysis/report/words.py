@@ -7,6 +7,7 @@ import re
 from acquisition.core.channels import find_channel
 from acquisition.core.units import ending_of
 
+_UNIT = re.compile(r"_(m[23]?|mps|deg|degc|kgpm3)$")
 _NAME = re.compile(r"\b[a-z][a-z0-9]*(?:_[a-z0-9]+)+\b")
 _POSITION = {"north_m": "north position", "east_m": "east position"}
 
@@ -23,7 +24,7 @@ def in_words(text: str) -> str:
 def _words_of(name: str) -> str:
     channel = find_channel(name)
     if channel is None:
-        return name.replace("_", " ")
+        return _UNIT.sub("", name).replace("_", " ")
     if name.endswith("_rpm"):
         return f"{name.removesuffix('_rpm').replace('_', ' ')} shaft speed"
     return _POSITION.get(name) or name.removesuffix(ending_of(channel.unit)).replace("_", " ")

@@ -2,6 +2,6 @@
 
 from analysis.speed_power.analysis import SpeedPower, speed_power
 from analysis.speed_power.conditions import Conditions
-from analysis.speed_power.runs import PowerRun, power_runs
+from analysis.speed_power.runs import PowerRun, power_columns, power_runs
 
-__all__ = ["Conditions", "PowerRun", "SpeedPower", "power_runs", "speed_power"]
+__all__ = ["Conditions", "PowerRun", "SpeedPower", "power_columns", "power_runs", "speed_power"]

@@ -87,6 +87,11 @@ class SpeedPower(Result):
     left_out: tuple[LeftOut, ...]
     software_version: str
 
+    @property
+    def fastest(self) -> SpeedAtPower:
+        """The speed at the highest power setting, by the iterative method."""
+        return max((each.iterative for each in self.settings), key=lambda each: each.power_kw)
+
     def speed_at(self, power_kw: float) -> SpeedAtPower:
         """The speed at a power between those of the runs. Raises :class:`InputError` for another."""
         powers = np.array([each.power_kw for each in self.band])

@@ -32,9 +32,25 @@ def speed_text(speed: SpeedAtPower) -> tuple[str, str]:
     """A speed in knots and its interval, with digits that the interval bears."""
     knots = np.array([speed.speed_mps, speed.low_mps, speed.high_mps]) / KNOT_MPS
     width = 0.5 * (knots[2] - knots[1])
-    digits = int(np.clip(1 - np.floor(np.log10(width)), 1, 4)) if width > 0.0 else 2
+    digits = int(np.clip(1 - np.floor(np.log10(width)), 1, 2)) if width > 0.0 else 2
     interval = f"{knots[1]:.{digits}f} to {knots[2]:.{digits}f}" if np.isfinite(width) else ""
     return f"{knots[0]:.{digits}f} kn", interval
+
+
+def sentence(result: SpeedPower) -> str:
+    """The speed at the highest power in one sentence."""
+    speed, interval = speed_text(result.fastest)
+    within = f" (95 % interval {interval} kn)" if interval else ""
+    return f"In still water she makes {speed}{within} at {result.fastest.power_kw:,.0f} kW."
+
+
+def corrected_words(result: SpeedPower) -> str:
+    """What the speeds are corrected for, and what not as too little is known."""
+    done = ", ".join(["current", *(each.name for each in result.corrections if each.applied)])
+    lacking = [each.name for each in result.corrections if each.method.startswith("not known")]
+    return f"Corrected for {done}" + (
+        f"; not for {', '.join(lacking)}, of which too little is known." if lacking else "."
+    )
 
 
 def run_rows(result: SpeedPower) -> list[list[str]]:

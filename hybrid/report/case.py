@@ -21,6 +21,7 @@ from acquisition.recording.reader import read_trial
 from analysis.estimation.smoother import smooth
 from analysis.products import Options, Products, analyse
 from analysis.report.pages import Ship
+from analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
 from analysis.tables.resample import resample
 from analysis.tables.table import percent_of, refuse_duplicates, select
 from analysis.windows.recordings import second_by_second, trial_names
@@ -44,7 +45,9 @@ from hybrid.report.errors import (
     residuals_of,
 )
 from hybrid.vessel.files import load_vessel
+from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
+from hybrid.vessel.windage import known_conditions
 
 SHOWN = ("reference", "hybrid")
 """The methods that are drawn beside what was measured; tables have all."""
@@ -119,6 +122,21 @@ class Case:
         """The length between perpendiculars of the ship of a recording [m], None where it is not known."""
         ship = self.ship(name)
         return None if ship is None else ship.between_perpendiculars_m
+
+    @cached_property
+    def speed_power(self) -> SpeedPower | None:
+        """Speed at power in still water; None without power at a shaft or without reciprocal runs."""
+        made = {name: each for name, each in self.products.items() if power_columns(each.table)}
+        if not made:
+            return None
+        recorded = [(each.recording.trial, each.table) for each in made.values()]
+        ship = _vessel_of(recorded[0][0].vessel, self.named_paths[next(iter(made))])
+        events = [event for each in made.values() for event in each.recording.events]
+        try:
+            given = Conditions(length_m=self.length_m)
+            return speed_power([table for _, table in recorded], known_conditions(recorded, ship, given), events)
+        except (DataShortageError, InputError):
+            return None
 
     @cached_property
     def _predictor(self) -> Predictor:
@@ -252,13 +270,18 @@ class Case:
         return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
 
 
-def ship_of(name: str, recording: Path) -> Ship | None:
-    """The main dimensions of the ship that a recording names, with what lengthens her; None without a good file."""
+def _vessel_of(name: str, recording: Path) -> Vessel | None:
+    """The vessel file of the ship that a recording names; None without a good one."""
     try:
         file = vessel_of_ship(name, recording.parent)
-        vessel = None if file is None else load_vessel(file)
+        return None if file is None else load_vessel(file)
     except ConfigurationError:
         return None
+
+
+def ship_of(name: str, recording: Path) -> Ship | None:
+    """The main dimensions of the ship that a recording names, with what lengthens her; None without a good file."""
+    vessel = _vessel_of(name, recording)
     if vessel is None:
         return None
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)

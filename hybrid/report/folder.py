@@ -30,7 +30,7 @@ from hybrid.reproduction.page import is_reproduced, write_page
 
 Kind = Literal["diagnosis", "reproduction", "trial", "batch"]
 
-BLOCKS = ("cover", "indices", "figures", "model", "diagnosis", "data", "methods", "files")
+BLOCKS = ("cover", "indices", "speed_power", "figures", "model", "diagnosis", "data", "methods", "files")
 """The sections of a trial's report, in their order."""
 
 

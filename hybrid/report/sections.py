@@ -50,6 +50,7 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
+    from analysis.speed_power import report as speed_power
     from hybrid.diagnosis.serialisation import read_diagnosis
     from hybrid.report import (
         diagnosis_map_plots,
@@ -66,6 +67,6 @@ def templates() -> Environment:
     made.globals |= {
         "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
-        "read_diagnosis": read_diagnosis,
+        "read_diagnosis": read_diagnosis, "speed_power": speed_power,
     }  # fmt: skip
     return made

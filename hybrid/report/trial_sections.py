@@ -19,6 +19,7 @@ from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import beaufort, circumstances, events_of, file_rows, known_rows
 from analysis.report.quality_page import counts_of
 from analysis.report.words import in_words, reason_of
+from analysis.speed_power.report import sentence
 from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED
 from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
@@ -114,8 +115,11 @@ def rows_of_indices(case: Case) -> list[IndexRow]:
 
 
 def verdict_of(case: Case) -> str:
-    """The result in one sentence."""
-    return verdict(rows_of_indices(case))
+    """The result in one sentence, and one more of the speed at power where that was tried."""
+    rows, found = rows_of_indices(case), case.speed_power
+    if found is None:
+        return verdict(rows)
+    return " ".join([*([verdict(rows)] if rows else []), sentence(found)])
 
 
 def index_line(row: IndexRow) -> dict[str, Any]:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Iterable
 
-from analysis.speed_power.conditions import Conditions
+import numpy as np
+import pandas as pd
+
+from acquisition.core.trial import Trial
+from analysis.speed_power.conditions import Conditions, recorded_conditions
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import HARMONICS, TABLE_SIZE
 
@@ -26,3 +30,13 @@ def conditions_of(vessel: Vessel) -> Conditions:
         length_m=size.length_between_perpendiculars_m, beam_m=size.beam_m,
         frontal_area_m2=frontal or None, wind_resistance=tuple(map(float, -ahead)) if frontal else (),
     )  # fmt: skip
+
+
+def known_conditions(
+    recorded: Iterable[tuple[Trial, pd.DataFrame]], ship: Vessel | None, given: Conditions | None = None
+) -> Conditions:
+    """What is known for the corrections: what is ``given``, then what recordings say, then the vessel file."""
+    known = given or Conditions()
+    for trial, table in recorded:
+        known = known.with_known(recorded_conditions(trial, table))
+    return known if ship is None else known.with_known(conditions_of(ship))

@@ -79,6 +79,20 @@ def test_what_recordings_call_themselves_is_text_and_no_markup() -> None:
     assert 'href="%3Cscript%3Ealert%281%29%3C/script%3E%22%27%26/page.html"' in page
 
 
+def test_a_recording_leads_to_its_report_where_there_is_one_and_tells_its_speed_at_power() -> None:
+    """One way to a recording: the report; its page stays within reach as its data."""
+    speed = {"speed_power_kw": 8931.0, "speed_power_mps": 8.43}
+    with_report, without = (
+        index_page([each], [], "batch").html for each in (row(1, report=True, indices=speed), row(1))
+    )
+    assert re.findall(r'href="(day_1/trial_1/[a-z.]+)"', with_report) == [
+        "day_1/trial_1/report.html", "day_1/trial_1/page.html",
+    ]  # fmt: skip
+    assert re.findall(r'href="(day_1/trial_1/[a-z.]+)"', without) == ["day_1/trial_1/page.html"]
+    assert "16.39 kn at 8,931 kW" in with_report
+    assert " kn at " not in without
+
+
 def test_the_page_has_its_look() -> None:
     """The colours are the first rule of the style; a stray character before it would lose them all."""
     assert re.search(r"<style>\s*:root\{--ink:", index_page(ROWS, [], "season").html)

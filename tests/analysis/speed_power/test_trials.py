@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,10 @@ from scipy.optimize import brentq
 import seatrial as st
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.serialisation import from_json, to_json
+from analysis.batch.one_recording import process_recording
+from analysis.products import Options
 from analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
+from analysis.speed_power.report import corrected_words, sentence
 from analysis.speed_power.runs import power_columns
 from tests.analysis.speed_power.trials import (
     BEAM_M,
@@ -167,6 +171,34 @@ def test_result_prints_draws_and_goes_to_json_and_back(found: SpeedPower) -> Non
     assert asked.low_mps < true_speed_mps(5000.0) < asked.high_mps
     with pytest.raises(InputError, match="outside the runs"):
         found.speed_at(50_000.0)
+
+
+def test_the_row_of_a_batch_has_the_speed_at_the_highest_power(table: pd.DataFrame, tmp_path: Path) -> None:
+    """A recording without power at its shafts, or without reciprocal runs, has none."""
+    calm, path = sail(Day(), rpm={60.0: 1, 90.0: 1}), tmp_path / "trial.mcap"
+    channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
+    st.write(calm, path, declared=channels)
+    options = Options(smooth=False, pictures=False)
+    found = process_recording(path, tmp_path / "out", options)["indices"]
+    assert found["speed_power_mps"] == pytest.approx(true_speed_mps(found["speed_power_kw"]), abs=0.1)
+    assert " kn" in (tmp_path / "out" / "page.html").read_text()
+    for name, less in (
+        ("no_power", calm.drop(columns="shaft_power_kw")),
+        ("one_way", calm[calm.index < calm.index[2000]]),
+    ):
+        st.write(less, tmp_path / f"{name}.mcap", declared=channels)
+        assert (
+            "speed_power_mps"
+            not in process_recording(tmp_path / f"{name}.mcap", tmp_path / name, options)["indices"]
+        )
+
+
+def test_a_sentence_tells_the_speed_and_what_it_is_corrected_for(found: SpeedPower) -> None:
+    assert re.fullmatch(
+        r"In still water she makes 1\d\.\d+ kn \(95 % interval .* kn\) at 8,\d+ kW\.", sentence(found)
+    )
+    assert corrected_words(found).startswith("Corrected for current, wind")
+    assert found.fastest.power_kw == max(each.iterative.power_kw for each in found.settings)
 
 
 def test_command_says_the_speed_at_a_power(command: Command, table: pd.DataFrame, tmp_path: Path) -> None:

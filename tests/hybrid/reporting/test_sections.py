@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
+import seatrial as st
 from acquisition.core.errors import StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
@@ -21,7 +22,9 @@ from analysis.tables.table import table_of
 from hybrid.report.case import Case, load_case
 from hybrid.report.folder import BLOCKS
 from hybrid.report.sections import FAILED, sections, templates
+from hybrid.report.trial_sections import verdict_of
 from hybrid.report.words import plain
+from tests.analysis.speed_power.trials import Day, sail
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
 UNIT = re.compile(r"\[[^\]]+\]|UTC")
@@ -238,6 +241,20 @@ def test_what_a_recording_says_of_itself_is_text(unseen: Path, tmp_path: Path) -
     assert "<script" not in said
     assert "&lt;script&gt;" in said
     assert "t<b>x" not in said
+
+
+def test_a_speed_trial_has_a_section_of_speed_and_power_and_others_have_none(bare: Case, tmp_path: Path) -> None:
+    table, path = sail(Day(), rpm={60.0: 1, 90.0: 1}), tmp_path / "speed.mcap"
+    channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
+    st.write(table, path, declared=channels)
+    case = load_case([path], length_m=180.0)
+    said = sections("trial.html", tmp_path / "figures", case=case)("speed_power").html
+    assert "Speed and power" in said
+    assert "In still water she makes" in said
+    assert "unknown length" not in said
+    assert (tmp_path / "figures" / "speed_power.svg").is_file()
+    assert "In still water she makes" in verdict_of(case)
+    assert sections("trial.html", case=bare)("speed_power").html.strip() == ""
 
 
 def test_predicted_lines_are_lifted_between_windows(case: Case) -> None:
