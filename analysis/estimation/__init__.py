@@ -1,1 +1,1 @@
-"""Linear estimation, once: process models, Kalman filter and smoother, noise levels by likelihood, the motion."""
+"""Linear estimation: process models, Kalman filter and smoother, maximum-likelihood noise levels, ship motion."""

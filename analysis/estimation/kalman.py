@@ -1,12 +1,12 @@
-"""Kalman filter and fixed-interval smoother of measurements at any times, over sums of :mod:`.process_models`.
+"""Kalman filter and fixed-interval smoother for measurements at any times, over sums of :mod:`.process_models`.
 
-The state is blocks, each a quantity with its derivatives; a quantity may be the sum of two blocks, slow motion and
-waves. At each step every channel may have one value, which measures the state through a row of its own. A value
-whose innovation lies beyond the gate is refused. When a channel has been refused for long, the truth may have
-jumped: the quantity that it measures is then set free by the size of the jump, and the channel is believed.
+The state consists of blocks, each a quantity with its derivatives; a quantity may be the sum of two blocks,
+slow motion and waves. At each step every channel may have one value, with its own measurement row. A value
+whose innovation lies beyond the gate is rejected. If a channel has been rejected for long, the true quantity
+may have jumped: its variance is then increased by the size of the jump, and the channel is accepted.
 
-Two engines give the same numbers: filterpy's (Labbe), at the end of this file, which reads as the textbooks do, and
-the compiled recursion of :mod:`.kalman_kernel`, which is some hundred times faster.
+Two engines give the same numbers: filterpy's (Labbe), at the end of this file, which reads like a textbook, and
+the compiled recursion of :mod:`.kalman_kernel`, about a hundred times faster.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from analysis.estimation.process_models import Model
 Engine = Literal["auto", "filterpy", "compiled"]
 
 LONGEST_FOR_FILTERPY = 600
-"""Steps up to which the engine "auto" is filterpy: well below a second."""
+"""The largest number of steps for which the engine "auto" is filterpy: well below a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """When a value is refused: beyond ``limit`` = innovation squared over its variance (chi-square, 1 degree of
-    freedom; 25 is five standard deviations), unless refused for ``patience_s`` and ``patience`` times."""
+    """The innovation gate: a value is rejected beyond ``limit`` = squared innovation over its variance
+    (chi-square, 1 degree of freedom; 25 is five standard deviations), unless its channel has been rejected for
+    ``patience_s`` and ``patience`` times."""
 
     limit: float = 25.0
     patience_s: float = 5.0
@@ -37,11 +38,11 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """What is measured, step by step: rising times, values and how they measure the state.
+    """Measurements step by step: increasing times, values and their measurement model.
 
-    ``time_s`` [steps]; ``value`` [steps, channels], NaN where there is none; ``row`` [steps, channels, states];
-    ``variance`` [steps, channels]; ``turn`` [channels], the period of a channel on the circle, else 0;
-    ``jumps`` [channels, states], which states are set free when a channel has jumped.
+    ``time_s`` [steps]; ``value`` [steps, channels], NaN without measurement; ``row`` [steps, channels, states];
+    ``variance`` [steps, channels]; ``turn`` [channels], the period of a circular channel, else 0; ``jumps``
+    [channels, states], the states released after a jump of a channel.
     """
 
     time_s: Floats
@@ -52,20 +53,22 @@ class Steps:
     jumps: Bools
 
     def for_model(self, model: Model) -> Steps:
-        """The same steps on the model's states, of which several may add up to one; slow ones alone may jump."""
+        """The steps for the model's states, several of which may add up to one quantity; only slow ones may
+        jump."""
         row, jumps = self.row @ model.sums, (self.jumps @ (model.sums != 0)) & model.may_jump
         return Steps(self.time_s, self.value, row, self.variance, self.turn, jumps)
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """What is known before the first step: ``mean`` [states] and ``covariance`` [states, states]."""
+    """The initial state: ``mean`` [states] and ``covariance`` [states, states]."""
 
     mean: Floats
     covariance: Floats
 
     def for_model(self, model: Model) -> Start:
-        """The same on the model's states: a swing starts anywhere in it, what is slow as given here."""
+        """The initial state for the model's states: wave motion at its stationary covariance, slow motion as
+        given."""
         covariance = np.zeros((model.may_jump.size,) * 2)
         mean = (self.mean @ model.sums) * model.may_jump
         for quantity, law, own in zip(model.quantities, model.laws, model.blocks, strict=True):
@@ -77,9 +80,9 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class FilteredStates:
-    """The state after the values of each step, mean [steps, states] and covariance, and how these were received.
+    """Filtered states, mean [steps, states] and covariance, with the innovations.
 
-    ``innovation`` and ``deviation``, its standard deviation, [steps, channels] are NaN where there was no value.
+    ``innovation`` and its standard ``deviation`` [steps, channels] are NaN without measurement.
     """
 
     mean: Floats
@@ -90,16 +93,16 @@ class FilteredStates:
 
     @property
     def nis(self) -> Floats:
-        """Normalised innovation squared [steps, channels]; its mean is 1 for a filter that is right."""
+        """Normalised innovation squared [steps, channels]; its mean is 1 for a consistent filter."""
         return np.asarray((self.innovation / self.deviation) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A smoothed track of the state, ``mean`` [steps, states], and all that interpolation needs.
+    """Smoothed states, ``mean`` [steps, states], and what interpolation needs.
 
-    ``costate`` [steps, states] and ``information`` [steps, states, states] are what a step and all later ones say
-    of the state predicted for it (Bryson and Frazier 1963).
+    ``costate`` [steps, states] and ``information`` [steps, states, states] are the corrections of each step's
+    predicted state from this and all later steps (Bryson and Frazier 1963).
     """
 
     time_s: Floats
@@ -111,14 +114,14 @@ class Track:
 
     @property
     def covariance(self) -> Floats:
-        """Of the smoothed state at each step [steps, states, states]."""
+        """The covariance of the smoothed state at each step [steps, states, states]."""
         return self.at(self.time_s)[1]
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Mean [times, states] and covariance at any times from the first step on, exact for the model.
 
-        From the filtered state before each time the motion is predicted, and what all later steps say corrects the
-        prediction. Beyond the last step it is the prediction.
+        The filtered state before each time is predicted, and corrected with all later steps. Beyond the last
+        step it is the prediction.
         """
         before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
         after = np.minimum(before + 1, self.time_s.size - 1)
@@ -140,7 +143,7 @@ def predict_states(mean: Floats, covariance: Floats, dt_s: Floats, model: Model)
 
 
 def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: Engine = "auto") -> Track:
-    """Filter forwards, smooth backwards. ``start`` holds at the first step's time; all on the model's states."""
+    """Filter forwards, smooth backwards. ``start`` is at the first step's time; all in the model's states."""
     if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
         return filter_and_smooth(steps, start, model, gate)
     from analysis.estimation.kalman_kernel import WIDTH, run_filter, run_smoother
@@ -163,7 +166,7 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
 def innovations_of(
     steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: Model, gate: Gate
 ) -> tuple[Floats, Floats]:
-    """The innovations and their variances alone, twice [steps, channels]; NaN where there is no value.
+    """Only the innovations and their variances, each [steps, channels]; NaN without measurement.
 
     Stretches of steps begin and end at ``edges`` [stretches + 1], each with its mean in ``starts`` [stretches,
     states] and with ``covariance``.
@@ -181,7 +184,7 @@ def innovations_of(
 
 
 class _Patience:
-    """How long each channel has been refused."""
+    """Tracks for how long each channel has been rejected."""
 
     def __init__(self, gate: Gate, channels: int) -> None:
         self._gate = gate
@@ -198,7 +201,7 @@ class _Patience:
 
 
 def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> Track:
-    """As :func:`smooth_steps` says, by filterpy's KalmanFilter and its RTS smoother."""
+    """As :func:`smooth_steps`, with filterpy's KalmanFilter and its RTS smoother."""
     from filterpy.kalman import KalmanFilter
 
     count, channels = steps.value.shape
@@ -236,12 +239,12 @@ def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> T
 
 
 def _present(steps: Steps, k: int) -> list[int]:
-    """The channels that have a value at a step."""
+    """The channels with a value at a step."""
     return [int(channel) for channel in np.flatnonzero(np.isfinite(steps.value[k]))]
 
 
 def _innovation(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float]:
-    """A channel's innovation, on its circle, and its variance."""
+    """A channel's innovation, wrapped if circular, and its variance."""
     row, turn = steps.row[k, channel], steps.turn[channel]
     error = float(steps.value[k, channel] - row @ kalman.x[:, 0])
     if turn > 0:
@@ -250,7 +253,7 @@ def _innovation(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float,
 
 
 def _released(kalman: Any, steps: Steps, k: int, patience: _Patience, gate: Gate) -> Floats:
-    """The variance that channels refused for long add to what they see."""
+    """The variance added for channels rejected for long."""
     released: Floats = np.zeros(kalman.P.shape)
     before = kalman.P
     for c in _present(steps, k):

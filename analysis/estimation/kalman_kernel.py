@@ -30,12 +30,12 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from analysis.compiling import FAST, compiled
 
 WIDTH = 24
-"""Columns of the state's matrices, and the most states that a model may have."""
+"""The number of columns of the state's matrices, and so of states at most."""
 
 
 @compiled
 def add_product(F: Floats, x: Floats, columns: int, result: Floats) -> None:
-    """Adds F x to ``result`` [n, columns or more]; the zeros of F cost nothing."""
+    """Add F x to ``result`` [n, columns or more], skipping zeros of F."""
     n = F.shape[0]
     for i in range(n):
         for k in range(n):
@@ -49,8 +49,8 @@ def add_product(F: Floats, x: Floats, columns: int, result: Floats) -> None:
 def predict_covariance(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
     """``P`` becomes F P F' + Q, in place; ``work`` [n, WIDTH] is scratch. ``P`` is symmetric and stays so.
 
-    Rounding alone would make it less so second by second, until it is no covariance any more (Verhaegen and Van
-    Dooren 1986): the halves are made one.
+    Rounding alone would destroy the symmetry step by step, until it is no longer a covariance (Verhaegen and
+    Van Dooren 1986), so it is symmetrised.
     """
     work[:] = 0.0
     add_product(F, P, WIDTH, work)
@@ -72,7 +72,7 @@ def transpose(work: Floats) -> None:
 
 @compiled
 def predict_means(F: Floats, m: Floats, moved: Floats) -> None:
-    """Fills ``moved`` [n, C] with F m."""
+    """Fill ``moved`` [n, C] with F m."""
     moved[:] = 0.0
     add_product(F, m, m.shape[1], moved)
 
@@ -96,7 +96,7 @@ def add_inputs(drive: Floats, gain: Floats, features: Floats, moved: Floats) -> 
 
 @compiled
 def projected_variance(P: Floats, h: Floats, Ph: Floats) -> float:
-    """Fills ``Ph`` [WIDTH] with P h and returns h' P h; ``P`` is symmetric."""
+    """Fill ``Ph`` [WIDTH] with P h and return h' P h; ``P`` is symmetric."""
     n, variance = P.shape[0], 0.0
     for j in range(WIDTH):
         Ph[j] = 0.0
@@ -135,7 +135,7 @@ def release(
     z: Floats, H: Floats, R: Floats, turn: Floats, jumps: Bools, limit: float, refused_long: Bools,
     m: Floats, P: Floats, Ph: Floats,
 ) -> None:  # fmt: skip
-    """Make room, by the size of its innovation, for a jump of what a channel sees that was refused for long."""
+    """Increase the variance of the quantity of a channel rejected for long by the square of its innovation."""
     n = P.shape[0]
     for c in range(R.size):
         if not refused_long[c] or np.isnan(z[c, 0]):
@@ -157,7 +157,7 @@ def release(
 
 @compiled
 def on_circle(innovation: float, turn: float) -> float:
-    """An innovation the shorter way round, where its channel is on a circle of period ``turn``, else 0."""
+    """An innovation wrapped the shorter way round if its channel has a period ``turn``, else 0."""
     return float(innovation - turn * np.round(innovation / turn)) if turn > 0.0 else innovation
 
 

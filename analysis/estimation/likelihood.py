@@ -1,9 +1,9 @@
-"""Noise levels by maximum likelihood: those under which a Kalman filter's innovations are the most likely.
+"""Maximum-likelihood noise levels from the innovations of a Kalman filter.
 
-The likelihood of the innovations (Schweppe 1965) is climbed by Fisher scoring, damped as Levenberg and Marquardt
-do: gradient and expected information both follow from the derivatives of innovations and variances (Gupta and Mehra
-1974), which differences of the filter itself give. The square of each innovation, in units of its variance, counts
-up to a limit only, and one beyond it does not fall as its variance grows: outliers do not pass for noise.
+The likelihood of the innovations (Schweppe 1965) is maximised by Fisher scoring with Levenberg-Marquardt
+damping: gradient and expected information follow from the derivatives of innovations and variances (Gupta and
+Mehra 1974), taken as finite differences of the filter. The normalised square of each innovation counts up to a
+limit, and beyond it does not fall with growing variance, so outliers are not taken for noise.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _EASIER = 5.0
 
 @dataclass(frozen=True, slots=True)
 class ScoringSettings:
-    """How the likelihood is climbed: parameters are logarithms of levels, or angles.
+    """Settings of the search; parameters are logarithms of levels, or angles.
 
-    ``limit`` is up to where an innovation's square over its variance counts; ``most_steps`` of at most
-    ``longest_step`` in each parameter; ``damping`` is the first and what a step that did not help multiplies it by,
-    at most ``tries`` times; ``enough`` is the gain in minus twice the log likelihood below which the search ends.
+    ``limit`` clips the normalised square of an innovation; at most ``most_steps`` of at most ``longest_step``
+    in each parameter; ``damping`` is the initial value and the factor after a step without gain, at most
+    ``tries`` times; the search ends below a gain of ``enough`` in minus twice the log likelihood.
     """
 
     limit: float = 25.0
@@ -41,7 +41,8 @@ class ScoringSettings:
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """A normal prior on the parameters, about ``mean`` [p], of one standard ``deviation``; infinite is none."""
+    """A normal prior on the parameters with ``mean`` [p] and a common standard ``deviation``; infinite for
+    none."""
 
     mean: Floats
     deviation: float
@@ -65,9 +66,10 @@ def most_likely(
     how: ScoringSettings,
     prior: Prior | None = None,
 ) -> tuple[Floats, float]:
-    """The parameters [p] between ``low`` and ``high`` that are uphill from ``start``, and their cost.
+    """Maximise the likelihood over parameters [p] between ``low`` and ``high``, from ``start``; returns them
+    and their cost.
 
-    The cost is :func:`robust_cost` and the prior's. A step that does not help is tried again with more damping.
+    The cost is :func:`robust_cost` plus the prior's. A step without gain is retried with more damping.
     """
     prior = prior or Prior(start, np.inf)
 
@@ -117,15 +119,15 @@ def scores(
 
 
 NEARLY_ONE = 0.95
-"""Two estimates correlated by so much, either way, are one in all but name."""
+"""The absolute correlation above which two estimates cannot be separated."""
 
 
 UNKNOWN = 0.8
-"""A standard error of so much of the prior's, and more, is none of the data's."""
+"""The ratio of standard error to prior above which the data do not determine a parameter."""
 
 
 def correlated_pairs(names: Sequence[str], correlation: Floats) -> list[tuple[str, str, float]]:
-    """Pairs of ``names`` [P] whose estimates hang together, and their correlation, from all of them [P, P].
+    """Pairs of ``names`` [P] with strongly correlated estimates, and their correlation, from the matrix [P, P].
 
     >>> correlated_pairs(["mass", "drag"], np.array([[1.0, -0.97], [-0.97, 1.0]]))
     [('drag', 'mass', -0.97)]

@@ -1,10 +1,10 @@
-"""Waves and noise taken off the motion by local polynomials, as it is known afterwards.
+"""Two-sided smoothing of the motion by local polynomials, which removes waves and noise.
 
-A prediction over half a minute starts from a speed and a heading. In waves of five seconds the measured ones
-swing by decimetres a second and tenths of a degree, which is no course to predict from. Each motion
-channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
+A prediction over half a minute starts from a speed and a heading. In waves with a period of five seconds the
+measured ones oscillate by decimetres a second and tenths of a degree, which is no basis for a prediction. Each
+motion channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
 weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
-curvature come out exactly, waves of 4 to 8 s are taken down by a factor of ten and more.
+curvature are reproduced exactly, waves of 4 to 8 s are attenuated by a factor of ten and more.
 """
 
 from __future__ import annotations
@@ -21,16 +21,15 @@ _LEAST_SAMPLES = 5
 
 
 def half_width_for(length_m: float) -> float:
-    """How far the fits reach for a ship of that length [s]: :data:`HALF_WIDTH_S`, and less for one under
-    :data:`USUAL_LENGTH_M`, as the root of her length: so much faster does everything happen on a model (Froude).
-    """
+    """The half-width of the fits for a ship of this length [s]: :data:`HALF_WIDTH_S`, scaled with the root of
+    the length below :data:`USUAL_LENGTH_M`, since a model moves that much faster (Froude)."""
     return HALF_WIDTH_S * min(1.0, float(np.sqrt(length_m / USUAL_LENGTH_M)))
 
 
 def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
-    """The motion channels of a table with evenly spaced rows, smoothed; a NaN stays a NaN.
+    """Smooth the motion channels of a table with evenly spaced rows; NaN stays NaN.
 
-    Near gaps and ends the fit is one-sided; where fewer than five samples are near, values stay as they are.
+    Near gaps and ends the fit is one-sided; with fewer than five samples nearby, values are unchanged.
     """
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     step_s = float(np.median(np.diff(times_ns))) / 1e9 if len(table) > 1 else 1.0

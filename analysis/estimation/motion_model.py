@@ -1,12 +1,11 @@
-"""A ship's motion as the Kalman filter sees it: what the states are, and how the six motion channels see them.
+"""A ship's motion as a state-space model: the states, and how the six motion channels measure them.
 
 States: heading, north and east, each with its first and second derivative; SI, angles in radians. Samples of a
-channel that fall into one internal step are combined into their mean, which sees the mean of the state's
-quadratic over their own times: nothing is moved in time. Surge and sway see the earth-fixed velocity turned by
-the heading. That is linear about a heading and a velocity that are known well (the heading smoothed by itself
-and the measured speeds), so that one filter holds all nine states with everything they know of each other:
-an extended Kalman smoother, linearised once. What is neglected is of second order, 0.5 U dpsi^2: 1 mm/s for
-1 degree at 6 m/s.
+channel within one internal step are averaged; the mean measures the mean of the state's quadratic over the
+samples' own times, so nothing is shifted in time. Surge and sway measure the earth-fixed velocity rotated by
+the heading. This is linearised about a well known heading and velocity (the heading smoothed by itself and the
+measured speeds), so that one filter holds all nine states with their correlations: an extended Kalman smoother,
+linearised once. The neglected term is of second order, 0.5 U dpsi^2: 1 mm/s for 1 degree at 6 m/s.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from analysis.tables.resample import own_gap_s
 from analysis.tables.table import NANO, times_ns
 
 CHANNELS = ("heading_deg", "yaw_rate_dps", "north_m", "east_m", "surge_mps", "sway_mps")
-"""The motion channels in the order in which each step takes them."""
+"""The motion channels in the order of processing."""
 HEADING, YAW_RATE, NORTH, EAST, SURGE, SWAY = range(6)
 PSI, R, R_DOT, N, VN, AN, E, VE, AE = range(9)
 
@@ -159,7 +158,7 @@ def horizontal_steps(steps: Steps, heading: Floats) -> Steps:
 
 
 def first_state(data: MotionSamples) -> Start:
-    """What is known before the first sample: the first heading and position, and little else."""
+    """The initial state: the first heading and position, with wide variances."""
     mean = np.zeros(9)
     for channel, state in ((HEADING, PSI), (NORTH, N), (EAST, E)):
         there = np.flatnonzero(np.isfinite(data.value[:, channel]))
@@ -182,7 +181,7 @@ def _variance(noise: Floats, count: Floats) -> Floats:
 
 
 def _nominal(speed_mps: Floats) -> Floats:
-    """A speed to linearise about: a running median of five, which an outlier does not move, without NaN."""
+    """The speed of the linearisation: a running median of five, robust against outliers, without NaN."""
     median = pd.Series(speed_mps).rolling(5, center=True, min_periods=1).median()
     return np.asarray(median.interpolate(limit_direction="both").fillna(0.0), dtype=float)
 
@@ -228,8 +227,8 @@ def _in_body_axes(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Fl
 
 
 def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
-    """Samples minus what the filter's states [rows, 9] say ``offset_s`` later [rows, channels], SI; the heading's
-    in -pi to pi."""
+    """Samples minus the filter's states [rows, 9] at ``offset_s`` later [rows, channels], SI; the heading's in
+    -pi to pi."""
     moved = state.copy()
     moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
@@ -239,9 +238,9 @@ def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
 
 
 def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
-    """Which grid points [rows] lie in a gap of the heading's channels or of the others, or outside them.
+    """Mask of the grid points [rows] in a gap of the heading's channels or of the others, or outside them.
 
-    A gap is longer than ``longest_gap_s``; without it, than 2.5 intervals, but at least 3 s and at most 10 s.
+    A gap is longer than ``longest_gap_s``; by default than 2.5 intervals, but at least 3 s and at most 10 s.
     """
     there = np.isfinite(motion_values(table))
     times_s = (times_ns(table) - epoch_ns) / NANO

@@ -1,9 +1,9 @@
-"""Noise levels from the data themselves: those under which what was measured is the most likely.
+"""Maximum-likelihood noise levels from the data themselves.
 
-A filter with the right levels predicts each value with an error that is as large as it says; the likelihood of its
-innovations (:mod:`.likelihood`) is largest there. It is computed on stretches spread over the recording. Heading
-and yaw rate come first, by themselves; then position and speeds, with the heading given. Waves are part of the
-model where they make the data more likely by more than their three numbers would by chance (Schwarz 1978).
+With the right levels, the prediction errors of a filter have the size that it predicts, and the likelihood of
+its innovations (:mod:`.likelihood`) is largest. It is computed on stretches spread over the recording. Heading
+and yaw rate come first, by themselves; then position and speeds, given the heading. Waves are included if they
+raise the likelihood by more than their three parameters would by chance (Schwarz 1978).
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
 _QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 STRETCHES, STEPS_OF_STRETCH = 10, 200
 LEAST = {"position_m": 1e-4, "heading_rad": 1e-5, "speed_mps": 1e-4, "yaw_rate_radps": 1e-6}
-"""The least noise that is searched for, SI."""
+"""The lower bounds of the noise in the search, SI."""
 LEAST_JERK, MOST_JERK = 1e-7, 1e2
-_CALM, _WAVY = 3, 6  # numbers without waves, and with them but without their direction
+_CALM, _WAVY = 3, 6  # parameters without waves, and with waves but without direction
 _LONGEST_WAVE_S, _DAMPINGS = 20.0, (0.02, 0.6)
 _STARTS, _MOST_VIEWS = 2, 12
 _JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 _WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
-_SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # where the search for waves begins, m/s and rad/s
+_SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # starts of the search for waves, m/s and rad/s
 _YAW_ORDER = 3  # a hull averages turning along her length once more than shifting
 _AT_BOUND = 0.01
 _NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
@@ -52,11 +52,11 @@ _NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
 
 @dataclass(frozen=True, slots=True)
 class NoiseLevels:
-    """Standard deviations of one sample's noise, and what drives the motion; SI, angles in radians.
+    """Standard deviations of one sample's noise, and the process noise of the motion; SI, angles in radians.
 
-    The jerks are roots of two-sided spectral densities: ``jerk`` in m/s3 and ``yaw_jerk`` in rad/s3, per root Hz.
-    ``wave_speed`` [m/s] and ``yaw_wave_speed`` [rad/s] are the standard deviations of the speeds of the swing
-    in waves, 0 where there is none; frequency [rad/s] and damping say how it swings. The horizontal swing is along
+    The jerks are roots of two-sided spectral densities: ``jerk`` in m/s3 and ``yaw_jerk`` in rad/s3, per root
+    Hz. ``wave_speed`` [m/s] and ``yaw_wave_speed`` [rad/s] are the standard deviations of the velocities of
+    wave motion, 0 without waves, with their frequency [rad/s] and damping. The horizontal wave motion is along
     ``wave_direction_rad`` from north, and ``wave_across`` times as large across it.
     """
 
@@ -83,13 +83,13 @@ class NoiseLevels:
 
     @property
     def yaw_laws(self) -> tuple[Law, ...]:
-        """How the heading moves: slowly, and in waves where there are any."""
+        """The process models of the heading: slow motion, and waves if there are any."""
         waves = (self.yaw_wave_speed, self.yaw_wave_frequency_radps, self.yaw_wave_damping)
         return _laws(self.yaw_jerk, *waves, _YAW_ORDER)
 
     @property
     def laws(self) -> tuple[tuple[Law, ...], tuple[Law, ...]]:
-        """How north and east move, or swing along and across the waves."""
+        """The process models of north and east, or along and across the waves."""
         shape = (self.wave_frequency_radps, self.wave_damping)
         along, across = self.wave_speed, self.wave_speed * self.wave_across
         return _laws(self.jerk, along, *shape), _laws(self.jerk, across, *shape)
@@ -108,9 +108,9 @@ class NoiseLevels:
 
     @property
     def at_bounds(self) -> tuple[str, ...]:
-        """The channels whose noise is the least that is searched for, and those whose motion's jerk is at an end.
+        """The channels whose noise is at its lower bound, and those whose motion's jerk is at a bound.
 
-        A search that ends at its bound has not found a level: such data were made, filtered or held.
+        A search that ends at a bound has not found a level: such data were generated, filtered or held.
         """
         found = {name for name, bound in LEAST.items() if getattr(self, name) <= bound * (1.0 + _AT_BOUND)}
         for name in ("jerk", "yaw_jerk"):
@@ -120,16 +120,16 @@ class NoiseLevels:
 
 
 def _laws(jerk: float, speed: float, frequency_radps: float, damping: float, order: int = 2) -> tuple[Law, ...]:
-    """How a quantity moves: slowly, and in waves where their ``speed`` is not zero."""
+    """The process models of a quantity: slow motion, and waves if their ``speed`` is not zero."""
     slow = WhiteJerk(jerk)
     return (slow, WaveMotion(speed, frequency_radps, damping, order)) if speed > 0.0 else (slow,)
 
 
 def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevels:
-    """The levels of maximum likelihood of combined samples; a channel that is absent keeps a least level.
+    """The maximum-likelihood levels of combined samples; an absent channel keeps its lower bound.
 
-    Waves are looked for in the horizontal motion. Where there are any, the heading swings in them at much the
-    same frequency; where there are none, what swings in the heading is the ship.
+    Waves are looked for in the horizontal motion. If there are any, the heading oscillates at about the same
+    frequency; if not, oscillations of the heading are the ship's.
     """
     rules = gate or Gate()
     parts = _stretches(data)
@@ -165,7 +165,7 @@ def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
 
 
 def _stretches(data: MotionSamples) -> list[MotionSamples]:
-    """All of a short recording, else stretches spread evenly over it."""
+    """All of a short recording, or stretches spread evenly over a long one."""
     steps = data.time_s.size
     if steps <= STRETCHES * STEPS_OF_STRETCH:
         return [data]
@@ -174,7 +174,7 @@ def _stretches(data: MotionSamples) -> list[MotionSamples]:
 
 
 def _first_levels(data: MotionSamples) -> Floats:
-    """A first idea of each channel's noise [channels], from second differences."""
+    """An initial estimate of each channel's noise [channels], from second differences."""
     levels = []
     for channel in range(data.value.shape[1]):
         series = data.value[:, channel][np.isfinite(data.value[:, channel])]
@@ -183,11 +183,11 @@ def _first_levels(data: MotionSamples) -> Floats:
 
 
 def noise_of(values: Floats, apart: int = 1) -> float:
-    """The standard deviation of the noise on a series at a steady rate, in its own unit.
+    """The standard deviation of the noise on a series at a constant rate, in its own unit.
 
-    Second differences do not see a ramp, and their lower quartile does not see steps and spikes, as long as
-    the setting is left alone or moves steadily for half of the time. They are of values ``apart`` rows from each
-    other. NaN are passed over; 0 for a series too short to tell.
+    Second differences are insensitive to ramps, and their lower quartile to steps and spikes, as long as the
+    setting is constant or moves steadily for half of the time. They are taken between values ``apart`` rows
+    from each other. NaN are ignored; 0 for a series that is too short.
     """
     second = np.abs(values[2 * apart :] - 2.0 * values[apart:-apart] + values[: -2 * apart])
     second = second[np.isfinite(second)]
@@ -216,7 +216,7 @@ def _calm(search: Search) -> tuple[Floats, float]:
 def _with_waves(
     search: Search, calm: tuple[Floats, float], speeds: Sequence[float], frequencies: Sequence[float] | Floats
 ) -> Floats:
-    """As :func:`_calm`, with the waves' speed, frequency and damping behind, where they are worth their numbers."""
+    """As :func:`_calm`, with the waves' speed, frequency and damping appended if they are significant."""
     plain, cost = calm
     bounds, fastest = search.wave_bounds, 2 * np.pi / search.shortest_wave_s
     guesses = [
@@ -225,12 +225,12 @@ def _with_waves(
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
     wavy, wavy_cost = descend(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
-    a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width is the ship's own doing
+    a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width comes from the ship
     return wavy if a_sea and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
 
 
 def _with_direction(search: Search, wavy: Floats) -> Floats:
-    """With the waves' share across and their direction behind, where the two are worth their numbers."""
+    """The parameters with the waves' ratio across and direction appended if they are significant."""
     guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
     low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
     start = min(guesses, key=search.cost)
@@ -243,9 +243,9 @@ Parts = Sequence[tuple[Steps, Start]]
 
 @dataclass(frozen=True)
 class Search:
-    """What is searched for: two noise levels, a jerk and waves, for steps that are given with unit noise.
+    """The search for two noise levels, a jerk and waves, for steps given with unit noise.
 
-    ``level_of`` [channels] tells which level is whose, ``added`` is variance that comes on top, by part.
+    ``level_of`` [channels] assigns levels to channels, ``added`` is additional variance, by part.
     """
 
     parts: Parts
@@ -258,11 +258,11 @@ class Search:
     order: int = 2
 
     def cost(self, logs: Floats) -> float:
-        """Minus twice the log likelihood; each innovation's square counts up to the gate."""
+        """Minus twice the log likelihood, with innovations clipped at the gate."""
         return robust_cost(*self.innovations(logs), self.gate.limit)
 
     def climb(self, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
-        """The most likely logarithms uphill from here, and their cost."""
+        """The local maximum of the likelihood from these logarithms, and its cost."""
         return most_likely(self.innovations, logs, low, high, ScoringSettings(limit=self.gate.limit))
 
     def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
@@ -282,7 +282,7 @@ class Search:
         return innovation[self._there], variance[self._there]
 
     def _view(self, model: Model) -> tuple[Steps, Floats]:
-        """Steps and starts on a model's states; they hang on its number of laws and its direction alone."""
+        """Steps and starts in a model's states, which depend only on its number of processes and its direction."""
         key = len(model.laws), model.direction_rad
         if key not in self._views:
             if len(self._views) > _MOST_VIEWS:
@@ -293,7 +293,7 @@ class Search:
 
     @cached_property
     def _views(self) -> dict[tuple[int, float], tuple[Steps, Floats]]:
-        """What :meth:`_view` has found."""
+        """The cache of :meth:`_view`."""
         return {}
 
     @cached_property
@@ -331,7 +331,7 @@ class Search:
 
     @property
     def shortest_wave_s(self) -> float:
-        """The shortest wave that the steps can tell from noise: three of them."""
+        """The shortest wave period that the steps can separate from noise: three steps."""
         return 3.0 * float(np.median(np.diff(self.parts[0][0].time_s))) if self.parts[0][0].time_s.size > 1 else 3.0
 
     @property
@@ -348,14 +348,15 @@ class Search:
 
 
 def across_of(logs: Floats) -> tuple[float, float]:
-    """How large the swing is across its direction, and the direction [rad]; 1 and 0 if that is not among them."""
+    """The ratio of wave motion across its direction, and the direction [rad]; 1 and 0 if not among the
+    parameters."""
     return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
 
 
 def descend(
     search: Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
 ) -> tuple[Floats, float]:
-    """The lowest cost that is found downhill from the best of the guesses, and where."""
+    """The lowest cost found by descent from the best of the guesses, and its parameters."""
     low, high = np.array(bounds).T
     ends = [
         search.climb(np.clip(each, low, high), low, high) for each in sorted(guesses, key=search.cost)[:_STARTS]

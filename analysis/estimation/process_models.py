@@ -1,13 +1,13 @@
-"""Process models: how a quantity moves when nobody measures it, over any time, exactly.
+"""Process models of unmeasured motion, discretised exactly over any time step.
 
-White jerk is a ship's slow motion, a damped oscillator her swing in waves, an Ornstein-Uhlenbeck process what
-wanders about zero: forces that nobody predicts, slow errors of sensors. All are linear and driven by white noise. A
-ship's observer that keeps waves apart from the ship's own motion goes back to Balchen, Jenssen and Saelid 1976;
-Fossen 2011, chapter 11.
+White jerk models a ship's slow motion, a damped oscillator her motion in waves, an Ornstein-Uhlenbeck process
+what fluctuates about zero: unpredictable forces, sensor drift. All are linear and driven by white noise.
+Observers that separate waves from the ship's slow motion go back to Balchen, Jenssen and Saelid 1976; Fossen
+2011, chapter 11.
 
-:func:`oscillator` and :func:`decay` are plain arithmetic, on arrays or inside compiled code. The models on top of
-them (:class:`Law`) have the quantity and its derivatives for states, so that the same measurement row serves each
-summand of a quantity, slow motion and waves.
+:func:`oscillator` and :func:`decay` are plain arithmetic, on arrays or inside compiled code. The models built
+on them (:class:`Law`) have the quantity and its derivatives as states, so that the same measurement row serves
+each part of a quantity, slow motion and waves.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from acquisition.core.arrays import Floats
 
 QUANTITIES = 3
 _SAME_S = 1e-9
-_CORNER = 1.1  # of a swing's low-pass, in its frequencies
+_CORNER = 1.1  # of the low-pass, relative to the wave frequency
 
 
 def decay(dt_s: Floats | float, lasting_s: Floats | float) -> Any:
-    """What is left of an Ornstein-Uhlenbeck process after ``dt_s``, one that lasts ``lasting_s``: the share [-].
+    """The share [-] of an Ornstein-Uhlenbeck process with time constant ``lasting_s`` left after ``dt_s``.
 
-    One less the share's square is what comes new of its stationary variance (Uhlenbeck and Ornstein 1930).
+    The added variance is one minus the square of the share, times the stationary variance (Uhlenbeck and
+    Ornstein 1930).
     """
     return np.exp(-dt_s / lasting_s)
 
@@ -51,11 +52,11 @@ def oscillator(dt_s: Floats | float, frequency_radps: Floats | float, damping: f
 
 
 class Law(Protocol):
-    """What a model asks of a law of motion."""
+    """The interface of a process model."""
 
     @property
     def may_jump(self) -> bool:
-        """Whether the quantity may be anywhere, as slow motion may and a swing about zero may not."""
+        """Whether the quantity may jump, as slow motion may and wave motion may not."""
         ...
 
     @property
@@ -65,7 +66,7 @@ class Law(Protocol):
 
     @property
     def covariance(self) -> Floats | None:
-        """The covariance at any time [size, size], None where it grows for ever."""
+        """The stationary covariance [size, size], None if it grows without bound."""
         ...
 
     def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
@@ -99,15 +100,15 @@ class WhiteJerk:
 
 @dataclass(frozen=True, slots=True)
 class WaveMotion:
-    """A swing about zero: :func:`oscillator`, driven by noise that a low-pass has made smooth.
+    """Wave motion: :func:`oscillator`, driven by low-pass filtered noise.
 
-    ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` where the oscillator swings
-    and ``damping`` its share of critical damping, which is the spectrum's width. The low-pass (Butterworth, of
-    order 2 or 3) has its corner a little above, so that no two roots are the same. The spectrum of position falls
-    with the power 4 + 2 ``order`` of frequency above the peak: that of a sea's surface falls with the fifth, and
-    a hull, longer and deeper than short waves, averages them over her draught and, what turns her more than
-    what shifts her, along her length. The state has derivatives up to ``order`` + 1. Of order 0 there is no
-    low-pass and the state is that of :func:`oscillator`, which the diagnosis uses: it asks for no acceleration.
+    ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` the oscillator's frequency
+    and ``damping`` its share of critical damping, which sets the spectrum's width. The low-pass (Butterworth,
+    of order 2 or 3) has its corner slightly higher, so that no two roots coincide. The position spectrum falls
+    with the power 4 + 2 ``order`` of frequency above the peak: that of the sea surface falls with the fifth,
+    and a hull averages short waves over her draught and, for yaw more than for translation, along her length.
+    The state has derivatives up to ``order`` + 1. With order 0 there is no low-pass and the state is that of
+    :func:`oscillator`, which the diagnosis uses, since it needs no acceleration.
     """
 
     speed: float
@@ -138,7 +139,7 @@ class WaveMotion:
 
     @property
     def covariance(self) -> Floats:
-        """The covariance of the swing at any time [size, size]."""
+        """The stationary covariance of the wave motion [size, size]."""
         identity, system, drive = np.eye(self.size), self._system, np.zeros((self.size, self.size))
         drive[-1, -1] = 1.0
         lyapunov = np.kron(system, identity) + np.kron(identity, system)
@@ -158,9 +159,9 @@ class WaveMotion:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Blocks of states, each a law by which one of the three quantities, or a part of it, moves.
+    """Blocks of states, each a process model of one of the three quantities, or a part of it.
 
-    Swings of quantity 1 and 2, north and east, are along and across ``direction_rad`` instead.
+    Wave motion of quantities 1 and 2, north and east, is along and across ``direction_rad`` instead.
     """
 
     quantities: tuple[int, ...]
@@ -185,7 +186,7 @@ class Model:
 
     @property
     def sums(self) -> Floats:
-        """The matrix [9, states] that adds up each quantity and its two derivatives."""
+        """The matrix [9, states] that sums each quantity and its two derivatives."""
         matrix = np.zeros((3 * QUANTITIES, int(self.sizes.sum())))
         cos, sin = np.cos(self.direction_rad), np.sin(self.direction_rad)
         turned = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
@@ -196,9 +197,9 @@ class Model:
         return matrix
 
     def over(self, dt_s: Floats, width: int = 0) -> tuple[Floats, Floats, NDArray[np.int64]]:
-        """The distinct ones among the intervals ``dt_s`` [k]: transitions and process noises, and which is whose.
+        """The distinct intervals of ``dt_s`` [k]: transitions and process noises, and the index of each.
 
-        Both are [distinct, states, states], or as many columns as ``width``, zeros behind the states; which [k].
+        Both are [distinct, states, states], or padded with zeros to ``width`` columns; index [k].
         """
         rounded, which = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
         states = int(self.sizes.sum())

@@ -1,16 +1,16 @@
-"""The ship's motion from raw samples at any rate, with how sure it is: a Kalman smoother over all six channels.
+"""The ship's motion from samples at any rate, with its uncertainty: a Kalman smoother over all six channels.
 
-Every sample counts at its own time, channels may come at different rates, irregularly and with gaps, and any of
-the velocities may be absent. Noise and jerk are estimated from the data (:mod:`.noise_levels`); a sample
-far off is refused and flagged (:mod:`.kalman`); what the states are is in :mod:`.motion_model`.
+Every sample is used at its own time; channels may have different and irregular rates and gaps, and any of the
+velocities may be absent. Noise and jerk are estimated from the data (:mod:`.noise_levels`); outliers are
+rejected and flagged (:mod:`.kalman`); the states are described in :mod:`.motion_model`.
 
-Is it as sure as it says? Innovations of a filter that fits are white with the spread it predicts: the mean of their
-normalised squares (NIS) is 1 within the bounds of a chi-square, and 95 % of them lie within 1.96 (Bar-Shalom, Li
-and Kirubarajan 2001, section 5.4). Those of real recordings follow each other; so their bounds come from the
-scatter of the means of blocks, which counts what is independent.
+Consistency of the uncertainty: innovations of a correct filter are white with the predicted variance: the mean
+of their normalised squares (NIS) is 1 within chi-square bounds, and 95 % of them lie within 1.96 (Bar-Shalom,
+Li and Kirubarajan 2001, section 5.4). Those of real recordings are correlated, so the bounds come from the
+scatter of block means, which counts the independent ones.
 
-Systematic errors are no noise: a speed that is 2 % low, or a position that comes late, is not found here. It
-shows in the consistency; check and repair a recording first.
+Systematic errors are not noise: a speed that is 2 % low, or a delayed position, is not corrected here. It shows
+in the consistency; check and repair a recording first.
 """
 
 from __future__ import annotations
@@ -87,7 +87,8 @@ class Consistency:
 
 
 def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> Consistency:
-    """Judge innovations [steps, channels] by their standard deviations; refused ones are counted and left out."""
+    """Compare innovations [steps, channels] with their standard deviations; rejected ones are counted and left
+    out."""
     judged = {}
     for number, name in enumerate(CHANNELS):
         there = np.isfinite(innovation[:, number])
@@ -117,15 +118,15 @@ _CHANNELS_OF = {
     "yaw_jerk": ("heading_deg", "yaw_rate_dps"),
     "jerk": ("north_m", "east_m", "surge_mps", "sway_mps"),
 }
-"""Which channels a level of :class:`.noise_levels.NoiseLevels` speaks for."""
+"""The channels of each level of :class:`.noise_levels.NoiseLevels`."""
 
 
 def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[str, ...]:
-    """One line for each channel whose uncertainties are in doubt: NIS well out of its bounds, or a level at one.
+    """One line for each channel with doubtful uncertainties: NIS well out of its bounds, or a level at a bound.
 
-    Of six channels one in four good recordings has one just out of its bounds of 95 %, and a long recording tells
-    a NIS of 0.97 from 1: what would leave 95 % bands between 93 and 97 % is not worth a remark.
-    ``at_bounds`` are names of levels, as :attr:`analysis.estimation.noise_levels.NoiseLevels.at_bounds` gives them.
+    With six channels one in four good recordings has one just outside its 95 % bounds, and a long recording
+    distinguishes a NIS of 0.97 from 1: deviations that leave 95 % bands between 93 and 97 % are not reported.
+    ``at_bounds`` are names of levels (:attr:`analysis.estimation.noise_levels.NoiseLevels.at_bounds`).
     """
     lines = []
     for name, channel in consistency.channels.items():
@@ -143,7 +144,7 @@ def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[st
 COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
 
-_RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this nothing is left to carry on
+_RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this there is no information left
 _BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
 _IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
 
@@ -169,14 +170,14 @@ class SmoothedMotion:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """One line for each channel whose uncertainties are in doubt, and why."""
+        """One line for each channel with doubtful uncertainties, with the reason."""
         return remarks_of(self.consistency, self.noise.at_bounds)
 
     def standard_deviations(self) -> pd.DataFrame:
         """The standard deviation of each state, in the unit of its column.
 
-        NaN where rounding has eaten a variance: before the first sample of a channel whose noise is some 1e-5 of
-        what is thought possible without it, as a model's position by cameras.
+        NaN where rounding leaves no positive variance: before the first sample of a channel whose noise is some
+        1e-5 of its prior uncertainty, such as a model's position from cameras.
         """
         variance = np.diagonal(self.covariance, axis1=1, axis2=2)
         deviation = np.sqrt(np.where(variance < 0.0, np.nan, variance))
@@ -264,7 +265,8 @@ def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate, engine:
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Steps ``first`` to ``last`` are smoothed together; ``core_first`` to ``core_last`` count."""
+    """Steps ``first`` to ``last`` are smoothed together; the results of ``core_first`` to ``core_last`` are
+    used."""
 
     first: int
     last: int
@@ -272,14 +274,14 @@ class _Block:
     core_last: int
 
     def until_s(self, time_s: Floats) -> float:
-        """The end of the time this block speaks for: the next step's, or just past the last one's."""
+        """The end of the time covered by this block: the next step's, or just past the last one's."""
         if self.core_last < self.last:
             return float(time_s[self.core_last])
         return float(np.nextafter(time_s[self.last - 1] + 1e-6, np.inf))
 
 
 def _blocks(time_s: Floats) -> list[_Block]:
-    """Stretches between gaps that are too long to carry on over, in blocks that overlap: memory stays bounded."""
+    """Stretches between long gaps, in overlapping blocks, so that memory stays bounded."""
     edges = [0, *(np.flatnonzero(np.diff(time_s) > _RESTART_S) + 1).tolist(), time_s.size]
     return [
         _Block(
@@ -292,7 +294,7 @@ def _blocks(time_s: Floats) -> list[_Block]:
 
 
 class _Innovations(NamedTuple):
-    """What each step made of its values; ``mean`` is the smoothed state."""
+    """The innovations of each step; ``mean`` is the smoothed state."""
 
     innovation: Floats
     deviation: Floats
@@ -301,7 +303,7 @@ class _Innovations(NamedTuple):
 
 
 def _innovations_of(block: _Block, track: Track) -> _Innovations:
-    """Those of the steps that count in a block."""
+    """The innovations of a block's core steps."""
     core, filtered = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
     mean = track.mean[core] @ track.model.sums.T
     return _Innovations(filtered.innovation[core], filtered.deviation[core], filtered.refused[core], mean)
@@ -310,7 +312,7 @@ def _innovations_of(block: _Block, track: Track) -> _Innovations:
 def _rejected(
     table: pd.DataFrame, data: MotionSamples, noise: NoiseLevels, gate: Gate, innovations: _Innovations
 ) -> pd.DataFrame:
-    """Which samples were refused: those of a refused step that lie off themselves, or all where none does."""
+    """The rejected samples: those of a rejected step that are outliers themselves, or all if none is."""
     flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
     concerned: Bools = np.asarray(innovations.refused.any(axis=1))
     rows = np.flatnonzero((data.step_of >= 0) & concerned[data.step_of])

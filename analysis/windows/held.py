@@ -1,24 +1,23 @@
-"""Held windows: stretches of a recording in which the actuators were left alone, on which models are judged.
+"""Held windows: stretches of a recording with constant actuator settings, on which models are tested.
 
-A candidate starts every ``stride_s`` seconds of the table and covers seconds 0 to ``horizon_s``. It is kept when
-all channels are there at every second and the controls of all actuators are held (:func:`steady_mask`); otherwise
-it is counted under the first reason that applies. Windows that share a second, or that follow each other at one
-held setting, form a leg: whoever splits data by leg or by trial never has one second on both sides.
+A candidate starts every ``stride_s`` seconds of the table and covers seconds 0 to ``horizon_s``. It is kept if
+all channels are present at every second and the controls of all actuators are held (:func:`steady_mask`);
+otherwise it is counted under the first reason that applies. Windows that share a second, or that follow each
+other at the same held setting, form a leg: a split by leg or by trial never has one second on both sides.
 
-All settings have one rule, that noise does not defeat and a ramp does not pass. A setting is held over a
-window when two things are small: the range of its values, which catches steps and spikes, and the drift, which is
-the slope of the best line through them times the window's length and catches slow ramps that stay within the
-range. Both bounds join a floor, what a held handle does by itself, and a multiple of the noise of the feedback,
-which is measured on the table itself: as a sum for the range, where the two add up, and as the root of squares for
-the drift, so that noise opens it no wider than it must. Feedback that was faster than the table has been filtered:
-its noise is less, but neighbours share it, which second differences take for quiet and a line through a window for
-drift. The filter's own correlation puts both right.
+One rule serves all settings; it tolerates noise but not a ramp. A setting is held over a window if two
+quantities are small: the range of its values, which catches steps and spikes, and the drift, the slope of the
+least-squares line times the window's length, which catches slow ramps within the range. Both bounds combine a
+floor, the natural variation of a held setting, with a multiple of the feedback noise, measured on the table
+itself: added for the range, and as the root of squares for the drift, so that noise widens it no more than
+necessary. Feedback faster than the table has been filtered: its noise is smaller but correlated, which reduces
+second differences and increases drift. Both are corrected by the filter's correlation.
 
-Near zero revolutions the rule is about thrust, which goes with their square: a shaft that stays within the idle
-band throughout, where it gives less than 1 % of its thrust at 130 rpm, may flicker in it and only the drift
-counts. Angles count whether a shaft turns or not: a pod that swings with an idle propeller still steers a ship that
-has way on, and so does a rudder. Bounds of a shaft grow with its usual speed, beyond that of a ship's: a model of
-3 m turns her propeller at 600 rpm, and what a held handle lets it do is a share of that.
+Near zero revolutions the rule concerns thrust, which is quadratic in them: within the idle band, with less than
+1 % of the thrust at 130 rpm, a shaft may flicker and only the drift counts. Angles count whether a shaft turns
+or not: a pod turned with an idle propeller still steers a moving ship, as does a rudder. Bounds of a shaft grow
+with its usual speed, beyond that of a ship's: a 3 m model turns her propeller at 600 rpm, and the variation of
+a held setting is a share of that.
 """
 
 from __future__ import annotations
@@ -47,11 +46,11 @@ _MOVED: dict[Sort, str] = {
     "rudder": "rudder_moved", "nozzle": "nozzle_moved", "pitch": "pitch_moved",
 }  # fmt: skip
 REASONS = ("gap", "missing_data", "position_jump", *_MOVED.values())
-"""Why a candidate is dropped, in the order in which the reasons are asked."""
+"""The reasons for dropping a candidate, in order of checking."""
 
 _JUMP_M, _JUMP_DEVIATIONS = 2.0, 10.0
-"""A step of a second that departs from the measured speeds by more than this and so many standard deviations of the
-recording's other steps together is none of the ship's: a receiver jumped, or two parts were joined."""
+"""The limits of a one-second step relative to the measured speeds, in metres and in standard deviations of the
+recording's other steps; beyond both, a receiver jumped or two parts were joined."""
 
 _LABELS = ("window", "second"), ("trial", "leg", "start")
 
@@ -63,17 +62,18 @@ def columns_for(actuators: Actuators) -> tuple[str, ...]:
 
 
 MOVED = tuple(_MOVED.values())
-"""The reasons for which a window is whole but not held."""
+"""The reasons for which a window is complete but not held."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldWindows(Result):
-    """The kept windows and the account of all candidates.
+    """The kept windows and the count of all candidates.
 
-    ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the
-    channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
-    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.recordings.add_start_states`.
-    ``provenance`` says by trial where they come from (:func:`analysis.tables.table.provenance_of`).
+    ``rows`` has one row for each window and second: ``window`` (unique number), ``second`` 0 to the horizon,
+    the channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus
+    all of ``dropped``. ``starts`` has one row for each window, see
+    :func:`analysis.windows.recordings.add_start_states`. ``provenance`` is by trial
+    (:func:`analysis.tables.table.provenance_of`).
     """
 
     rows: pd.DataFrame
@@ -179,9 +179,10 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
 
 
 def near_jumps(values: Floats) -> Bools:
-    """The seconds [rows] at which the positions of a trial [rows, channels] jump, or a filter may have seen it.
+    """Mask of the seconds [rows] at which the positions of a trial [rows, channels] jump, or within reach of a
+    filter.
 
-    Steps are compared with the mean speeds; scatter is by medians.
+    Steps are compared with the mean speeds; their scatter is estimated by medians.
     """
     north_m, east_m, heading_deg, surge_mps, sway_mps = values[:, :5].T
     speed = np.column_stack(to_earth(surge_mps, sway_mps, np.deg2rad(heading_deg)))
@@ -189,7 +190,7 @@ def near_jumps(values: Floats) -> Bools:
     apart = moved - 0.5 * (speed[1:] + speed[:-1])
     if not np.isfinite(apart).all(axis=1).any():
         return np.zeros(len(values), dtype=bool)
-    # a speed through the water is off by the current all the time
+    # a speed through the water always differs by the current
     off_m = np.hypot(*(apart - np.nanmedian(apart, axis=0)).T)
     most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(off_m)
     jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
@@ -283,7 +284,7 @@ def join_windows(parts: Sequence[HeldWindows]) -> HeldWindows:
 
 
 def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
-    """The windows as they are. Raises :class:`DataShortageError` with the counts by reason if there is none."""
+    """Return the windows. Raises :class:`DataShortageError` with the counts by reason if there are none."""
     if windows.kept:
         return windows
     reasons = ", ".join(f"{times} {reason}" for reason, times in windows.dropped.items())
@@ -302,10 +303,10 @@ _FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row 
 
 @dataclass(frozen=True, slots=True)
 class Tolerance:
-    """What a held setting may do without noise, in the channel's unit, and the most noise to allow for.
+    """The allowed variation of a held setting without noise, in the channel's unit, and the largest noise.
 
-    ``noise`` bounds the standard deviation: more than that is no noise but somebody at the handle. Of a setting
-    that is usually larger than ``ordinary`` all three grow in proportion.
+    ``noise`` bounds the standard deviation: more than that is somebody moving the handle. For a setting that is
+    usually larger than ``ordinary`` all three grow in proportion.
     """
 
     span: float
@@ -314,7 +315,7 @@ class Tolerance:
     ordinary: float = np.inf
 
     def factor(self, values: Floats) -> float:
-        """By how much the bounds grow for a setting with these ``values`` [rows]: by its 98th percentile."""
+        """The factor on the bounds for a setting with these ``values`` [rows], from its 98th percentile."""
         size = np.abs(values[np.isfinite(values)])
         return max(1.0, float(np.quantile(size, 0.98)) / self.ordinary) if size.size else 1.0
 
@@ -336,16 +337,16 @@ TOLERANCES: dict[Sort, Tolerance] = {
 pitch."""
 
 SPAN_SIGMAS, DRIFT_SIGMAS = 8.0, 4.75
-"""With so many standard deviations of range and drift a held window of 15 s with Gaussian noise is lost once in
-some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg."""
+"""The number of standard deviations for range and drift: a held window of 15 s with Gaussian noise is lost once
+in some 200,000; a ramp of 0.5 deg/s is recognised at noise of up to 1 deg."""
 
 IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
-"""The idle band of a shaft and what it may drift in it over a window; they grow as its bounds do."""
+"""The idle band of a shaft and the drift allowed in it over a window; they scale with its bounds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """The noise on a setting's feedback: its standard deviation, and whether neighbours share it."""
+    """The noise on a setting's feedback: its standard deviation, and whether it is correlated."""
 
     noise: float
     filtered: bool
@@ -358,7 +359,7 @@ class Feedback:
 
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
-    """The noise on a series that may have been filtered, ``most`` at most; see :func:`noise_of`."""
+    """The noise on a series that may have been filtered, at most ``most``; see :func:`noise_of`."""
     noise, wide = noise_of(values), noise_of(values, 2)
     if wide <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
@@ -378,7 +379,7 @@ def _shared(rows: int) -> Floats:
 
 
 def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Actuators = DEFAULT) -> Bools:
-    """For each candidate window of ``rows`` values, every ``stride`` values: is the setting held in it?
+    """Mask of the candidate windows of ``rows`` values, every ``stride`` values, in which the setting is held.
 
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
     """
@@ -401,7 +402,7 @@ def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Ac
 
 
 def sort_of(name: str, actuators: Actuators) -> Sort:
-    """What sort of setting a control channel is, as its actuator's kind says: an azimuth, a rudder, a shaft ...
+    """The sort of setting of a control channel, by its actuator's kind: an azimuth, a rudder, a shaft ...
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
@@ -415,6 +416,6 @@ def tolerance_of(name: str, actuators: Actuators = DEFAULT) -> Tolerance:
 
 
 def _line_weights(rows: int) -> Floats:
-    """What a window is multiplied with to get the rise of its best line from first to last value."""
+    """The weights that give the rise of a window's least-squares line from first to last value."""
     centred = np.arange(rows) - (rows - 1) / 2.0
     return np.asarray(centred / (centred @ centred) * (rows - 1))

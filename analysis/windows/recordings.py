@@ -1,14 +1,14 @@
-"""Held windows of recordings with the states that they start from, and as files.
+"""Held windows of recordings with their start states, and as files.
 
-A prediction starts from a state that nobody measured without noise. Here it is the Kalman smoother's, with its
-covariance, from the raw samples at their own times (:mod:`analysis.estimation.smoother`): the motion as perfect
-sensors would have measured it, waves included, and beside it the ship's own slow motion without them.
+A prediction starts from a state that cannot be measured without noise. Here it is the Kalman smoother's, with
+its covariance, from the samples at their own times (:mod:`analysis.estimation.smoother`): the motion as perfect
+sensors would have measured it, including waves, and also the slow motion without them.
 
-Predictions do not start from that slow motion but from what the ship's model knew at second 0 as a filter, and
-beside it, marked two-sided, from :mod:`analysis.estimation.local_polynomial`. Of the two that look ahead, where
-the motion is held over 15 s and 30 s, neither is the better everywhere: the smoother's is on a docking (1.3 m for
-1.45 m rms at 15 s), and in waves as good in position and up to 10 % worse in heading; on a recording whose
-positions jitter in time it is much worse (16.9 m for 6.8 m).
+Predictions start not from that slow motion but from the causal state of the model's Kalman filter at second 0,
+and, marked two-sided, from :mod:`analysis.estimation.local_polynomial`. Of the two that use later data, judged
+by constant velocity over 15 s and 30 s, neither is always better: the smoother's is on a docking (1.3 m for
+1.45 m rms at 15 s), and in waves it is equal in position and up to 10 % worse in heading; on a recording with
+jitter in the times of positions it is much worse (16.9 m for 6.8 m).
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from analysis.windows.held import HeldWindows, columns_for, held_windows, join_w
 
 @dataclass(frozen=True, slots=True)
 class SecondBySecond:
-    """A recording at 1 Hz: ``table`` as it is known afterwards, ``newest`` as its rows were known 0, 1, ... seconds
-    later, while what came after was not measured yet.
+    """A recording at 1 Hz: ``table`` with two-sided resampling, ``newest`` with its rows as they were known 0,
+    1, ... seconds later.
 
-    A channel that is recorded more often than once a second is filtered, by samples of the seconds to either side.
+    A channel recorded more often than once a second is filtered, by samples of the seconds on either side.
     """
 
     table: pd.DataFrame
     newest: tuple[pd.DataFrame, ...] = ()
 
     def known(self, seconds: int) -> pd.DataFrame:
-        """The rows as they were known so many seconds after each."""
+        """The rows as they were known this many seconds after each."""
         return self.newest[seconds] if seconds < len(self.newest) else self.table
 
 
@@ -71,10 +71,10 @@ def tables_of_recordings(
     repair: bool = False,
     rebuild_positions: bool = False,
 ) -> dict[str, SecondBySecond]:
-    """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's.
+    """Recordings, or a part of each one's time, at 1 Hz, by the trial's name, which is the file's.
 
-    ``repair`` puts right before what a check of the whole recording is certain of, ``rebuild_positions`` with the
-    repairs the positions too (:func:`analysis.prepare.prepare`).
+    ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
+    the positions as well (:func:`analysis.prepare.prepare`).
     """
     tables = {}
     for number, (path, trial) in enumerate(zip(paths, trial_names(paths), strict=True)):
@@ -122,11 +122,10 @@ START_COLUMNS = ("window", "trial", "leg", "start", *POSE_AND_VELOCITY, *COVARIA
 
 @dataclass(frozen=True, slots=True)
 class WindowOptions:
-    """How windows are cut out of recordings.
+    """Options for extracting windows from recordings.
 
-    ``keep_moving`` keeps those in which a thruster moved; ``repair`` and ``remove_delays`` put right before what
-    a check is certain of, ``rebuild_positions`` with the repairs the positions too; ``starts`` adds where they
-    start from.
+    ``keep_moving`` keeps those in which a thruster moved; ``repair`` and ``remove_delays`` first correct faults
+    that a check is certain of, ``rebuild_positions`` the positions as well; ``starts`` adds start states.
     """
 
     horizon_s: int = 15
@@ -213,7 +212,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
 
 
 def starts_path(path: Path | str) -> Path:
-    """Where the starts of windows are that are written to ``path``."""
+    """The path of the start states of windows written to ``path``."""
     return Path(path).with_suffix(".starts.parquet")
 
 
@@ -233,7 +232,7 @@ def read_windows(path: Path | str) -> HeldWindows:
 
 
 def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
-    """The starts beside a file of windows, unless they are of other windows."""
+    """The start states stored beside a file of windows, unless they belong to others."""
     if not starts_path(path).is_file():
         return None
     starts, _ = read_parquet(starts_path(path))
