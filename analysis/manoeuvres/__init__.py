@@ -1,4 +1,4 @@
-"""Manoeuvres found in a table of the 13 channels, and the indices that describe a ship by them."""
+"""Manoeuvres found in a table of channels, and the indices that describe a ship by them."""
 
 from analysis.manoeuvres.find import find_manoeuvres, manoeuvres_and_left_out
 from analysis.manoeuvres.indices import Current, Index, LeftOut, Manoeuvre, as_json

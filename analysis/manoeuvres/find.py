@@ -1,8 +1,8 @@
-"""Manoeuvres found in a table: zigzags and circles by the helm, the others by the shafts.
+"""Finding manoeuvres in a table: zigzags and circles by the helm, the others by the shafts.
 
-No threshold depends on the size of a ship or of a command: a command is held or changed against its own noise,
-a ship is fast or slow against the fastest of the recording. Marks of the crew ("zigzag 20/20 start") give the
-manoeuvre that they bound their name, and let a short one count that would not be believed without them.
+No threshold depends on the size of a ship or of a command: a command is held or changed relative to its own
+noise, a ship is fast or slow relative to the highest speed of the recording. Event marks of the crew ("zigzag
+20/20 start") name the manoeuvre that they enclose, and admit short ones that would otherwise be rejected.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ _NO_HELM = "no helm was recorded, the angle of a rudder or of a thruster"
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """What the crew marked: a manoeuvre between two times [ns since 1970]."""
+    """A manoeuvre marked by the crew, between two times [ns since 1970]."""
 
     text: str
     start_ns: int
     end_ns: int
 
     def covers(self, time: pd.Timestamp) -> bool:
-        """Whether a time lies inside, or within ten seconds of it: people press late and early."""
+        """Whether a time lies inside, or within ten seconds of it, since marks are early or late."""
         slack_ns = 10_000_000_000
         return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
 
@@ -71,7 +71,7 @@ _END = re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
 
 
 def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
-    """The manoeuvres that events bound: a text that says start, up to the next that says start or end.
+    """The manoeuvres enclosed by event marks: a text with "start", up to the next with "start" or "end".
 
     >>> [mark.text for mark in marks_of([(0, "zigzag 20/20 start"), (9, "coffee"), (60, "zigzag 20/20 end")])]
     ['zigzag 20/20']
@@ -102,10 +102,10 @@ def manoeuvres_and_left_out(
     events: Iterable[tuple[int, str]] = (),
     own: Sequence[str] = (),
 ) -> tuple[tuple[Manoeuvre, ...], tuple[LeftOut, ...]]:
-    """As :func:`find_manoeuvres`, and what only began like a manoeuvre, with the reason, in order of time.
+    """As :func:`find_manoeuvres`, with the rejected candidates and the reasons, in order of time.
 
-    ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions from
-    :class:`Motion` to :class:`Manoeuvre`s, which stand beside those found here, over the same rows too.
+    ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
+    from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
     motion, in_time = motion_of(table, length_m), attrgetter("start")
     bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
@@ -138,7 +138,7 @@ def _unless_unknown(motion: Motion, each: Manoeuvre | LeftOut) -> Manoeuvre | Le
 
 
 def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
-    """What a user's finder finds; where it fails the log says so, and the others go on."""
+    """The manoeuvres of a user's finder; a failure is logged, and the others go on."""
     function = load(name, "manoeuvres")
     require_call(function, name, "motion")
     with suppress(OwnCodeError), own_code(name, file_of(function)):
@@ -154,7 +154,7 @@ def _zigzags_and_turns(
 ) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
     """Zigzags and turns, and the rows that they take."""
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
-    # Thrust that is reversed turns the helm of one that steers by it to 180 deg at once: that is no rate of a helm.
+    # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
     motion = replace(motion, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
     every = held_helms(motion, helm)
@@ -185,7 +185,7 @@ def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> NDArray[np.bool_]:
 
 
 def helm_of(motion: Motion) -> Floats:
-    """The helm [deg], nothing where it steers by thrust and no drive runs, if the shafts are known."""
+    """The helm [deg], NaN where it steers by thrust and no propulsor runs, if the shafts are known."""
     push = np.linalg.norm([np.zeros(motion.time_s.size), *motion.drives.values()], axis=0)
     if not motion.steers_by_thrust or not push.any():
         return motion.helm_deg
@@ -206,7 +206,7 @@ def held_helms(motion: Motion, helm: Floats) -> list[Plateau]:
 
 
 def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
-    """The plateaus that are off the middle and steady enough to be an order."""
+    """The plateaus off amidships that are steady enough to be orders."""
     least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
     return [
         each for each in held
@@ -216,13 +216,13 @@ def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
 
 
 def helm_extremes(motion: Motion, helm: Floats) -> list[Plateau]:
-    """Where the helm was reversed, as plateaus of one row."""
+    """The reversals of the helm, as plateaus of one row."""
     calm, rows = turning_points(helm, motion.step_s)
     return [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]
 
 
 def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
-    """Whether a chain is a zigzag: three swings, or two where a mark of the crew says so."""
+    """Whether a chain is a zigzag: three swings, or two with a crew's mark."""
     start = motion.utc(float(motion.time_s[chain[0].first]))
     marked = any("zig" in mark.text.lower() and mark.covers(start) for mark in marks)
     return marked or len(chain) >= FEWEST_SWINGS
@@ -234,7 +234,7 @@ def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -
 
 
 def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
-    """A manoeuvre with the name that the crew gave it; a marked turn counts as a circle however short it is."""
+    """A manoeuvre with the name given by the crew; a marked turn counts as a circle however short."""
     text = next((mark.text for mark in marks if mark.covers(each.start) and mark.text), "")
     if not text or not _fits_kind(each.kind, text):
         return each

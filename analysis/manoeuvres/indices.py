@@ -1,10 +1,10 @@
-"""A manoeuvre's kind, settings and indices with their 95 % intervals, and IMO's limits beside them.
+"""A manoeuvre's kind, settings and indices with 95 % intervals, and the IMO limits.
 
-The limits are those of IMO resolution MSC.137(76), Standards for ship manoeuvrability, section 5.3. They hold for
-ships of 100 m and more and for chemical and gas tankers; beside the indices of another ship, or of one that
-steers by its drives, they stand for information only. Each is for one test: advance and tactical diameter for the
-turning test with 35 deg or the largest helm, the way to 10 deg of turn for a helm of 10 deg, overshoots for the
-10/10 and 20/20 zigzags.
+The limits are those of IMO resolution MSC.137(76), Standards for ship manoeuvrability, section 5.3. They apply
+to ships of 100 m and more and to chemical and gas tankers; for other ships, and for ships steered by their
+propulsors, they are given for information only. Each belongs to one test: advance and tactical diameter to the
+turning test with 35 deg or the largest helm, the distance to 10 deg of turn to a helm of 10 deg, overshoots to
+the 10/10 and 20/20 zigzags.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _BOUNDS = ("value", "low", "high")
 
 @dataclass(frozen=True, slots=True)
 class Index:
-    """One figure with the 95 % interval ``low`` to ``high``; NaN where the interval is not known.
+    """One index with the 95 % interval ``low`` to ``high``; NaN where the interval is unknown.
 
     ``lengths`` is the value in ship lengths, ``limit`` the IMO limit in ``unit``, "for information".
     """
@@ -40,14 +40,14 @@ class Index:
         return self.limit * self.lengths / self.value if self.limit and self.lengths else None
 
     def as_json(self) -> dict[str, Any]:
-        """The index with the keys of the contract; what is not known is null."""
+        """The index with the contract's keys; unknown values are null."""
         bounds = {name: _number(getattr(self, name)) for name in _BOUNDS}
         return {**bounds, "unit": self.unit, "lengths": self.lengths, "limit": self.limit}
 
 
 @dataclass(frozen=True, slots=True)
 class Current:
-    """The drift of a steady circle: current and what the wind does, each with half of its 95 % interval [m/s]."""
+    """The drift of a steady circle, from current and wind, each component with half of its 95 % interval [m/s]."""
 
     north_mps: float
     east_mps: float
@@ -64,7 +64,7 @@ class Current:
 
 
 HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
-"""The settings that a helm may be, by what the ship is steered with."""
+"""The settings of a helm, by what steers the ship."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +101,12 @@ class Manoeuvre:
 
     @property
     def sided_name(self) -> str:
-        """The name, with the side where it does not say it."""
+        """The name, including the side."""
         return f"{self.name} to {self.side}" if self.side and self.side not in self.name else self.name
 
     @property
     def helm_deg(self) -> float | None:
-        """The helm that was held, as its actuators count it; None for a manoeuvre without."""
+        """The helm held, in the sign convention of its actuators; None for a manoeuvre without helm."""
         return next((self.settings[name] for name in HELMS if name in self.settings), None)
 
     @property
@@ -132,7 +132,7 @@ class Manoeuvre:
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """What began like a manoeuvre of a kind and is none, so that it has no indices, and why."""
+    """A candidate rejected as a manoeuvre, which has no indices, and the reason."""
 
     kind: str
     start: datetime
@@ -147,7 +147,7 @@ class LeftOut:
 
 
 def side_of(positive_to_starboard: float) -> str:
-    """The side that a turn or a move is to, by its sign."""
+    """The side of a turn or movement, from its sign."""
     return "starboard" if positive_to_starboard > 0 else "port"
 
 
@@ -160,7 +160,7 @@ UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm":
 
 
 def unit_of(name: str) -> str:
-    """The unit that a name ends in; "" for a ratio.
+    """The unit at the end of a name; "" for a ratio.
 
     >>> unit_of("advance_m_current_removed"), unit_of("speed_loss")
     ('m', '')
@@ -170,7 +170,7 @@ def unit_of(name: str) -> str:
 
 
 def nominal_deg(angle_deg: float, share: float = 0.12) -> float:
-    """The angle a test was meant to have: five degrees' steps where one is within ``share`` of it.
+    """The nominal angle of a test: a multiple of five degrees if one is within ``share`` of it.
 
     >>> nominal_deg(18.1), nominal_deg(7.6), nominal_deg(-9.4)
     (20.0, 8.0, 10.0)
@@ -190,12 +190,12 @@ def index_of(
 
 
 def indices_of(values: Mapping[str, tuple[float, float]], length_m: float | None) -> dict[str, Index]:
-    """Indices by name from their values and halves of their intervals; what was not reached is left out."""
+    """Indices by name from values and halves of intervals; those not reached are left out."""
     return {name: index_of(name, *pair, length_m) for name, pair in values.items() if np.isfinite(pair[0])}
 
 
 def with_limits(indices: Mapping[str, Index], limits: Mapping[str, float | None]) -> dict[str, Index]:
-    """The indices with limits beside those that have one, as measured and with the current removed."""
+    """The indices with their limits, both as measured and with the current removed."""
     return {
         name: replace(index, limit=limits.get(name.removesuffix("_current_removed")))
         for name, index in indices.items()
@@ -262,12 +262,12 @@ def overshoot_limits(
 
 
 def from_order(number: int) -> str:
-    """The name of an overshoot counted from the moment at which the helm began to move."""
+    """The name of an overshoot counted from the moment when the helm began to move."""
     return f"overshoot_{number}_from_order_deg"
 
 
 def add_limits(manoeuvres: Iterable[Manoeuvre], length_m: float | None) -> tuple[Manoeuvre, ...]:
-    """The manoeuvres of one recording with the limits beside the indices that they are for, and notes that say why.
+    """The manoeuvres of one recording with limits on the indices that have them, and notes with the reasons.
 
     The largest helm is that of all zigzags and turns of the recording.
     """
@@ -277,9 +277,10 @@ def add_limits(manoeuvres: Iterable[Manoeuvre], length_m: float | None) -> tuple
 
 
 def is_turning_test(helm_deg: float, largest_deg: float) -> bool:
-    """Whether a circle is the turning test: with 35 deg of helm, or with the largest helm of its recording.
+    """Whether a circle is the turning test: with 35 deg of helm, or the largest helm of its recording.
 
-    The helms of the other tests, 10 and 20 deg, are nobody's largest: a recording without more does not show it.
+    The helms of the other tests, 10 and 20 deg, are no ship's largest: a recording with nothing more has no
+    turning test.
     """
     at_35 = abs(abs(helm_deg) / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
     at_largest = abs(helm_deg) >= (1.0 - _SAME_HELM_SHARE) * largest_deg
@@ -304,7 +305,7 @@ def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> 
 
 
 def _turning_notes(helm_deg: float, largest_deg: float) -> list[str]:
-    """What is to be said of a helm that is not the one of the standards."""
+    """Notes on a helm that differs from the standards'."""
     if is_turning_test(helm_deg, largest_deg) and abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE:
         return []
     shown = "limits are" if is_turning_test(helm_deg, largest_deg) else "no limits: advance and diameter have them"

@@ -1,13 +1,14 @@
-"""Measures of a manoeuvre: held commands and their executes, crossings, peaks, distances, and their intervals.
+"""Measurements on a manoeuvre: held commands and their executes, crossings, peaks, distances, and their
+intervals.
 
-Intervals come from a bootstrap with the noise's own spectrum. The measured motion is a smooth one and a
-remainder, noise and waves. Many times over a remainder of the same spectrum with other phases (Theiler et al.
-1992, Physica D 58) is laid on the smooth motion, the smoothing is done again and the index read off again. The
-spread of the results is the index's uncertainty, their mean less the value it started from is the error that the
-smoothing itself makes, and is taken off.
+Intervals come from a bootstrap with the spectrum of the noise. The measured motion is the sum of a smooth one
+and a residual, noise and waves. Many times a residual of the same spectrum with random phases (Theiler et al.
+1992, Physica D 58) is added to the smooth motion, which is smoothed again and the index measured again. The
+spread of the results is the index's uncertainty; their mean minus the original value is the bias of the
+smoothing, and is subtracted.
 
-The smoother has swallowed the slow part of the noise, so that the remainder lacks it; there its spectrum is taken
-to go on at the level it has just above.
+The smoother absorbs the slow part of the noise, which the residual lacks; there the spectrum is continued at
+the level just above.
 """
 
 from __future__ import annotations
@@ -31,15 +32,16 @@ APPROACH_S = 10.0
 
 
 _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
-_AHEAD = 1.15  # of the way back to where a change began: noise bends the line by less
-_SLOWER = 1.5  # a single change may be slower than the helm usually goes by this factor
-_LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: what is less is course-keeping
+_AHEAD = 1.15  # of the distance back to the start of a change; noise bends the line by less
+_SLOWER = 1.5  # factor by which a single change may be slower than usual
+_LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: less is course-keeping
 
 
 def helm_rate_dps(helm: Floats, step_s: float) -> float:
-    """How fast a helm [deg, rows] usually goes over [deg/s]: the steepest third of the way between its extremes.
+    """The usual rate of a helm [deg/s], from its values [deg, rows]: that of the steepest third between
+    extremes.
 
-    The median over all moves that are a third of the largest helm and more; infinite where there are none.
+    The median over all movements of at least a third of the largest helm; infinite without any.
     """
     calm, rows = turning_points(helm, step_s)
     rates = [_steepest(calm[first : last + 1], step_s) for first, last in pairwise(rows)]
@@ -47,14 +49,14 @@ def helm_rate_dps(helm: Floats, step_s: float) -> float:
 
 
 def turning_points(helm: Floats, step_s: float) -> tuple[Floats, list[int]]:
-    """The helm without its noise, and the rows between which it goes over by more than course-keeping does."""
+    """The helm without noise, and the rows between which it moves by more than course-keeping does."""
     calm = running_median(helm, max(3, round(1.5 / step_s)))
     largest = float(np.percentile(np.abs(calm), 99))
     return calm, turning_rows(calm, max(_LEAST_MOVE_DEG, _LEAST_MOVE_SHARE * largest, 6.0 * noise_of(helm)))
 
 
 def turning_rows(values: Floats, least: float) -> list[int]:
-    """The rows of the extremes between which ``values`` go up and down by ``least`` and more, in turn.
+    """The rows of the extremes between which ``values`` alternately rise and fall by at least ``least``.
 
     >>> turning_rows(np.array([0.0, 1.0, 5.0, 4.5, 5.2, 0.0]), 3.0)
     [0, 4, 5]
@@ -70,19 +72,19 @@ def turning_rows(values: Floats, least: float) -> list[int]:
 
 
 def _steepest(move: Floats, step_s: float) -> float:
-    """The rate at which the fastest third of a move from one extreme to the other is made."""
+    """The rate of the fastest third of a movement between two extremes."""
     done = np.maximum.accumulate(np.abs(move - move[0]))
     rows = np.interp(np.linspace(0.1, 0.9, 9) * done[-1], done + 1e-9 * np.arange(done.size), np.arange(done.size))
     return float(0.3 * done[-1] / (step_s * max(0.3, (rows[3:] - rows[:-3]).min())))
 
 
 def helm_change_s(motion: Motion, change_deg: float) -> float:
-    """How long the helm may take for a change [s], by the rate that it usually goes at."""
+    """The longest time for a change of the helm [s], at its usual rate."""
     return _SLOWER * abs(change_deg) / motion.helm_rate_dps
 
 
 def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[float, float]:
-    """When the helm began to go to a plateau, from where it was before, and was half way there [s]."""
+    """The times at which the helm began to move to a plateau and was half-way there [s]."""
     longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
     before = level_before(motion, helm, plateau, longest_s + 1.0)
     earliest = motion.row_before(plateau.first, longest_s)
@@ -90,9 +92,11 @@ def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[floa
 
 
 def executes_unsure_s(motion: Motion, helm: Floats, change_deg: float, times: Floats) -> Floats:
-    """How far off the ``times`` of a manoeuvre may be [s]: first change of the command, first execute, and others.
+    """The uncertainty of the ``times`` of a manoeuvre [s]: first change of the command, first execute, and
+    others.
 
-    A hand or a pilot keeps the course before: of what the helm wanders then, half goes into the first half-way.
+    Before the manoeuvre a helmsman or pilot keeps the course: half of that variation of the helm affects the
+    first half-way time.
     """
     begun = motion.row_before(int(np.searchsorted(motion.time_s, times[0])), APPROACH_S)
     before = helm[begun : int(np.searchsorted(motion.time_s, times[0]))]
@@ -103,9 +107,9 @@ def executes_unsure_s(motion: Motion, helm: Floats, change_deg: float, times: Fl
 
 
 def _execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
-    """How far off an execute may be [s]: half of a row where the change takes less than one, less where it goes
-    through more; and what the noise of the helm makes of a fit through half of the change and of the levels before
-    and after, medians of some seconds, whose middle it looks for."""
+    """The uncertainty of an execute [s]: half a row for a change within one row, less for one over several;
+    plus the effect of the helm's noise on a fit through the middle of the change and on the levels before and
+    after, medians of some seconds."""
     rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
     level = 0.5 * np.sqrt(2.0) * 1.25 / np.sqrt(max(_BEFORE_S / motion.step_s, 1.0))
     noise_s = noise_of(helm) / motion.helm_rate_dps * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
@@ -115,10 +119,10 @@ def _execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
 def level_before(
     motion: Motion, command: Floats, plateau: Plateau, longest_s: float = _LONGEST_CHANGE_S + 1.0
 ) -> float:
-    """The level a command had shortly before it went to a plateau: the median of 4 s before the change.
+    """The level of a command shortly before it moved to a plateau: the median of 4 s before the change.
 
-    The change itself, which takes ``longest_s`` at most, is where the command is nearer to the plateau than to
-    where it was before.
+    The change itself, of at most ``longest_s``, is where the command is closer to the plateau than to its level
+    before.
     """
     rows = round(_BEFORE_S / motion.step_s)
     first = motion.row_before(plateau.first, longest_s)
@@ -174,7 +178,7 @@ def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
 
 
 def crossing_s(time_s: Floats, values: Floats, level: float, start: float, end: float) -> float:
-    """When ``values`` first rise through ``level`` between two times, NaN where they do not."""
+    """The time at which ``values`` first rise through ``level`` between two times, NaN if they do not."""
     first, last = np.searchsorted(time_s, [start, end])
     above = np.flatnonzero(values[first:last] >= level)
     if not above.size:
@@ -203,7 +207,7 @@ def peak(time_s: Floats, values: Floats, start: float, end: float) -> tuple[floa
 
 
 def distance_m(motion: Motion, start: float, end: float) -> float:
-    """The way along the track between two times [m], NaN where one of them is."""
+    """The distance along the track between two times [m], NaN if one of them is."""
     if not np.isfinite(start + end):
         return float("nan")
     steps = np.hypot(np.diff(motion.north_m), np.diff(motion.east_m))
@@ -220,7 +224,7 @@ def mean_between(motion: Motion, name: str, start: float, end: float) -> float:
 
 
 def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: float) -> tuple[float, float]:
-    """Way ahead and to starboard of a heading, from where the ship was at ``start`` [m]."""
+    """Distance ahead and to starboard, relative to a heading, from the position at ``start`` [m]."""
     north = motion.at("north_m", time_s) - motion.at("north_m", start)
     east = motion.at("east_m", time_s) - motion.at("east_m", start)
     return to_body(north, east, heading_deg)
@@ -233,11 +237,11 @@ _TWO_SIDED_95 = 1.96
 _SEED = 137
 
 Measure = Callable[[Motion, Floats], dict[str, float]]
-"""Indices of a smooth motion, and of the times at which commands were changed [s]."""
+"""A function for the indices of a smooth motion and the times of its commands [s]."""
 
 
 def half_width_s(motion: Motion, time_scale_s: float) -> float:
-    """A quarter of the time in which the manoeuvre does something, 8 s at most: slow enough for waves."""
+    """A quarter of the manoeuvre's time scale, at most 8 s, which removes waves."""
     return float(np.clip(time_scale_s / 4.0, _FEWEST_ROWS * motion.step_s, max(WIDEST_S, 3 * motion.step_s)))
 
 
@@ -248,8 +252,8 @@ def smooth_motion(motion: Motion, half_width: float) -> Motion:
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
-    """:func:`analysis.estimation.local_polynomial.local_quadratic` of values without holes: a convolution, and
-    at the ends the sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
+    """:func:`analysis.estimation.local_polynomial.local_quadratic` for values without gaps: a convolution, with
+    one-sided fits at the ends. Faster, since a manoeuvre is smoothed some fifty times."""
     reach = int(np.ceil(half_width))
     if reach < 6 or values.size < 4 * reach:
         return local_quadratic(values, half_width)
@@ -282,9 +286,9 @@ def bootstrap_indices(
     measure: Measure,
     unsure_s: Floats | float,
 ) -> dict[str, tuple[float, float]]:
-    """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
+    """Value and half of the 95 % interval of every index that ``measure`` gives for a motion.
 
-    The moments of the commands are only known to a part of a row: each is moved about by up to ``unsure_s``.
+    The times of the commands are known only to a part of a row: each is varied by up to ``unsure_s``.
     """
     random = np.random.default_rng(_SEED)
     smooth = smooth_motion(motion, half_width)
@@ -298,7 +302,7 @@ def bootstrap_indices(
         again = smooth_motion(smooth.with_columns(noisy), half_width)
         moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(again, moved))
-    path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a way are off
+    path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
     found = {}
     for name, value in values.items():
         believed, within = _without_bias(value, np.array([each.get(name, np.nan) for each in repeats]))
@@ -307,10 +311,10 @@ def bootstrap_indices(
 
 
 def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
-    """The value without the error of smoothing, and half of its interval.
+    """The value without the bias of smoothing, and half of its interval.
 
-    The error is itself an estimate from one noisy motion, and often no more than noise: all of it counts as one
-    standard deviation.
+    The bias is itself estimated from one noisy motion, and often mere noise: all of it counts as one standard
+    deviation.
     """
     repeats = repeats[np.isfinite(repeats)]
     if not np.isfinite(value) or repeats.size < REPLICATES // 2:
@@ -326,10 +330,11 @@ def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:
 
 
 def _spectrum(remainder: Floats, half_rows: float) -> Floats:
-    """The amplitudes of the noise from those of the remainder, its slow part filled in.
+    """The amplitude spectrum of the noise, from that of the residual with its slow part filled in.
 
-    The local fit follows slow noise and leaves a known share of each frequency; where that is less than half, the
-    octave above gives the level, also of the mean, on which indices hang that are means over most of a manoeuvre.
+    The local fit follows slow noise and leaves a known share of each frequency; where that is less than half,
+    the level of the octave above is used, also for the mean, which determines indices averaged over most of a
+    manoeuvre.
     """
     amplitude = np.abs(np.fft.rfft(remainder - remainder.mean()))
     frequency = np.fft.rfftfreq(remainder.size)
@@ -353,7 +358,8 @@ _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
 
 @dataclass(frozen=True, slots=True)
 class Plateau:
-    """A held command: rows ``first`` up to ``end``, its ``level`` and the middle 80 % of its values' ``spread``."""
+    """A held command: rows ``first`` to ``end``, its ``level`` and the ``spread`` of the middle 80 % of its
+    values."""
 
     first: int
     end: int
@@ -362,18 +368,19 @@ class Plateau:
 
 
 def tolerance_of(values: Floats, least: float) -> float:
-    """How far a command may wander within two seconds and still be held: six standard deviations of its noise."""
+    """The variation of a held command within two seconds: six standard deviations of its noise."""
     return max(least, _STEP_SIGMAS * noise_of(values))
 
 
 def plateaus(
     values: Floats, step_s: float, tolerance: float, least_s: float = 2.0, rate: float = np.inf
 ) -> list[Plateau]:
-    """Where ``values`` [rows] change by no more than ``tolerance`` within two seconds, in order of time.
+    """The stretches in which ``values`` [rows] change by at most ``tolerance`` within two seconds, in order of
+    time.
 
-    Of a command that goes at a ``rate`` at which it does no more than that in two seconds, within as long as it
-    needs for twice the tolerance. A slower ramp is a plateau with a spread. Neighbours of one level that only a
-    blink parts are one plateau.
+    For a command whose usual ``rate`` changes it by no more than that in two seconds, within the time for twice
+    the tolerance. A slower ramp is a plateau with a spread. Plateaus of one level separated only briefly are
+    joined.
     """
     reach = max(1, round(max(_STEP_S, tolerance / rate) / step_s))
     calm = running_median(values, max(3, round(1.5 / step_s)))
@@ -393,21 +400,21 @@ def plateaus(
 
 
 def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float) -> Plateau:
-    """A plateau that goes on for up to ``reach`` rows as long as the values keep to its level: a change within
-    two seconds is seen before it begins."""
+    """A plateau extended by up to ``reach`` rows as long as the values keep its level, since a change within
+    two seconds is detected before it begins."""
     low, middle, high = np.percentile(values[first:end], [10, 50, 90])
     left = np.abs(values[end : end + reach] - middle) > 0.5 * tolerance + 0.5 * (high - low)
     return Plateau(first, end + (int(left.argmax()) if left.any() else left.size), float(middle), float(high - low))
 
 
 def is_same_order(one_deg: float, other_deg: float) -> bool:
-    """Whether two helm angles are the same order within what a hand can set."""
+    """Whether two helm angles are the same order, within the accuracy of setting them."""
     return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG
 
 
 def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
-    """Plateaus of helm with those joined that are one order: a short one just before or after a long one at nearly
-    the same angle, where the hand went too far and came back."""
+    """Plateaus of helm with those of the same order joined: a short one before or after a long one at nearly
+    the same angle, where the helm was corrected."""
     bridge = round(_BRIDGE_S / step_s)
 
     def joined(last: Plateau, each: Plateau) -> Plateau | None:
@@ -435,10 +442,11 @@ def _is_correction(last: Plateau, each: Plateau, bridge: int) -> bool:
 def execute_s(
     time_s: Floats, values: Floats, plateau: Plateau, before: float, earliest: int = 0
 ) -> tuple[float, float]:
-    """When a command began to go from the level ``before`` to that of ``plateau``, and was half way there [s].
+    """The times at which a command began to move from the level ``before`` to that of ``plateau``, and was
+    half-way there [s].
 
-    The line through the moments at which a tenth and a half of the way were done, back to where it began: noise
-    about the old level does not shift it, and a drive that lags or turns at a limited rate has the same line.
+    The line through the times of a tenth and a half of the change, extrapolated back to its start: noise about
+    the old level does not shift it, and a drive with lag or limited rate has the same line.
     """
     held_at_once = plateau.first - earliest < 2  # where a recording begins or goes on after a break
     if held_at_once or abs(plateau.level - before) <= plateau.spread:
@@ -457,8 +465,8 @@ def execute_s(
 
 
 def _half_by_fit(share: Floats, half: float) -> float:
-    """The row at which ``share`` rises through a half, near ``half``, by a parabola through its middle 50 %: a slow
-    and noisy command crosses it more than once, and a drive that lags makes a bend."""
+    """The row at which ``share`` rises through a half, near ``half``, by a parabola through its middle 50 %: a
+    slow and noisy command crosses it more than once, and a drive with lag has a bend."""
     first = int(np.ceil(_last_crossing(share[: int(half) + 2], 0.25)))
     last = int(half) + int(_first_crossing(share[int(half) :], 0.75))
     if np.unique(share[first:last].round(3)).size < _FEWEST_OF_FIT:
@@ -489,7 +497,7 @@ def _last_crossing(share: Floats, level: float) -> float:
 
 
 def event_notes(motion: Motion) -> tuple[str, ...]:
-    """What to know of the executes of a recording whose orders are events."""
+    """Notes on the executes of a recording in which orders are events."""
     text = (
         "orders were recorded as events: the true moment of half of each change is not known, and not in "
         "the intervals"

@@ -1,14 +1,14 @@
-"""What the finders and the indices work on: one even grid with the path, the motion and the helm.
+"""The input of finders and indices: path, motion and helm on one uniform grid.
 
-The path joins position and speed. The speeds, turned by the heading and integrated, know every bend but drift;
-the positions do not drift but may be quantised, jump or carry a wrong time. Their difference is slow, so a fit
-over half a minute takes the noise out of it without rounding off the path.
+The path combines position and speed. The speeds, rotated by the heading and integrated, reproduce every bend
+but drift; the positions do not drift but may be quantised, jump or be delayed. Their difference is slow, so a
+fit over half a minute removes its noise without rounding off the path.
 
-The helm of a ship with rudders is their mean angle. Of one that steers by her thrust, by azimuth thrusters or
-waterjets, it is the direction of the thrust of them all together, taken as the square of the shaft speed: that is
-the common angle of alike drives, the angle of the one that runs when the others stand, and straight ahead for a
-drive that pulls while it looks aft. Those at the other end of the ship, which turn her by the opposite angle, are
-told by just that, and count with it. A ship with neither has no helm.
+The helm of a ship with rudders is their mean angle. Of a ship steered by thrust, with azimuth thrusters or
+waterjets, it is the direction of their total thrust, taken as proportional to the square of the shaft speed:
+the common angle of similar drives, the angle of the one that runs when the others stand still, and zero for a
+drive that pulls while facing aft. Drives at the other end of the ship, which turn her by the opposite angle,
+are recognised by that and counted with their sign. A ship with neither has no helm.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from analysis.tables.table import NANO, history_of, require, seconds_of, table_a
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
-_SLOPE_HALF_WIDTH_S, _SLOPE_ROWS = 2.0, 3.0  # as narrow as can be: indices are read off wider fits
-_WILD = 3.0  # times what is exceeded in a fiftieth of the recording: a cut, no motion
+_SLOPE_HALF_WIDTH_S, _SLOPE_ROWS = 2.0, 3.0  # as narrow as possible: indices come from wider fits
+_WILD = 3.0  # factor on the change exceeded in a fiftieth of the recording: a splice, not motion
 _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
-_RUDDER = "rudder"  # what a ship is steered by whose helm works without thrust
+_RUDDER = "rudder"  # steering that works without thrust
 _AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 
 
@@ -86,12 +86,12 @@ class Motion:
 
     @property
     def steers_by_thrust(self) -> bool:
-        """Whether the helm does nothing where no drive runs."""
+        """Whether the helm has no effect when no propulsor runs."""
         return self.steering != _RUDDER
 
     @property
     def main_rpm(self) -> Floats:
-        """The shaft of the first drive, by which runs are called [rpm, rows]."""
+        """The shaft speed of the first propulsor, which names runs [rpm, rows]."""
         return next(iter(self.drives.values()), np.zeros(self.time_s.size))
 
     @property
@@ -111,7 +111,7 @@ class Motion:
 
     @property
     def fastest_mps(self) -> float:
-        """The speed that is exceeded in a fiftieth of what was measured."""
+        """The speed exceeded in a fiftieth of the measurements."""
         return float(np.percentile(self.speed_mps[self.known], 98)) if self.known.any() else 0.0
 
     def with_columns(self, columns: Mapping[str, Floats]) -> Motion:
@@ -132,7 +132,7 @@ class Motion:
         return self.rows(int(first), int(end))
 
     def around(self, start_s: float, end_s: float, margin_s: float) -> Motion:
-        """The rows of a span with a margin, which ends where the recording is broken."""
+        """The rows of a span with a margin, which ends at breaks."""
         breaks = self.time_s[self.broken]
         before, after = breaks[breaks < start_s], breaks[breaks > end_s]
         first = max(start_s - margin_s, float(before[-1]) + self.step_s if before.size else -np.inf)
@@ -140,13 +140,13 @@ class Motion:
         return self.between(first, last)
 
     def row_before(self, row: int, seconds: float) -> int:
-        """The row so long before another, or the first after a break that lies between."""
+        """The row this many seconds before another, or the first after a break in between."""
         first = max(0, row - round(seconds / self.step_s))
         breaks = np.flatnonzero(self.broken[first:row])
         return first + int(breaks[-1]) + 1 if breaks.size else first
 
     def at(self, name: str, time_s: float) -> float:
-        """One column at any time, between rows on the straight line."""
+        """A column at any time, by linear interpolation."""
         return float(np.interp(time_s, self.time_s, getattr(self, name)))
 
     def utc(self, time_s: float) -> pd.Timestamp:
@@ -162,13 +162,14 @@ def _part(values: Any, part: slice) -> Any:
 
 
 def steering_of(actuators: Actuators) -> Actuators:
-    """What a ship is steered by: her rudders, else the drives that turn their thrust; none where she has none."""
+    """The actuators that steer a ship: her rudders, else the propulsors with a thrust angle; none if she has
+    neither."""
     able = tuple(each for each in actuators if each.angle is not None)
     return tuple(each for each in able if not each.drives) or able
 
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
-    """The actuators of the ship that a table is of; a rudder alone where it holds that angle and none of hers."""
+    """The actuators of a table's ship; a rudder alone if it has that angle and no actuator of hers."""
     actuators = table_actuators(table)
     theirs = {channel.name for each in actuators for channel in each.channels}
     alone = RUDDER in table and not any(name in table and table[name].notna().any() for name in theirs)
@@ -176,11 +177,11 @@ def recorded_actuators(table: pd.DataFrame) -> Actuators:
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
-    """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz, of a ship of that length.
+    """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz, for a ship of this length.
 
-    Speeds and rate of turn that are not recorded are those of the positions and the heading. Raises
-    :class:`InputError` where pose or the first actuator to steer by are missing, or where nothing drives or steers
-    the ship; what is not recorded of the other actuators stands.
+    Missing speeds and rate of turn are derived from positions and heading. Raises :class:`InputError` if
+    position, heading or the first steering actuator are missing, or if nothing drives or steers the ship; other
+    missing actuators are taken as stopped.
     """
     actuators = recorded_actuators(table)
     steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
@@ -222,8 +223,8 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
 
 
 def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
-    """The grid with the speeds and the rate of turn that it lacks: slopes of local fits of the pose, without those
-    that jump as no ship does."""
+    """The grid with missing speeds and rate of turn derived from local fits of position and heading, without
+    implausible jumps."""
     lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
     if not lacking:
         return grid
@@ -243,7 +244,7 @@ def _without_jumps(slopes: Floats) -> Floats:
 
 
 def orders_are_events(table: pd.DataFrame) -> bool:
-    """Whether a helm's values between its changes are made up: straight lines, or lines that were repaired."""
+    """Whether a helm's values between its changes are interpolated, linearly or by a repair."""
     repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
     angles = [each.angle.name for each in steering_of(recorded_actuators(table)) if each.angle is not None]
@@ -251,7 +252,7 @@ def orders_are_events(table: pd.DataFrame) -> bool:
 
 
 def fill_gaps(values: Floats) -> Floats:
-    """``values`` with NaN bridged by straight lines; all zero where nothing is known."""
+    """``values`` with NaN replaced by linear interpolation; all zero if nothing is known."""
     present = np.isfinite(values)
     if present.all():
         return values
@@ -265,7 +266,7 @@ def running_median(values: Floats, rows: int) -> Floats:
 
 
 def noise_of(values: Floats) -> float:
-    """The standard deviation of what jumps from row to row; an even curve has none, steps are too few to count."""
+    """The standard deviation of row-to-row noise; zero for a smooth curve, and robust against a few steps."""
     return white_noise(values[np.isfinite(values)])
 
 
@@ -277,10 +278,10 @@ def _rate_hz(table: pd.DataFrame) -> float:
 
 
 def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-    """The grid with the settings of a faster table as they are at its rows.
+    """The grid with the settings of a faster table sampled at its rows.
 
-    The filter against aliases makes a ramp of a step, and a ramp begins early: an execute is a matter of the tenth
-    of a second where a model turns by 3 deg in one.
+    The anti-aliasing filter turns a step into a ramp that begins early, and an execute matters to a tenth of a
+    second for a model that turns by 3 deg in one.
     """
     at, sharp = times_ns(grid), {}
     for name in filter(table.__contains__, table_controls(table)):
@@ -294,8 +295,8 @@ def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFram
 
 
 def _cleaned_heading(table: pd.DataFrame) -> Floats:
-    """The heading without samples that the yaw rate and the neighbours contradict, such as those that a logger
-    interpolated straight through 360 -> 0."""
+    """The heading without samples that contradict the yaw rate and their neighbours, such as interpolations
+    through 360 -> 0 by a logger."""
     heading = table["heading_deg"].to_numpy(dtype=float, copy=True)
     if "yaw_rate_dps" not in table or not table["yaw_rate_dps"].notna().any():
         return heading
@@ -310,7 +311,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
 
 
 def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:
-    """The heading without jumps of a turn; over gaps it follows the yaw rate."""
+    """The unwrapped heading; over gaps it follows the yaw rate."""
     integral = integrate(yaw_rate_dps, step_s)
     return np.asarray(integral + fill_gaps(unwrap(wrap_360(heading_deg - integral))))
 
@@ -318,7 +319,7 @@ def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Flo
 def _dead_reckoning(
     grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """The path reckoned from speed and heading, north and east [m], and how far the positions are from it."""
+    """The dead-reckoned path from speed and heading, north and east [m], and the positions' difference from it."""
     north, east = (integrate(each, step_s) for each in to_earth(surge, sway, heading))
     apart = [running_median(fill_gaps(grid[name].to_numpy() - reckoned), 5)
              for name, reckoned in (("north_m", north), ("east_m", east))]  # fmt: skip
@@ -326,7 +327,7 @@ def _dead_reckoning(
 
 
 def _jumps(values: Floats, step_s: float, least: float) -> NDArray[np.bool_]:
-    """Where ``values`` change within three seconds by more than ``least`` and far more than they do elsewhere."""
+    """Mask of changes of ``values`` within three seconds by more than ``least`` and far more than elsewhere."""
     rows = max(1, round(1.5 / step_s))
     change = np.zeros(values.size)
     if values.size > 2 * rows:
@@ -343,16 +344,16 @@ def _smooth_pieces(values: Floats, broken: NDArray[np.bool_], step_s: float) -> 
 
 
 def _wander_m(rest: Floats, step_s: float) -> float:
-    """How far the path may be off: the spread of the means of ten seconds of what the fit left, of which two make
-    the width of the fit."""
+    """The uncertainty of the path: the spread of ten-second means of the fit's residual, two of which cover the
+    width of the fit."""
     rows = max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
     means = rest[: rest.size // rows * rows].reshape(-1, rows).mean(axis=1)
     return float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0
 
 
 def _path_sd_m(position_m: float, speed_mps: float, step_s: float) -> float:
-    """How far a point of the path is off by white noise of the positions, which the fit passes some of, and of the
-    speeds, whose integral wanders until the fit takes it back [m, one standard deviation]."""
+    """The standard deviation of a point of the path [m] from white noise of the positions, partly passed by the
+    fit, and of the speeds, whose integral drifts until the fit corrects it."""
     rows = _PATH_HALF_WIDTH_S / step_s
     impulse = np.zeros(4 * int(np.ceil(rows)) + 1)
     impulse[impulse.size // 2] = 1.0
@@ -381,14 +382,14 @@ def _pitch_of(actuator: Actuator) -> str | None:
 
 
 def _called(actuator: Actuator) -> str:
-    """What a drive or a tunnel thruster is called: the port thruster, the propeller."""
+    """The name of a propulsor or tunnel thruster in text: the port thruster, the propeller."""
     noun = {"azimuth": "thruster", "tunnel": "thruster", "waterjet": "waterjet"}.get(actuator.kind, "propeller")
     name = actuator.name.replace("_", " ")
     return name if noun in name else f"{name} {noun}"
 
 
 def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
-    """The shaft speed of an actuator [rpm], at full pitch; one that is not recorded stands."""
+    """The shaft speed of an actuator [rpm], at full pitch; zero if not recorded."""
     name, pitch = actuator.channels[0].name, _pitch_of(actuator)
     rpm = fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
     if pitch is None or pitch not in grid:
@@ -398,7 +399,7 @@ def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
 
 
 def _angle(grid: pd.DataFrame, actuator: Actuator) -> Floats:
-    """The angle of an actuator [deg], running on; where it is missing straight ahead, the least to be said."""
+    """The angle of an actuator [deg], unwrapped; zero where missing."""
     if actuator.angle is None or actuator.angle.name not in grid:
         return np.zeros(len(grid))
     return fill_gaps(unwrap(grid[actuator.angle.name].to_numpy()))
@@ -423,19 +424,19 @@ def _helm_and_thrust(
 
 
 def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
-    """The mean order to what the ship is steered by [deg], None where none was recorded."""
+    """The mean order to the steering actuators [deg], None if none was recorded."""
     names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
     known = [name for name in names if name in grid and grid[name].notna().any()]
     return circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in known], axis=0) if known else None
 
 
 def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
-    """n|n| of a drive in the direction of its thrust [rpm^2]."""
+    """n|n| of a propulsor in the direction of its thrust [rpm^2]."""
     rpm = _shaft(grid, actuator)
     return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))
 
 
 def _side_of(aside: Floats, first: Floats) -> float:
-    """-1 for a drive whose thrust to the side goes against the first drive's, as at the other end of the ship."""
+    """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship."""
     apart, others = aside - aside.mean(), first - first.mean()
     return -1.0 if apart @ others < _AGAINST * np.sqrt((apart @ apart) * (others @ others)) else 1.0

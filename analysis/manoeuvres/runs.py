@@ -55,15 +55,15 @@ _TRIED_STARTS = 9
 
 
 def shaft_along(motion: Motion) -> Floats:
-    """The shaft speed of alike drives that look ahead and give the same thrust along the bow [rpm]."""
+    """The shaft speed of equal drives facing forward with the same surge thrust [rpm]."""
     return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / len(motion.drives)))
 
 
 def shaft_plateaus(motion: Motion) -> list[Plateau]:
-    """Where the thrust along the bow was held."""
+    """The plateaus of the surge thrust."""
     along = shaft_along(motion)
     largest = float(np.percentile(np.abs(along), 99))
-    # An idle shaft's noise is magnified by the root of its square: it counts no more than a running one's.
+    # The square root magnifies an idle shaft's noise: it is limited to a running one's.
     return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), _LEAST_HELD_S)
 
 
@@ -77,12 +77,12 @@ def _changes(values: Floats, step_s: float) -> Floats:
 
 
 def straight_rows(smooth: Motion) -> NDArray[np.bool_]:
-    """Where the smoothed heading changes by less than 3 deg in 20 s."""
+    """Mask of rows in which the smoothed heading changes by less than 3 deg in 20 s."""
     return np.abs(_changes(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
 
 
 def steady_rows(smooth: Motion) -> NDArray[np.bool_]:
-    """Where the smoothed speed ahead changes by less than 4 % of itself in 20 s."""
+    """Mask of rows in which the smoothed surge speed changes by less than 4 % in 20 s."""
     change = np.abs(_changes(smooth.surge_mps, smooth.step_s))
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
@@ -90,9 +90,9 @@ def steady_rows(smooth: Motion) -> NDArray[np.bool_]:
 def straight_stretches(
     motion: Motion, smooth: Motion, free: NDArray[np.bool_], bridge_s: float = 0.0
 ) -> list[tuple[int, int]]:
-    """First row and end of the steady straight stretches of one shaft speed ahead, of half a minute and more.
+    """First row and end of the steady straight stretches at one ahead shaft speed of at least half a minute.
 
-    Shorter breaks than ``bridge_s`` do not part them: a gust is none of a long run.
+    Breaks shorter than ``bridge_s``, such as gusts, are bridged.
     """
     good = free & straight_rows(smooth) & steady_rows(smooth) & motion.known
     good &= smooth.surge_mps > _UNDER_WAY_SHARE * smooth.fastest_mps
@@ -108,9 +108,9 @@ def straight_stretches(
 
 
 def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
-    """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked.
+    """The steady straight stretches at one shaft speed of at least half a minute, with reciprocal pairs marked.
 
-    Left out are those in which the ship turns slowly all the time, or gains or loses speed.
+    Rejected are those with a slow turn, or a trend of the speed.
     """
     found = [_level_part(smooth, *rows) for rows in straight_stretches(motion, smooth, free)]
     reasons = {rows: no_speed_run(smooth, *rows) for rows in found}
@@ -123,15 +123,15 @@ def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> 
 
 
 def _level_part(smooth: Motion, first: int, end: int) -> tuple[int, int]:
-    """A stretch without its beginning, where a ship gathers the way that a turn has cost; all of it if no half and
-    more of it is level."""
+    """A stretch without its beginning, where the ship regains speed after a turn; all of it if less than half
+    is level."""
     starts = np.linspace(first, 0.5 * (first + end), _TRIED_STARTS).astype(int)
     long = [start for start in starts if (end - start) * smooth.step_s >= LEAST_RUN_S]
     return next(((start, end) for start in long if not no_speed_run(smooth, start, end)), (first, end))
 
 
 def no_speed_run(smooth: Motion, first: int, end: int) -> str:
-    """Why a stretch is no speed run, "" for one: the lines through its heading and speed have to be level."""
+    """The reason why a stretch is no speed run, "" if it is: the trends of its heading and speed must vanish."""
     rows = np.linspace(-0.5, 0.5, end - first)
     turned, gained = (float(rows @ values[first:end] / (rows @ rows))
                       for values in (smooth.heading_deg, smooth.surge_mps))  # fmt: skip
@@ -161,7 +161,7 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
 
 
 class Course(NamedTuple):
-    """What pairs of runs are made by; the ``setting`` is the shaft speed, or another measure of the power."""
+    """The quantities that pair runs; the ``setting`` is the shaft speed, or another measure of the power."""
 
     start: datetime
     end: datetime
@@ -170,9 +170,9 @@ class Course(NamedTuple):
 
 
 def reciprocal_pairs(runs: Sequence[Course]) -> list[tuple[int, int]]:
-    """The places of runs, in order of time, on reciprocal courses at one setting within two hours.
+    """The indices of runs, in order of time, on reciprocal courses at one setting within two hours.
 
-    Of several partners the nearest in time counts; each run has one at most.
+    Of several partners the nearest in time is taken; each run has at most one.
     """
     pairs, taken = list[tuple[int, int]](), set[int]()
     for first, second in combinations(range(len(runs)), 2):
@@ -189,12 +189,12 @@ def _are_reciprocal(one: Course, other: Course) -> bool:
 
 
 def is_same_setting(one: float, other: float) -> bool:
-    """Whether two runs at these shaft speeds were made at one power setting."""
+    """Whether two runs at these shaft speeds have the same power setting."""
     return abs(other - one) < _SAME_SHARE * abs(one)
 
 
 def _pair_reciprocal(runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
-    """Reciprocal runs get the speed through the water that the two together give."""
+    """Reciprocal runs with the speed through the water from the pair."""
     result = list(runs)
     for number, pair in enumerate(reciprocal_pairs([_course_of(each) for each in runs]), start=1):
         mean, along = _through_water(*(runs[place] for place in pair))
@@ -221,7 +221,7 @@ def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float
 
 
 def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, Plateau, float]]:
-    """Every change from one held thrust to the next with the time it began [s], where the ship is free."""
+    """Every change from one held thrust to the next with its start time [s], where no other manoeuvre is."""
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
     for last, each in pairwise(held):
@@ -232,7 +232,7 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
 
 
 def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
-    """More thrust on a straight course, until the speed is steady; left out are those on which she turns."""
+    """Increases of thrust on a straight course, until the speed is steady; rejected if the ship turns."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     straight, steady = straight_rows(smooth), steady_rows(smooth)
     found = list[Manoeuvre | LeftOut]()
@@ -258,10 +258,10 @@ def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) 
 
 
 def find_stops(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
-    """Thrust taken off or reversed with way on the ship, until she has none.
+    """Thrust stopped or reversed under way, until the ship has stopped.
 
-    Left out are those at whose end she still has more than a tenth of it; one that loses less than two fifths is
-    no stop at all.
+    Rejected if she still has more than a tenth of her speed at the end; one that loses less than two fifths is
+    no candidate.
     """
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     found = list[Manoeuvre | LeftOut]()
@@ -308,14 +308,15 @@ def _change_of_speed(
 
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
-    """Time and way to 90 % of the change of speed; ``executes`` holds the start and the end of the thrust [s]."""
+    """Time and distance to 90 % of the change of speed; ``executes`` holds the start and the end of the thrust
+    [s]."""
     from scipy.optimize import isotonic_regression
 
     start, end = float(executes[0]), float(executes[1])
     final = float(motion.between(end - max(_LOOK_S, 0.2 * (end - start)), end).surge_mps.mean())
     first = float(motion.between(start - _LOOK_S, start).surge_mps.mean())
     goal = first + REACHED_SHARE * (final - first)
-    # Noise makes the first crossing of a level early and the last one late; a curve that only rises has one.
+    # Noise makes the first crossing early and the last one late; a monotonic curve has only one.
     rising = motion.between(start, end)
     speed = np.asarray(isotonic_regression(rising.surge_mps).x, dtype=float)
     reached = crossing_s(rising.time_s, speed, goal, start, end)
@@ -349,17 +350,17 @@ _LEAST_RUNNING = 5.0
 _LEAST_S, _BRIDGE_S = 15.0, 5.0
 _CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
 _CRAB_TURN_DEG = 15.0
-_UNSURE_ROWS = 1.5  # a threshold, not a fitted step, says when a drive began to run
+_UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
 def _running(values: Floats, largest: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Where a drive runs and where it stands, against the largest that any of its kind did."""
+    """Masks of where a drive runs and where it stands still, relative to the largest of its kind."""
     floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
 def bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
-    """``true`` with breaks of no more than ``rows`` closed."""
+    """``true`` with breaks of at most ``rows`` closed."""
     result = true.copy()
     for first, end in stretches(~true):
         if first > 0 and end < true.size and end - first <= rows:
@@ -368,7 +369,8 @@ def bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
 
 
 def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
-    """One of several main shafts alone for a quarter of a minute and more, and every run of a tunnel thruster."""
+    """Tests of single drives: one of several main shafts alone for at least a quarter of a minute, and every
+    run of a tunnel thruster."""
     largest = max(float(np.percentile(np.abs(each), 99)) for each in motion.drives.values())
     state = {name: _running(rpm, largest) for name, rpm in motion.drives.items()}
     alike = _all(runs for runs, _ in state.values()) | _all(idle for _, idle in state.values())
@@ -381,7 +383,7 @@ def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_])
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
             cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
-    pushed = bool(motion.tunnels) or motion.steers_by_thrust  # others are set aside by wind and momentum only
+    pushed = bool(motion.tunnels) or motion.steers_by_thrust  # others are moved sideways by wind and momentum only
     driven, sideways = pushed & ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
     aside = bridge(crab & free, round(_BRIDGE_S / motion.step_s))
@@ -427,7 +429,7 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuv
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
-    """Mean motion between two times [s], the rate of turn in the last third, and the way made good."""
+    """Mean motion between two times [s], the rate of turn in the last third, and the distance made good."""
     start, end = float(executes[0]), float(executes[1])
     inside = motion.between(start, end)
     ahead, aside = along_and_across(motion, start, end, motion.at("heading_deg", start))

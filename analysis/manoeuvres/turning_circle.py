@@ -42,7 +42,7 @@ REMOVED = "_current_removed"
 
 
 def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float) -> bool:
-    """Whether a held helm turns a ship that came straight and with way on her by 90 deg at least."""
+    """Whether a held helm turns a ship, on a straight approach and under way, by at least 90 deg."""
     heading = motion.heading_deg[each.first : each.end]
     seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
@@ -106,7 +106,7 @@ def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
 
 
 def _indices_over_ground(motion: Motion, first: float, start: float, end: float) -> dict[str, float]:
-    """Indices counted from ``start``, the approach being what was before ``first`` [s]."""
+    """Indices relative to ``start``, with the approach before ``first`` [s]."""
     approach = approach_of(motion, first)
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
     turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
@@ -174,7 +174,7 @@ def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Float
 
 
 def current_of(motion: Motion, start: float, end: float) -> Current | None:
-    """The drift with its interval, None where the ship turned less than 510 deg."""
+    """The drift with its interval, None if the ship turned less than 510 deg."""
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned < LEAST_TURN_DEG:
         return None
@@ -185,12 +185,13 @@ def current_of(motion: Motion, start: float, end: float) -> Current | None:
 
 
 def _half_interval(values: Floats) -> float:
-    """Half of the 95 % interval: pairs of one circle share their points, so that their spread is not divided."""
+    """Half of the 95 % interval; pairs of one circle share points, so their spread is not divided by their
+    number."""
     return float(1.96 * np.std(values))
 
 
 def remove_current(motion: Motion, north_mps: float, east_mps: float, start: float) -> Motion:
-    """The motion through the water: path and speeds less a steady current, the path unchanged at ``start``."""
+    """The motion through the water: path and speeds minus a steady current, the path fixed at ``start``."""
     passed = motion.time_s - start
     north, east = np.full(passed.size, north_mps), np.full(passed.size, east_mps)
     ahead, aside = to_ship(north, east, np.deg2rad(motion.heading_deg))

@@ -1,7 +1,8 @@
-"""Tests by the helm beside zigzags and circles: pull-out, both spirals (Dieudonne, Bech) and Williamson turn.
+"""Helm tests other than zigzags and circles: pull-out, direct and reverse spiral (Dieudonne, Bech), Williamson
+turn.
 
-Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are told by what was ordered and by what the ship
-did after it: rates of turn count where they have settled, and a Williamson turn ends on the reciprocal course.
+Definitions after ITTC 7.5-04-02-01 and ISO 13643-2 and -3. They are recognised by the orders and the ship's
+response: rates of turn count once settled, and a Williamson turn ends on the reciprocal course.
 """
 
 from __future__ import annotations
@@ -48,14 +49,14 @@ _FEWEST_STEPS = 5
 _LEAST_HELM_STEP_DEG = 1.0
 _BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
 _SEED, _DRAWS = 137, 200
-_WIDER_S = (20.0, 40.0)  # a step of a full-size ship takes minutes
-_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg out and the reciprocal course, as hands steer them
+_WIDER_S = (20.0, 40.0)  # a step of a full-scale ship takes minutes
+_OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the reciprocal course, as steered by hand
 
 
 def find_pull_outs(
     motion: Motion, helm: Floats, held: Sequence[Plateau], rate: Floats, fastest_mps: float
 ) -> list[Manoeuvre]:
-    """Helms put amidships out of a turn and held there until the rate of turn has settled; ``rate`` is smoothed."""
+    """Helms put amidships from a turn and held until the rate of turn has settled; ``rate`` is smoothed."""
     found = []
     for last, each in pairwise(held):
         turned = motion.heading_deg[last.first : last.end]
@@ -73,7 +74,8 @@ def find_pull_outs(
 
 
 def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
-    """Three times as long after ``half`` as a smoothed rate takes to what it is in the end [s], up to ``end``."""
+    """The time [s], at most ``end``, three times as long after ``half`` as the smoothed rate takes to reach its
+    final value."""
     first, last = np.searchsorted(motion.time_s, [half, end])
     after = rate[first : last + 1]
     if after.size < 2:
@@ -84,8 +86,8 @@ def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
 
 
 def _put_amidships(motion: Motion, helm: Floats, last: Plateau, each: Plateau) -> bool:
-    """Whether the helm went from a turn to the middle at once, not beyond, and stood there as nobody who keeps a
-    course lets it stand."""
+    """Whether the helm went from a turn directly to amidships, not beyond, and stayed there without
+    course-keeping."""
     noise = noise_of(helm)
     middle = abs(each.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
     against = float(np.max(-np.sign(last.level) * (helm[last.end : each.first + 1] - each.level), initial=0.0))
@@ -94,10 +96,10 @@ def _put_amidships(motion: Motion, helm: Floats, last: Plateau, each: Plateau) -
 
 
 def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
-    """The rate of the turn, and what is left of it with the helm amidships, positive to the side of the turn.
+    """The rate of turn, and the residual rate with the helm amidships, positive to the side of the turn.
 
-    ``times`` are when the helm began to go amidships, was half way, and the end [s]. Nothing where the rate has
-    not settled.
+    ``times`` are the start of the helm's movement to amidships, its half-way time, and the end [s]. Empty if
+    the rate has not settled.
     """
     from scipy.optimize import isotonic_regression
 
@@ -119,8 +121,8 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
 
 
 def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]:
-    """Five and more helms held one after the other from one side to the other, or there and back, each until the
-    rate of turn has settled."""
+    """At least five helms held one after the other from one side to the other, or there and back, each until
+    the rate of turn has settled."""
 
     def next_helm(last: Plateau, each: Plateau) -> bool:
         return _at_once(motion, last, each) and abs(each.level - last.level) > _LEAST_HELM_STEP_DEG
@@ -133,7 +135,7 @@ def _stairs(
     goes_on: Callable[[Plateau, Plateau], bool],
     is_good: Callable[[list[Plateau]], bool],
 ) -> list[list[Plateau]]:
-    """Five and more good steps held alike from one side to the other, or there and back."""
+    """At least five good steps of similar length from one side to the other, or there and back."""
     runs: list[list[Plateau]] = []
     for each in held:
         last = runs[-1] if runs else []
@@ -157,7 +159,7 @@ def _held_alike(run: Sequence[Plateau]) -> bool:
 
 
 def _has_settled(motion: Motion, run: Sequence[Plateau], each: Plateau) -> bool:
-    """Whether the rate of turn changes little in the second half of a step, against all that it does in the run."""
+    """Whether the rate of turn changes little in the second half of a step, relative to its range in the run."""
     if each.end - each.first < 4:
         return False
     rates = np.array_split(motion.yaw_rate_dps[each.first : each.end], 4)
@@ -182,7 +184,7 @@ def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
 
 
 def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str, Index]:
-    """The indices of a spiral with what the mean helm of a step is off by in those that hang on it."""
+    """The indices of a spiral with the uncertainty of the mean helm of a step added where it matters."""
     slope = abs(indices["yaw_rate_per_helm_dps"].value) if "yaw_rate_per_helm_dps" in indices else 0.0
     more = {"neutral_helm_deg": within_deg, "yaw_rate_at_no_helm_dps": slope * within_deg}
     wider = {}
@@ -215,11 +217,11 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats) -> dict[str, f
 def reverse_spiral_steps(
     motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_]
 ) -> list[list[Plateau]]:
-    """Five and more rates of turn held one after the other from one side to the other, or there and back.
+    """At least five rates of turn held one after the other from one side to the other, or there and back.
 
-    ``rate`` is the smoothed rate of turn, ``free`` where no other manoeuvre is. Between the steps the ship spends
-    less time than on them, as a rate that only drifts through is not held; and the helm is not held on them. By
-    hand a rate is held unevenly: of the rate as it is and of its means over longer, that with most steps counts.
+    ``rate`` is the smoothed rate of turn, ``free`` where no other manoeuvre is. The ship spends less time
+    between the steps than on them, otherwise the rate only drifts; and the helm is not held on them. By hand a
+    rate is held unevenly: of the rate and its running means the one with most steps is used.
     """
     tried = [rate, *(local_quadratic(rate, width / motion.step_s) for width in _WIDER_S)]
     return max((_steps_of(motion, helm, each, free) for each in tried), key=lambda runs: sum(map(len, runs)))
@@ -240,7 +242,7 @@ def _steps_of(motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_
     still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(helm)
 
     def is_steered(run: list[Plateau]) -> bool:
-        """Whether the rates were held most of the time, and by a helm that was not."""
+        """Whether the rates were held most of the time, by a helm that was not."""
         spreads = [np.ptp(np.percentile(helm[(each.first + each.end) // 2 : each.end], [10, 90])) for each in run]
         held_rows = sum(each.end - each.first for each in run)
         return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
@@ -249,7 +251,7 @@ def _steps_of(motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_
 
 
 def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau]:
-    """The stretches of rows in which a rate keeps within ``band``, one after the other."""
+    """The stretches of rows in which a rate stays within ``band``, in order."""
     found, start, low, high = list[Plateau](), first, rate[first], rate[first]
     for row in range(first, end):
         low, high = min(low, rate[row]), max(high, rate[row])
@@ -258,7 +260,7 @@ def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau
             start, low, high = row, rate[row], rate[row]
 
     def joined(last: Plateau, each: Plateau) -> Plateau | None:
-        """One rate that a gust has parted: a ramp's pieces lie a whole band apart."""
+        """One rate interrupted by a gust; the pieces of a ramp are a whole band apart."""
         near = abs(each.level - last.level) < 0.5 * band
         return Plateau(last.first, each.end, 0.5 * (last.level + each.level), band) if near else None
 
@@ -266,7 +268,7 @@ def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau
 
 
 def reverse_spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
-    """The reverse spiral (Bech) of its steps: the mean helm that each rate takes, over its second half."""
+    """The reverse spiral (Bech) of its steps: the mean helm for each rate, over its second half."""
     sign, random = -1.0 if motion.steers_by_thrust else 1.0, np.random.default_rng(_SEED)
     parts = [slice((each.first + each.end) // 2, each.end) for each in steps]
     helms, rates = (np.array([mean_of_blocks(values[part]) for part in parts])
@@ -308,13 +310,14 @@ def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
 
 
 def _at_zero(values: Floats, others: Floats) -> float:
-    """``others`` where ``values`` are zero, on straight lines between the steps."""
+    """``others`` at zero ``values``, by linear interpolation between the steps."""
     order = np.argsort(values)
     return float(np.interp(0.0, values[order], others[order]))
 
 
 def find_williamson_turns(motion: Motion, helm: Floats, held: Sequence[Plateau]) -> list[Manoeuvre]:
-    """Helm to one side until the ship is some 60 deg off, then to the other until she is on her way back."""
+    """Williamson turns: helm to one side until the heading is some 60 deg off, then to the other until the
+    reciprocal course."""
     found = []
     for last, each in pairwise(held):
         if not (_at_once(motion, last, each) and is_same_order(last.level, -each.level)):
@@ -351,7 +354,7 @@ def williamson_indices(motion: Motion, times: Floats) -> dict[str, float]:
 
 
 def _at_once(motion: Motion, last: Plateau, each: Plateau) -> bool:
-    """Whether the helm goes from one level to the next without a stay between."""
+    """Whether the helm goes from one level to the next without stopping in between."""
     pause_s = (each.first - last.end) * motion.step_s
     return (
         pause_s <= 4.0 + helm_change_s(motion, each.level - last.level)

@@ -1,7 +1,9 @@
-"""Zigzag tests: helm to one side until the heading is off by the switching angle, then to the other, and on.
+"""Zigzag tests: helm to one side until the heading has changed by the switching angle, then to the other, and
+so on.
 
-Definitions after IMO MSC.137(76) and ITTC 7.5-04-02-01: an overshoot is the change of heading that follows an
-execute in the old direction. It is read off a fit of the heading, as the largest of noisy samples is too large.
+Definitions after IMO MSC.137(76) and ITTC 7.5-04-02-01: an overshoot is the change of heading in the old
+direction after an execute. It is measured on a fit of the heading, as the largest of noisy samples is too
+large.
 """
 
 from __future__ import annotations
@@ -38,19 +40,23 @@ _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
-_CUT_SHORT_S, _CUT_SHORT_DEG = 4.0, 2.0  # a helm reversed on its way stands no longer, and goes through so much
+_CUT_SHORT_S, _CUT_SHORT_DEG = (
+    4.0,
+    2.0,
+)  # a helm reversed on its way stops for at most this time, and moves by this much
 _FIRST_TURN_SHARE = 0.5  # of the switching angle
-_SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # how far a helm may be off the others', and in ranges of theirs
-_SWITCH_SHARE = 0.16  # people switch early and late
+_SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # deviation of a helm from the others, and in their ranges
+_SWITCH_SHARE = 0.16  # helms are switched early or late
 _INITIAL_TURN_DEG = 10.0
-_GATHERED_WAY = 0.2  # of the approach's speed: no ship gains it by swinging
+_GATHERED_WAY = 0.2  # of the approach speed: no ship gains speed in a zigzag
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Plateau]) -> list[list[Plateau]]:
-    """The runs of two and more held helms that alternate from side to side at one angle, answered by the ship.
+    """Chains of at least two held helms that alternate from side to side at one angle, with the ship
+    responding.
 
-    ``held`` are the plateaus of the helm that are off the middle, in order of time, and ``extremes`` where it was
-    reversed without having been held: that may be a first swing, whose slow helm was not there yet.
+    ``held`` are the plateaus of the helm off amidships, in order of time, and ``extremes`` its reversals
+    without a plateau: such may be a first swing with a slow helm.
     """
     chains: list[list[Plateau]] = []
     for each in held:
@@ -66,7 +72,7 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], extremes: Sequence[Pl
 
 
 def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau]) -> list[Plateau]:
-    """The swings with one before that was cut short, if the helm came from there and the ship turned after it."""
+    """The swings with a preceding one that was cut short, if the helm came from there and the ship responded."""
     nearest = [each for each in extremes if each.end <= chain[0].first][-1:]
     more = [*nearest, *chain]
     if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *more[:2]):
@@ -77,12 +83,12 @@ def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau
 
 
 def _first_row(motion: Motion, chain: list[Plateau]) -> int:
-    """The row before the first swing, and before the ship turned, where the helm was put over slowly."""
+    """The row before the first swing, and before the ship turned if the helm moved slowly."""
     return motion.row_before(chain[0].first, helm_change_s(motion, chain[0].level) + motion.step_s)
 
 
 def _as_ordered(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
-    """The swings with the helm that was ordered, the others', where it was reversed before or as it was there."""
+    """The swings with the ordered helm: that of the others, if one was reversed before or at it."""
     ordered = float(np.median([abs(each.level) for each in chain]))
     return [
         replace(each, level=float(np.copysign(ordered, each.level))) if _is_cut_short(motion, each) else each
@@ -95,8 +101,7 @@ def _is_cut_short(motion: Motion, each: Plateau) -> bool:
 
 
 def _without_course_keeping(motion: Motion, chain: list[Plateau]) -> list[Plateau]:
-    """The swings without a last one whose helm is none of theirs or was not held, as when the ship is brought back
-    on her course."""
+    """The swings without a last one whose helm differs or was not held, as when the ship returns to her course."""
     levels = np.abs([each.level for each in chain])
     if levels.size <= FEWEST_SWINGS:
         return chain
@@ -131,7 +136,7 @@ def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
 
 
 def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
-    """When each swing's helm began to be put over and when it was half way: [2, swings + 1] s.
+    """The times at which each swing's helm began to move and was half-way: [2, swings + 1] s.
 
     The last column is the end of the last swing.
     """
@@ -171,8 +176,8 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
 
 
 def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Index]) -> dict[str, Index]:
-    """The first two overshoots as IMO counts them, from the moment at which the helm began to move, where that adds
-    more than what they are sure to."""
+    """The first two overshoots as IMO counts them, from the start of the helm's movement, if that adds more
+    than their uncertainty."""
     if part.orders_are_events:
         return {}
     found = {}
@@ -199,7 +204,7 @@ def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, flo
 
 
 def _switch_deg(heading: Floats) -> float:
-    """Half of the turn between executes; with two executes the turn from the approach."""
+    """Half of the heading change between executes; with two executes the change from the approach."""
     return (
         float(np.median(np.abs(np.diff(heading[1:])))) / 2.0
         if heading.size > 2
@@ -256,7 +261,7 @@ def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, floa
 
 
 def _overshoots(motion: Motion, heading: Floats, executes: Floats) -> tuple[dict[str, float], dict[str, float]]:
-    """Every overshoot and the mean of three and more; beside them the times it took to check the yaw."""
+    """Every overshoot, the mean of three or more, and the times to check the yaw."""
     swings = executes.size - 2
     values: dict[str, float] = {}
     beside: dict[str, float] = {}
