@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -17,6 +18,9 @@ from analysis.quality.findings import Finding
 from analysis.tables.export import SIGMA_SUFFIX, add_flags
 from analysis.tables.resample import resample, resample_recording
 from analysis.tables.table import add_step, remove_delays, table_of
+
+if TYPE_CHECKING:
+    from analysis.estimation.smoother import SmoothedMotion
 
 SMOOTHED_RATE_HZ = 1.0
 """The rate of a smoothed table for which none is given."""
@@ -90,9 +94,13 @@ def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float
     from analysis.estimation.smoother import smooth
 
     motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
-    result = resample(table, rate_hz, delays=delays)
-    states, sigmas = (each.reindex(result.index) for each in (motion.states, motion.standard_deviations()))
-    result = add_step(result, "smooth", rate_hz=float(rate_hz))
+    return with_motion(resample(table, rate_hz, delays=delays), motion)
+
+
+def with_motion(table: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
+    """A table with motion and its rates of change from the smoother, the standard deviation of each beside it."""
+    states, sigmas = (each.reindex(table.index) for each in (motion.states, motion.standard_deviations()))
+    result = add_step(table, "smooth", rate_hz=float(table.attrs["rate_hz"]))
     for name in states.columns:
         result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
     return result

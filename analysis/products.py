@@ -11,13 +11,13 @@ import pandas as pd
 
 from acquisition.core.errors import SeatrialError
 from acquisition.recording.reader import Recording, read_parts
-from analysis.estimation.smoother import SmoothedMotion, smooth
+from analysis.estimation.smoother import smooth
 from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from analysis.prepare import with_motion
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, RepairResult, repair
-from analysis.tables.export import SIGMA_SUFFIX
 from analysis.tables.resample import resample
-from analysis.tables.table import add_step, require, table_of
+from analysis.tables.table import require, table_of
 from analysis.windows.held import HeldWindows, held_windows
 from analysis.windows.recordings import add_start_states
 
@@ -95,18 +95,10 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
     if options.smooth:
         with products.step():
             motion = smooth(repaired.table, 1.0)
-            products.one_hz, products.remarks = _with_motion(one_hz, motion), motion.remarks
+            products.one_hz, products.remarks = with_motion(one_hz, motion), motion.remarks
             if products.windows is not None:
                 products.windows = add_start_states(products.windows, {name: motion})
     return products
-
-
-def _with_motion(one_hz: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
-    """The motion and its rates of change from the smoother, the standard deviation of each beside it."""
-    states, sigmas = (each.reindex(one_hz.index) for each in (motion.states, motion.standard_deviations()))
-    both = {str(name): states[name] for name in states}
-    both |= {f"{name}{SIGMA_SUFFIX}": sigmas[name] for name in sigmas}
-    return add_step(one_hz, "smooth", rate_hz=1.0).assign(**both)
 
 
 def cause_of(error: BaseException) -> str:

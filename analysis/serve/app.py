@@ -30,8 +30,7 @@ from analysis.report.rendering import environment, render
 from analysis.serve.runs import compared, index_table, runs_in, with_motions
 from analysis.serve.season import Season
 from analysis.serve.upload import receive
-from analysis.tables.excel import write_sheets
-from analysis.tables.export import KINDS, export_table
+from analysis.tables.export import KINDS, export_table, write_sheets
 
 ADDRESS = "127.0.0.1"
 NAMES = (ADDRESS, "localhost")

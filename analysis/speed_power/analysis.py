@@ -15,13 +15,16 @@ from acquisition.core.result import Result
 from acquisition.core.serialisation import Number
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.indices import LeftOut
-from analysis.speed_power.applicability import FOUR, RAVEN, corrections_of, warnings_of
 from analysis.speed_power.conditions import Conditions
 from analysis.speed_power.corrections import (
+    FOUR,
+    RAVEN,
     Correction,
+    corrections_of,
     ideal_power_kw,
     lackenby_mps,
     raven_kw,
+    warnings_of,
     water_resistance_n,
     wave_resistance_n,
     wind_resistance_n,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
+from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.files import atomic_file, expect_suffix, write_text
 from acquisition.core.frames import Quality
+from acquisition.core.named_code import imported
 from acquisition.core.trial import software_version
 from analysis.tables.files import write_parquet
 from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
@@ -52,7 +55,9 @@ def export_table(
     about = _about(table, options or {})
     if attributes:
         about["attributes"] = dict(attributes)
-    return _WRITERS[kind](table, path, about)
+    given = _WRITERS[kind]
+    write: Writer = imported(given) if isinstance(given, str) else given
+    return write(table, path, about)
 
 
 def unit_of(column: str, known: ChannelsByName = BY_NAME) -> str:
@@ -154,28 +159,58 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     return [path]
 
 
-def _write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    from analysis.tables.netcdf import write_netcdf
-
-    return write_netcdf(table, path, about)
+MOST_ROWS = 1_048_575
+"""Rows that a sheet of Excel holds below its header."""
+_EXCEL_OPTIONS = {"strings_to_formulas": False, "strings_to_urls": False, "nan_inf_to_errors": True}
+"""What a recording says is text and nothing else, whatever it begins with."""
+_FIRST_DAY = datetime(1980, 1, 1)
+"""A workbook's own date: the time of day has no place in a product."""
 
 
 def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    from analysis.tables.excel import write_excel
+    """A workbook with the sheets ``data``, times in UTC, and ``about``: units, trial and provenance.
 
-    return write_excel(table, path, about)
+    Raises :class:`InputError` for more rows than a sheet holds, and as :func:`write_sheets`.
+    """
+    if len(table) > MOST_ROWS:
+        raise InputError(
+            f"has {len(table):,} rows, and a sheet of Excel holds {MOST_ROWS:,}", where=about["recording"],
+            fix="say --rate, or write .csv or .parquet",
+        )  # fmt: skip
+    times = utc_index(table).as_unit("us").tz_localize(None)
+    said = [
+        (what, str(name), str(value))
+        for what in ("units", "trial", "provenance") for name, value in about[what].items()
+    ]  # fmt: skip
+    return write_sheets(
+        {"data": table.set_axis(times.rename("time [UTC]"), axis=0).reset_index(),
+         "about": pd.DataFrame(said, columns=["what", "name", "value"])}, path
+    )  # fmt: skip
 
 
-def _write_kml(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    from analysis.tables.tracks import write_kml
-
-    return write_kml(table, path, about)
-
-
-def _write_gpx(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
-    from analysis.tables.tracks import write_gpx
-
-    return write_gpx(table, path, about)
+def write_sheets(sheets: Mapping[str, pd.DataFrame], path: Path) -> list[Path]:
+    """A workbook of tables by name, without their index. Raises :class:`ConfigurationError` without XlsxWriter."""
+    try:
+        import xlsxwriter  # noqa: F401 - pandas asks for it by name
+    except ImportError as error:
+        raise ConfigurationError(
+            "a workbook needs the package xlsxwriter", fix="pip install 'seatrial[excel]'"
+        ) from error
+    with (
+        atomic_file(path) as partial,
+        partial.open("wb") as stream,
+        pd.ExcelWriter(
+            stream,
+            engine="xlsxwriter",
+            datetime_format="yyyy-mm-dd hh:mm:ss.000",
+            engine_kwargs={"options": _EXCEL_OPTIONS},
+        ) as writer,
+    ):
+        writer.book.set_properties({"created": _FIRST_DAY})
+        for name, table in sheets.items():
+            table.to_excel(writer, sheet_name=name, index=False, freeze_panes=(1, 1))
+            writer.sheets[name].set_column(0, 0, 24)
+    return [path]
 
 
 def matlab_name(name: str) -> str:
@@ -184,9 +219,11 @@ def matlab_name(name: str) -> str:
     return (plain if plain[:1].isalpha() else f"x{plain}")[:_LONGEST_MATLAB_NAME]
 
 
-_WRITERS: dict[str, Writer] = {
-    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".nc": _write_netcdf,
-    ".xlsx": _write_excel, ".kml": _write_kml, ".gpx": _write_gpx,
+_WRITERS: dict[str, Writer | str] = {
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat, ".xlsx": _write_excel,
+    ".nc": "analysis.tables.netcdf:write_netcdf",
+    ".kml": "analysis.tables.tracks:write_kml", ".gpx": "analysis.tables.tracks:write_gpx",
 }  # fmt: skip
+"""By suffix; NetCDF and tracks, which need more, by where they are."""
 KINDS = tuple(_WRITERS)
 """The suffixes of what a table can be written as."""
