@@ -93,7 +93,7 @@ WRONG: dict[str, tuple[int, str]] = {
     "info prose.mcap": (1, "is not an MCAP recording; give a .mcap file"),
     "info .": (1, "is a folder, not a recording; name a .mcap file in it"),
     "check cut.mcap": (0, "cut.mcap was not closed: its end may be missing; `seatrial recover` mends it"),
-    "check yard.csv": (1, "turn a table into one with `seatrial import`"),
+    "check yard.csv": (1, "convert a table with `seatrial import`"),
     # swapped units and columns are imported as they are called, with a warning
     "import knots.csv -o knots.mcap --yes": (0, "is off from the positions by a factor 0.515: knots?"),
     "import exchanged.csv -o exchanged.mcap --yes": (0, "axes exchanged: latitude for longitude?"),

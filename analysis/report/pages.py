@@ -177,7 +177,7 @@ def circumstances(
         ("wind", _wind(recording, one_hz)),
         ("sea state", trial.sea_state or UNKNOWN),
         ("current", _current(manoeuvres)),
-        ("crew's notes", trial.crew_notes or UNKNOWN),
+        ("crew notes", trial.crew_notes or UNKNOWN),
     ]
 
 
@@ -186,7 +186,7 @@ def file_rows(recording: Recording) -> list[tuple[str, str]]:
     return [
         ("recording", _files_text(recording.paths)),
         ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
-        ("closed properly", "yes" if recording.closed else "no: it is read as far as it goes"),
+        ("closed properly", "yes" if recording.closed else "no: read as far as it goes"),
         ("this page by", software_version()),
     ]
 
@@ -243,7 +243,7 @@ def _depth(depth_m: float | None, draught_m: float | None) -> str:
 def _wind(recording: Recording, one_hz: pd.DataFrame) -> str:
     """The wind as it was measured; one that an import assumed is none."""
     series = recording.series.get("wind_speed_mps")
-    return f"{UNKNOWN}, a calm was assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
+    return f"{UNKNOWN}, calm assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
 
 
 def beaufort(speed_mps: float) -> int:
@@ -270,7 +270,7 @@ def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
     """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself."""
     found = [each.current for each in manoeuvres if each.current is not None]
     if not found:
-        return "not known: no turn of one and a half circles"
+        return "unknown: no turn of one and a half circles"
     north, east = (
         mean_of([index_of("", getattr(each, f"{name}_mps"), getattr(each, f"{name}_within_mps")) for each in found])
         for name in ("north", "east")
@@ -289,15 +289,15 @@ def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
     """Dimensions and the ratios that the IMO's form asks for; the speed is the median of what the ship made
     good."""
     if ship is None:
-        return [("dimensions", "not known: the recording names none of the vessel files")]
+        return [("dimensions", "unknown: no vessel file for the ship that the recording names")]
     both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
     speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
     length_m = ship.between_perpendiculars_m
     per_speed = [f"L/V {length_m / speed:.1f} s at the median speed of {speed:.2f} m/s"] if speed > 0.1 else []
-    words, ratios = f"{length_m:g} m between perpendiculars (L), as given for this report", per_speed
+    words, ratios = f"{length_m:g} m between perpendiculars (L), given for this report", per_speed
     if ship.beam_m and ship.draught_m:
         words = (
-            f"{ship.over_all_m:g} m over all, {length_m:g} m between perpendiculars (L), {ship.beam_m:g} m wide, "
+            f"{ship.over_all_m:g} m overall, {length_m:g} m between perpendiculars (L), beam {ship.beam_m:g} m, "
             f"draught {ship.draught_m:g} m"
         )
         ratios = [f"L/B {length_m / ship.beam_m:.2f}", f"B/T {ship.beam_m / ship.draught_m:.2f}", *per_speed]
@@ -317,7 +317,7 @@ def events_of(recording: Recording) -> list[list[str]]:
         if alike[pattern] == 1:
             rows.append([f"{pd.Timestamp(time_ns, unit='ns', tz='UTC'):%Y-%m-%d %H:%M:%S}", text])
     counts = [alike[_NUMBERS.sub("N", text)] for _, text in rows]
-    return [[time, f"{text} ({count} times the like)" if count > 1 else text]
+    return [[time, f"{text} ({count} similar events)" if count > 1 else text]
             for (time, text), count in zip(rows, counts, strict=True)]  # fmt: skip
 
 

@@ -339,7 +339,7 @@ class Diagnosis:
         gap = self.gap
         lines.append(
             f"mean distance over {gap.horizon_s} s: {gap.before_m:.3f} m before, {gap.after_m:.3f} m after, "
-            f"{gap.floor_m:.3f} m at best ({gap.held_out_windows} windows that took no part)"
+            f"{gap.floor_m:.3f} m at best ({gap.held_out_windows} held-out windows)"
         )
         return "\n".join(lines)
 

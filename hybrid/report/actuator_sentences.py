@@ -14,7 +14,7 @@ _SEVERAL = {"both": "Both", "all": "All"}
 
 @dataclass(frozen=True, slots=True)
 class _Subject:
-    """Whom a sentence is about: ``The rudder``, ``The port propeller``, ``Both jets``."""
+    """The subject of a sentence: ``The rudder``, ``The port propeller``, ``Both jets``."""
 
     which: str
     noun: str
@@ -29,6 +29,11 @@ class _Subject:
     def with_noun(self, noun: str) -> str:
         """The subject by another noun, that of a part of it."""
         return self.which if noun in self.which else f"{self.which} {noun}"
+
+    def after_of(self, noun: str) -> str:
+        """The subject by a noun, within a sentence."""
+        words = self.with_noun(noun)
+        return words[0].lower() + words[1:]
 
     def does(self, one: str, many: str) -> str:
         """The subject with its verb, as one or as several do it."""
@@ -66,9 +71,9 @@ def _loss(subject: _Subject) -> tuple[str, str]:
 
 
 def _rudder_offset(subject: _Subject) -> tuple[str, str]:
-    of = "of what they report" if subject.several else "of what it reports"
-    stands = subject.does("stands", "stand")
-    return f"{stands} {{}} deg to starboard {of}", f"{stands} {{}} deg to port {of}"
+    reported = "the reported angles" if subject.several else "the reported angle"
+    stands = subject.does("is truly", "are truly")
+    return f"{stands} {{}} deg to starboard of {reported}", f"{stands} {{}} deg to port of {reported}"
 
 
 def _beyond(noun: str) -> Callable[[_Subject], tuple[str]]:
@@ -76,14 +81,14 @@ def _beyond(noun: str) -> Callable[[_Subject], tuple[str]]:
 
     def texts(subject: _Subject) -> tuple[str]:
         if subject.several:
-            return (f"{subject.with_noun(noun)}s truly stand {{}} deg beyond what they report",)
-        return (f"{subject.with_noun(noun)} truly stands {{}} deg beyond what it reports",)
+            return (f"The true angles of {subject.after_of(noun)}s are the reported angles plus {{}} deg",)
+        return (f"The true angle of {subject.after_of(noun)} is the reported angle plus {{}} deg",)
 
     return texts
 
 
 def _wake(subject: _Subject) -> tuple[str, str]:
-    water = f"The water at {subject.words[0].lower()}{subject.words[1:]} is {{}} %"
+    water = f"The water at {subject.after_of(subject.noun)} is {{}} %"
     return f"{water} slower than the model's: the hull's wake is larger", f"{water} faster than the model's"
 
 
@@ -111,12 +116,12 @@ def _speed_loss(subject: _Subject) -> tuple[str]:
 
 
 def _lag(subject: _Subject) -> tuple[str]:
-    return (f"{subject.does('follows', 'follow')} what is recorded with a lag of {{}} s",)
+    return (f"{subject.does('follows', 'follow')} the recorded settings with a lag of {{}} s",)
 
 
 def _play(subject: _Subject) -> tuple[str]:
-    angles = "their reported and true angles" if subject.several else "its reported and its true angle"
-    return (f"{subject.does('has', 'have')} {{}} deg of play between {angles}",)
+    angles = "the reported and the true angles" if subject.several else "the reported and the true angle"
+    return (f"{subject.does('has', 'have')} {{}} deg of backlash between {angles}",)
 
 
 _PROPELLERS = ("propeller", "controllable_propeller")

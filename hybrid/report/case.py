@@ -203,7 +203,7 @@ class Case:
         """
         try:
             if self.trained is None and self.vessel is None and not self._names_a_model:
-                return "the recordings name no ship that there is a model of"
+                return "there is no model of the ship that the recordings name"
             _ = self.validation
         except (ConfigurationError, DataShortageError, InputError) as error:
             return str(error.at(""))

@@ -76,7 +76,7 @@ def map_sentences(places: Sequence[Place]) -> list[str]:
             continue
         most = max(mine, key=lambda each: abs(each.z))
         words, unit = title.rstrip("]").split(" [")
-        what = f"{words} {'moment' if words == 'yaw' else 'force'} that is missing"
+        what = f"missing {words} {'moment' if words == 'yaw' else 'force'}"
         quantity, _, of = axis_title(quantity_of(most)).rstrip("]").partition(" [")
         half = 1.96 * abs(most.error / most.z)
         low, value, high = (_force_text(each) for each in (most.error - half, most.error, most.error + half))

@@ -103,7 +103,10 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
-    handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
+    handles = [
+        Patch(color=PALETTE[1], label="cannot be distinguished"),
+        Patch(color=PALETTE[0], label="less likely"),
+    ]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
     _on_grid(axes)
 

@@ -1,4 +1,4 @@
-"""A diagnosis in words: each named effect and each contradiction of sensors, what remains, remarks."""
+"""A diagnosis in words: named effects, contradictions between sensors, the remainder, remarks."""
 
 from __future__ import annotations
 
@@ -124,9 +124,9 @@ def span(low: float, high: float, unit: str = "") -> str:
 
 _SEVERAL = {
     "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
-    "steady_wind": "A wind that nobody recorded blows with {} m/s towards {} deg",
+    "steady_wind": "A wind that was not recorded blows at {} m/s towards {} deg",
     "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
-    "low_speed_damping": "Near rest the water slows the ship more than in the model: surge by {} % a second, "
+    "low_speed_damping": "At low speed the water slows the ship more than in the model: surge by {} % a second, "
     "sway by {} %, yaw by {} %",
     "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
     "reference point",
@@ -146,8 +146,8 @@ def _too(what: str, above: str, below: str) -> tuple[str, str]:
 
 _ONE: dict[str, tuple[str, ...]] = {
     "loading": ("The ship is {} % heavier than her model", "The ship is {} % lighter than her model"),
-    "surge_added_mass": _more_or_less("The water's inertia ahead is"),
-    "sway_added_mass": _more_or_less("The water's inertia sideways is"),
+    "surge_added_mass": _more_or_less("The added mass in surge is"),
+    "sway_added_mass": _more_or_less("The added mass in sway is"),
     "yaw_inertia": _more_or_less("The inertia in yaw is"),
     "hull_fouling": _more_or_less("The hull's resistance straight ahead is"),
     "cross_flow_drag": _more_or_less("The hull's cross-flow drag is"),
@@ -155,10 +155,10 @@ _ONE: dict[str, tuple[str, ...]] = {
     "drift_moment": _more_or_less("The yaw moment of the drifting hull is"),
     "turning_force": _more_or_less("The side force of the turning hull is"),
     "turning_drag": _more_or_less("The resistance of the turning hull is"),
-    "yaw_damping": _more_or_less("The hull's resistance to turning is"),
+    "yaw_damping": _more_or_less("The hull's yaw damping is"),
     "trim": (
-        "The hull's side force acts {} m further forward than the model's, as of trim by the head",
-        "The hull's side force acts {} m further aft than the model's, as of trim by the stern",
+        "The hull's side force acts {} m further forward than the model's, as with trim by the head",
+        "The hull's side force acts {} m further aft than the model's, as with trim by the stern",
     ),
     "skeg": ("The hull has {} m2 more skeg than the model", "The hull has {} m2 less skeg than the model"),
     "towed_load": (
@@ -166,15 +166,15 @@ _ONE: dict[str, tuple[str, ...]] = {
         "Something pushes the ship ahead with a steady {} N",
     ),
     "hull_lengthening": ("The ship is {} m longer than her model", "The ship is {} m shorter than her model"),
-    "shallow_water": ("The water is about {} m deep, and the hull feels it",),
+    "shallow_water": ("The water is about {} m deep, which affects the hull forces",),
     "wake_fraction": (
         "The wake slows the water at the thrusters by {} %",
         "The water at the thrusters is {} % faster than the ship",
     ),
     "pod_side_force": _more_or_less("The side force of the pods in oblique flow is"),
     "azimuth_scale": (
-        "Both azimuths truly turn {} % more than they report",
-        "Both azimuths truly turn {} % less than they report",
+        "The true angles of both azimuths are {} % larger than reported",
+        "The true angles of both azimuths are {} % smaller than reported",
     ),
     "yaw_asymmetry": (
         "A steady moment of {} N m turns the ship to starboard",
@@ -195,7 +195,7 @@ _ONE: dict[str, tuple[str, ...]] = {
     "heading_delay": _too("Headings are stamped {} s", "too late", "too early"),
     "speed_delay": _too("Surge, sway and yaw rate are stamped {} s", "too late", "too early"),
     "command_delay": _too("The drives' feedback is stamped {} s", "too late", "too early"),
-    "thruster_lag": ("The thrusters follow what is recorded with a lag of {} s",),
+    "thruster_lag": ("The thrusters follow the recorded settings with a lag of {} s",),
     "heading_bias": _too("The compass reads {} deg", "too much", "too little"),
     "speed_sensor_rotation": (
         "The speed sensor is turned {} deg clockwise",
@@ -279,7 +279,7 @@ def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], lo
     if effect.course.shape == "drift":
         since, until = map(_utc, effect.course.times_s)
         drift = Drift(since, until, sizes[0])
-        words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, drifting evenly; "
+        words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
         words += f"{said(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
         return [replace(whole, drift=drift, sentence=words)]
     found = []
@@ -318,7 +318,7 @@ def _unknown(conclusion: Conclusion) -> UnknownCause | None:
     accepted = conclusion.accepted
     if conclusion.withdrawn:
         names = join_words([plain(each) for each in conclusion.withdrawn])
-        words = f"{names}, but predictions on legs left out are worse with it: a suspect, not an addition"
+        words = f"{names}, but predictions on held-out legs are worse with it, so it is only suspected"
         return UnknownCause(conclusion.left_open, (OPERATION,), words)
     effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
     return unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
@@ -336,13 +336,13 @@ def unknown_cause(
         return None
     families = " and ".join(dict.fromkeys(each.family for each in effects))
     words = (
-        f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
+        f"{len(effects)} effects at once ({families}): more likely one similar effect that is not in the catalogue"
     )
     return UnknownCause(share_of_gap, (OPERATION,), words)
 
 
 def remainder_of(conclusion: Conclusion) -> Remainder | None:
-    """What stays unexplained beside what is named: how large, and where it is surest; None where nothing does."""
+    """What the named effects leave unexplained: its size, and where it is most significant; None if nothing."""
     accepted, left = conclusion.accepted, conclusion.maps[1]
     if not (accepted.beside_remainder and accepted.lack_of_fit):
         return None
@@ -353,7 +353,7 @@ def remainder_of(conclusion: Conclusion) -> Remainder | None:
     surest = next((each for each in notable_places(left.places) if each.channel == FORCES[axis]), None)
     if surest is not None:
         _, cell, _, size, _ = cell_row(surest)
-        words += f", surest at {cell}: {size} {_UNIT[AXES[axis]]}"
+        words += f", most significant at {cell}: {size} {_UNIT[AXES[axis]]}"
     where = tuple(dict.fromkeys(each.depends for each in accepted.lack_of_fit))
     return Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
@@ -371,7 +371,7 @@ def looks_like(remainder: LackOfFit) -> str:
     """One family in words: its axis or effect, on what it depends, and its size."""
     if remainder.what == "force":
         return (
-            f"forces that depend on speeds and thrusters, off by some {100.0 * remainder.size:.2g} % of their range"
+            f"forces of speeds and thrusters that are wrong by some {100.0 * remainder.size:.2g} % of their range"
         )
     if remainder.what in AXES:
         kind = "moment" if remainder.what == "yaw" else "force"
@@ -379,7 +379,9 @@ def looks_like(remainder: LackOfFit) -> str:
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
     varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
     return (
-        f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in INTERACTIONS else varies
+        f"{varies}: more likely a similar effect that is not in the catalogue"
+        if remainder.depends in INTERACTIONS
+        else varies
     )
 
 
@@ -399,7 +401,7 @@ def correlation_of(accepted: Acceptance) -> Correlation:
 
 
 def contradictions(sensors: Acceptance) -> tuple[Consistency, ...]:
-    """Each contradiction in words, the surest first."""
+    """Each contradiction in words, the most significant first."""
     results = [_contradiction(sensors.evidence, sensors.names, test) for test in sensors.tests.values()]
     return tuple(sorted(results, key=lambda each: each.p_value))
 
@@ -421,10 +423,10 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
         )
         for values, some in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
     )
-    sentence = f"The sensors contradict each other as with {plain(effect.base)}: {words}"
+    sentence = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
     if alike:
         sentence += (
-            f"; without a ship model {join_words([plain(each) for each in alike], 'or')} would look the same"
+            f"; without a ship model {join_words([plain(each) for each in alike], 'or')} cannot be ruled out"
         )
     return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
@@ -434,41 +436,39 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append("no wind was recorded: only a steady one was looked for")
+        remarks.append("no wind was recorded: only a steady wind was considered")
     remarks += _about_settings(log)
     if log.refused:
-        remarks.append(f"{log.refused} samples lay off by themselves and were refused")
+        remarks.append(f"{log.refused} outliers were rejected")
     for group in {base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
         family = next(each.family for each in effects if each.name in group)
         remarks.append(
-            f"{join_words([plain(name) for name in group])} are of one family, {family}: together they may be one "
+            f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
     if effects and gap.gap.closed < 0.0:
         remarks.append(
-            "predictions are no better with what was named: what the model lacks besides is larger, and hides it"
+            "predictions are no better with the named effects: other errors of the model are larger and mask them"
         )
     alone = min((each.after_m for each in conclusion.regimes[:1]), default=np.inf)
     if len(effects) > 1 and alone < _ALMOST * gap.gap.after_m:
         remarks.append(
-            "a force in one regime alone brings predictions almost as close as all that is named: the names may be "
-            "what imitates one effect that is not in the catalogue"
+            "a force in one regime alone improves predictions almost as much as all named effects: together these "
+            "may only imitate one effect that is not in the catalogue"
         )
     for each in effects:
         if vessel is not None and each.name in vessel.effects and each.in_vessel:
-            remarks.append(
-                f"{each.name} stands in the vessel's file already: its value here takes that one's place"
-            )
+            remarks.append(f"{each.name} is already in the vessel file: the value here replaces the one there")
     return tuple(remarks)
 
 
 def _about_settings(log: Log) -> list[str]:
     """How thruster settings were read between their records, where that is not as usual."""
     if log.input_hold == "line":
-        seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
+        seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: shorter lags cannot be found"
         return [seldom] if log.setting_step_s > 0.5 else []
-    held = f"thruster settings are read as held {log.input_hold}: with lines between them the motion is less likely"
-    late = "; or they are held until the next, and act that much later"
+    held = f"thruster settings are taken as held {log.input_hold}: this fits the motion better than interpolation"
+    late = "; or they are held until the next record, and act later by one interval"
     return [held + late if log.input_hold == "since the last record" else held]
 
 

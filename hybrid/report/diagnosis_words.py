@@ -49,7 +49,7 @@ DEPENDS = {
 
 
 ONE_OF_THEM = "one effect of their family that is not in the catalogue"
-"""What all effects of a group may stand for that are named together."""
+"""What the effects of a group that are named together may really be."""
 
 
 def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
@@ -141,18 +141,18 @@ def correction_sentence(correction: IdentifiedCorrection) -> str:
         for name, each in correction.coefficients.items()
     )
     closes = (
-        f"on {correction.held_out_windows} windows of legs that took no part in it the error falls from "
+        f"on {correction.held_out_windows} held-out windows the error falls from "
         f"{number(correction.before_m)} to {number(correction.after_m)} m"
     )
     if not correction.applied:
         return (
-            "The model was re-identified and stays as it was: on legs left out the error is "
-            f"{number(correction.after_m)} m with coefficients of the others, {number(correction.before_m)} m now."
+            "The model was re-identified but left unchanged: on held-out legs the error is "
+            f"{number(correction.after_m)} m with the new coefficients and {number(correction.before_m)} m without."
         )
     return (
         f"The diagnosis starts from a refit of the model: {moved} of {len(correction.coefficients)} coefficients "
-        f"moved by more than {percent(_NOTABLE)}, which changes forces by {ahead} of their range ahead, {across} "
-        f"across and {yaw} in yaw; {closes}, which is what this model's structure can close by coefficients."
+        f"changed by more than {percent(_NOTABLE)}, which changes the forces by {ahead} of their range in surge, "
+        f"{across} in sway and {yaw} in yaw; {closes}, the best that this model's structure allows."
     )
 
 
@@ -160,8 +160,8 @@ def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
     """What the model's structure can close, beside the constant velocity, on legs that took no part."""
     rungs = {
         "constant velocity": correction.constant_velocity_m,
-        "the model as it was": correction.before_m,
-        "what this model's structure can close: coefficients of the other legs": correction.after_m,
+        "model before the refit": correction.before_m,
+        "model with coefficients of the other legs (the best of this structure)": correction.after_m,
     }
     return [[name, f"{number(each)} m"] for name, each in rungs.items()]
 
@@ -186,12 +186,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one plain sentence."""
     named = _lacking(diagnosis.effects)
     if diagnosis.verdict == "nothing_missing":
-        return "Nothing is missing that this trial could show"
+        return "Nothing is missing that this trial could reveal"
     if diagnosis.verdict == "unknown":
         return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
     if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
         groups = [alternatives(group, _names(diagnosis)) for group in diagnosis.indistinguishable]
-        return f"This trial cannot say which is missing: {'; '.join(groups)}"
+        return f"This trial cannot determine which is missing: {'; '.join(groups)}"
     left = diagnosis.remainder
     rest = f"; forces of {percent(left.share_of_range)} of the range remain unexplained" if left is not None else ""
     return named + rest
@@ -217,10 +217,10 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
     figures = {
         f"error over {gap.horizon_s} s before": f"{gap.before_m:.2f} m",
         "after": f"{gap.after_m:.2f} m",
-        "what noise alone leaves": f"{gap.floor_m:.2f} m",
+        "floor, from noise alone": f"{gap.floor_m:.2f} m",
     }
     if diagnosis.effects:
-        figures["of what could be closed is closed"] = percent(gap.closed) if gap.closed > 0.0 else "nothing"
+        figures["of the gap above the floor closed"] = percent(gap.closed) if gap.closed > 0.0 else "nothing"
     figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
     return figures
 
@@ -228,56 +228,59 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
 def verdict_meaning(diagnosis: Diagnosis) -> str:
     """What the verdict means, and how errors are judged."""
     gap = diagnosis.gap
-    part = "naming or fitting" if diagnosis.remainder is None else "sizing; which effects to name was seen on all"
+    part = (
+        "used neither to name nor to fit effects"
+        if diagnosis.remainder is None
+        else "not used to fit the sizes of effects (which effects to name was decided on all)"
+    )
     judged = (
         f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
-        f"{gap.horizon_s} s that took no part in {part}."
+        f"{gap.horizon_s} s that were {part}."
     )
     says = {
-        "named": "Every effect named stands by itself: it is no chance among all that were tried, and it predicts "
-        "legs that were left out.",
-        "nothing_missing": "That holds within the tolerances of the model and the sensors; how large each effect "
-        "could be and stay hidden stands in the ranking below.",
-        "unknown": "Something remains above the noise that has structure; what it depends on stands below. A name "
-        "is not given to it, because none fits.",
-        "indistinguishable": "What is listed together explains the trial equally well.",
+        "named": "Each named effect is significant, given the number of effects tried, and improves predictions of "
+        "held-out legs.",
+        "nothing_missing": "This is within the tolerances of the model and the sensors; the ranking below gives "
+        "the size that each effect could have without being found.",
+        "unknown": "A systematic remainder exceeds the noise; what it depends on is given below. No effect of the "
+        "catalogue fits it.",
+        "indistinguishable": "The effects listed together explain the trial equally well.",
     }
     if diagnosis.remainder is not None:
         says |= dict.fromkeys(
             ("named", "indistinguishable"),
-            "The model is coarse: it lacks more than has a name here. What is named is found in most parts of the "
-            "trial by itself and brings predictions closer on legs that had no part in its size; what remains "
-            "stands below.",
+            "The model is coarse: it lacks more than is named here. The named effects are found in most parts of "
+            "the trial separately and improve predictions of held-out legs; the remainder is described below.",
         )
-    after = " The manoeuvre that would separate it best stands below." if diagnosis.next_manoeuvre else ""
+    after = " The manoeuvre that would best distinguish them is given below." if diagnosis.next_manoeuvre else ""
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """What whoever reads the page can do about it, the most useful first."""
+    """What the reader can do next, the most useful first."""
     sensors = list(dict.fromkeys(plain(each.name) for each in diagnosis.effects if each.kind == "sensor"))
     steps = []
     if sensors:
         steps.append(
-            f"Look at the sensors first ({join_words(sensors)}): one that is mounted, set and timed right needs no "
-            "correction, and what was named besides may change with it."
+            f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
+            "needed, and repeat the diagnosis, since the other effects may change."
         )
     if any(each.in_vessel and each.kind != "sensor" for each in diagnosis.effects):
-        steps.append("Use the vessel file beside this page, vessel.toml: the model with what was named.")
+        steps.append("Use the vessel file beside this page, vessel.toml: the model with the named effects.")
     if diagnosis.next_manoeuvre is not None:
-        steps.append("Sail the manoeuvre that stands below: it separates what this trial cannot tell apart.")
+        steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")
     if diagnosis.regimes:
         steps.append(
-            "Look for a cause where the model lacks most, in the regimes below, and sail some minutes in each: "
-            "that is where a trial tells most."
+            "Look for a cause in the regimes below, where the model is worst, and sail some minutes in each: "
+            "there a trial is most informative."
         )
     if diagnosis.remainder is not None and diagnosis.identified is None:
         steps.append(
-            "Where many coefficients may be off, as those of another ship are, identify them first and diagnose "
-            "the model that is found."
+            "If many coefficients may be wrong, for example because they are another ship's, identify them first "
+            "(--identify)."
         )
     if diagnosis.verdict == "nothing_missing":
-        steps.append("Use the model as it is; what is left may be learned on top of it.")
+        steps.append("Use the model as it is; the rest may be learned on top of it.")
     return steps
 
 
@@ -325,8 +328,12 @@ def left_with_recordings(diagnosis: Diagnosis) -> str:
         for there in (False, True)
     )
     said = [f"no {join_words(gone, 'or')}"] if gone else []
-    said += [f"the {join_words(last)} of the end of the trial"] if last else []
-    return f"The vessel file has what is the ship's and is there at the end: {', and '.join(said)}." if said else ""
+    said += [f"the {join_words(last)} at the end of the trial"] if last else []
+    return (
+        f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(said)}."
+        if said
+        else ""
+    )
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
@@ -348,14 +355,14 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
 
 
 REGIMES_NOTE = (
-    "A force in a regime has no theory behind it. regimes.py has each as an effect: given to the next diagnosis "
-    "it is weighed among all others, and a cause that fits better takes its place."
+    "A force in a regime is an observation, not an explanation. regimes.py has each regime as an effect: with "
+    "--effects regimes.py the next diagnosis weighs it against all other effects."
 )
 
 
 def found_in(replicated: Replication) -> str:
     """In how many parts of the trial something is found."""
-    return f"found in {replicated.found} of {replicated.parts} parts of the trial by itself"
+    return f"found separately in {replicated.found} of {replicated.parts} parts of the trial"
 
 
 def certainty(effect: NamedEffect) -> str:
@@ -368,7 +375,7 @@ def certainty(effect: NamedEffect) -> str:
 
 
 def dependence(where: Sequence[str]) -> str:
-    """What something unknown goes with."""
+    """What something unknown depends on."""
     return join_words([DEPENDS.get(each, plain(each)) for each in where])
 
 
@@ -385,24 +392,24 @@ def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
 
 
 def ladder_sentence(ladder: Ladder) -> str:
-    """What a calibrator adds, and whether it gains from what was named, in one sentence; or why nobody can say."""
+    """What a calibrator adds, and whether the named effects help it, in one sentence; or why this is not known."""
     rungs = ladder.mean_distance_m
     if not rungs:
         return f"No calibrator was trained: {ladder.why_not}."
     errors = {name: f"{number(each.value)} m" for name, each in rungs.items()}
-    reference = f"On legs that took no part the reference errs by {errors['reference']}"
+    reference = f"On held-out legs the error of the reference is {errors['reference']}"
     if "named" not in rungs:
         change = change_of(ladder.ratio("reference_calibrated", "reference"))
-        return f"{reference}, with a calibrator on top by {errors['reference_calibrated']}: {change}."
+        return f"{reference}, with a calibrator {errors['reference_calibrated']}: {change}."
     ratio = ladder.ratio("named_calibrated", "reference_calibrated")
-    helps = "what was named helps the calibrator"
+    helps = "the named effects help the calibrator"
     if ratio.low > 1.0:
-        helps = "what was named does not help the calibrator"
+        helps = "the named effects do not help the calibrator"
     elif not ratio.high < 1.0:
-        helps = "these legs do not show that what was named helps the calibrator"
+        helps = "these legs do not show that the named effects help the calibrator"
     return (
-        f"{reference}, with what was named by {errors['named']}, with a calibrator by "
-        f"{errors['reference_calibrated']}, with both by {errors['named_calibrated']}: {helps}, {change_of(ratio)}."
+        f"{reference}, with the named effects {errors['named']}, with a calibrator "
+        f"{errors['reference_calibrated']}, with both {errors['named_calibrated']}: {helps}, {change_of(ratio)}."
     )
 
 
@@ -515,10 +522,10 @@ def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
 
 
 _VERDICTS = {
-    "named": "The model lacks what is named here.",
+    "named": "The model lacks these effects:",
     "nothing_missing": "Nothing is missing beyond the tolerance.",
-    "unknown": "Something is missing that the catalogue does not explain.",
-    "indistinguishable": "Something is missing, and these data do not tell which of several causes it is.",
+    "unknown": "Something is missing that no effect of the catalogue explains.",
+    "indistinguishable": "Something is missing, but these data cannot distinguish several possible causes.",
 }
 
 
@@ -529,7 +536,7 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
     names = [each.name for each in diagnosis.effects]
     lines += [
-        Text(f"These data cannot tell {alternatives(group, names, 'from')}.")
+        Text(f"These data cannot distinguish {alternatives(group, names, 'from')}.")
         for group in diagnosis.indistinguishable
     ]
     left = diagnosis.unknown or diagnosis.remainder
@@ -542,7 +549,7 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     if gap.held_out_windows:
         lines.append(
             Text(
-                f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} windows that took no part: "
+                f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows: "
                 f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best."
             )
         )

@@ -84,7 +84,7 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
         if kinds[row] != kinds[row - 1]:
             axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
     logarithmic(axes, "x", [ratio for _, _, ratio in rows])
-    axes.set_xlabel("mean distance over that of the best baseline [1]")
+    axes.set_xlabel("mean distance divided by that of the best baseline [1]")
 
 
 def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
@@ -94,8 +94,8 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
         shown, found = leaky[method].mean_distance_m, honest[method].mean_distance_m
         axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
         for each, lift, colour, words in (
-            (shown, -0.12, PALETTE[1], "windows at random"),
-            (found, 0.12, PALETTE[0], "legs never seen"),
+            (shown, -0.12, PALETTE[1], "random windows"),
+            (found, 0.12, PALETTE[0], "unseen legs"),
         ):
             interval_bar(axes, each, row + lift, colour, words if row == 0 else "")
     axes.set_yticks(range(len(honest)), [plain(method) for method in honest])
@@ -153,10 +153,10 @@ def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any]
 def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:
     """The page; ``about`` says what was evaluated: files, vessel, stride, seed."""
     names = ", ".join(Path(each).name for each in about["files"])
-    windows = "windows under their commands" if about.get("any_commands") else "held windows"
+    windows = "windows with recorded commands" if about.get("any_commands") else "held windows"
     return render(
         "evaluation.html", templates=templates(), found=evaluation,
-        title=f"What each method is worth over {evaluation.horizon_s} s",
+        title=f"Prediction methods compared over {evaluation.horizon_s} s",
         subtitle=f"{names}; vessel {about['vessel']}; {evaluation.windows} {windows} of {evaluation.legs} legs",
     )  # fmt: skip
 

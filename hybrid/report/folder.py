@@ -62,9 +62,9 @@ def kind_of(folder: Path) -> Kind:
     if recordings_in(folder):
         return "trial"
     raise InputError(
-        "holds nothing to report on", where=str(folder),
+        "contains nothing to report on", where=str(folder),
         why="there is no recording, diagnosis.json, table3.json or index.parquet in it",
-        fix="give a recording, or a folder that `record`, `diagnose`, `reproduce` or `batch` wrote",
+        fix="give a recording, or an output folder of `record`, `diagnose`, `reproduce` or `batch`",
     )  # fmt: skip
 
 
@@ -98,11 +98,13 @@ def report(
 def _folder_of(recording: Path) -> Path:
     """Where the report of one recording goes: a folder of its name beside it."""
     if recording.suffix != ".mcap":
-        raise InputError("is not a recording", where=str(recording), why="a report is of .mcap files",
-                         fix="turn a table into one with `seatrial import`")  # fmt: skip
+        raise InputError("is not a recording", where=str(recording), why="reports are made from .mcap files",
+                         fix="convert a table with `seatrial import`")  # fmt: skip
     folder = recording.with_suffix("")
     if folder.exists() and not folder.is_dir():
-        raise StorageError("is a file, where the report's folder is to be", where=str(folder), fix="move it away")
+        raise StorageError(
+            "is a file, but the report needs a folder of this name", where=str(folder), fix="move it away"
+        )
     return folder
 
 
@@ -120,7 +122,7 @@ def folder_report(
     if not (within / "shown.json").is_file():
         return [trial_report(paths, folder, own, progress)]
     if not _is_of(within, paths):
-        remark = "The diagnosis in this folder is of other recordings and is left out."
+        remark = "The diagnosis in this folder is for other recordings and is left out."
         return [trial_report(paths, folder, own, progress, remark=remark)]
     return [trial_report(paths, folder, own, progress, within), within / PAGE_FILE]
 
@@ -178,8 +180,8 @@ def batch_reports(
     from analysis.batch.batch import run_batch, write_index
 
     if recordings is None:
-        raise InputError("holds the results of a batch, which do not know where the recordings are", where=str(out),
-                         fix="say it with --recordings FOLDER")  # fmt: skip
+        raise InputError("contains the results of a batch without the path of the recordings", where=str(out),
+                         fix="give it with --recordings FOLDER")  # fmt: skip
     _refuse_elsewhere(out, recordings)
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
@@ -204,8 +206,8 @@ def _refuse_elsewhere(out: Path, recordings: Path) -> None:
 
     paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
     if paths and not any((recordings / path).is_file() for path in paths):
-        raise InputError("holds none of the recordings of the batch", where=str(recordings),
-                         why=f"it went through {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
+        raise InputError("contains none of the batch's recordings", where=str(recordings),
+                         why=f"these were {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
                          fix="name the folder that `seatrial batch` was given")  # fmt: skip
 
 
@@ -220,5 +222,5 @@ def batch_options(out: Path) -> Any:
         except (OSError, ValueError, KeyError, TypeError):
             continue
     raise ConfigurationError(
-        "holds no result whose options are known", where=str(out), fix="run `seatrial batch` again"
+        "contains no result with known options", where=str(out), fix="run `seatrial batch` again"
     )

@@ -23,7 +23,7 @@ def identification_view(found: Identification) -> Group:
     """The coefficients, what hangs together, the validation, and what to do next."""
     parts: list[RenderableType] = [*(Text(f"left out: {each}") for each in found.set_aside), _coefficients(found)]
     for one, other, correlation in found.entangled:
-        parts.append(Text(f"{one} and {other} cannot be told apart here (correlation {correlation:+.2f})."))
+        parts.append(Text(f"{one} and {other} cannot be distinguished here (correlation {correlation:+.2f})."))
     if found.validation is not None:
         parts.append(_validation(found.validation))
     if found.candidates:
@@ -34,7 +34,7 @@ def identification_view(found: Identification) -> Group:
 def _coefficients(found: Identification) -> Table:
     known = sum(each.known for each in found.coefficients)
     title = (
-        f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients known by {found.segments} "
+        f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients determined by {found.segments} "
         f"segments of {found.duration_s:.0f} s"
     )
     table = text_table(
@@ -59,13 +59,13 @@ def _validation(judged: Judgement) -> Table:
 
 
 def _next(candidates: Sequence[Candidate]) -> Table:
-    title = f"What {candidates[0].minutes:.0f} minutes more would tell"
+    title = f"What another {candidates[0].minutes:.0f} minutes would tell"
     rows = [
         [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
         for each in candidates[:_TRIALS]
     ]
     return text_table(
-        title, ("manoeuvre", "nats", "variances left", "would become known"), rows, wrap=True, pad_edge=False
+        title, ("manoeuvre", "nats", "remaining variance", "newly determined"), rows, wrap=True, pad_edge=False
     )
 
 

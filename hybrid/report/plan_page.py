@@ -43,7 +43,7 @@ def page_of(plan: Plan) -> Page:
 
     sea = f"{plan.sea.name or 'own'} sea"
     return render(
-        "plan.html", templates=templates(), title="What a trial would show", plan=plan, plans=plan_page,
+        "plan.html", templates=templates(), title="What a trial would reveal", plan=plan, plans=plan_page,
         subtitle=f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %",
     )  # fmt: skip
 
@@ -53,8 +53,8 @@ def headline_of(plan: Plan) -> dict[str, str]:
     figures = {}
     for title, programme in (("yours", plan.asked), ("better", plan.better)):
         number = sum(_seen(plan, programme, name) for name in plan.catalogue)
-        figures[f"effects of ordinary size seen, {title}"] = f"{number} of {len(plan.catalogue)}"
-        figures[f"pairs not told apart, {title}"] = str(len(programme.indistinguishable_pairs()))
+        figures[f"effects of ordinary size found, {title}"] = f"{number} of {len(plan.catalogue)}"
+        figures[f"pairs not distinguished, {title}"] = str(len(programme.indistinguishable_pairs()))
     return figures
 
 

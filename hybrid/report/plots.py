@@ -158,9 +158,9 @@ def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> No
     seconds = np.arange(1, values.shape[1] + 1)
     low, lower, middle, upper, high = np.nanquantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
     axes.fill_between(
-        seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="90 % of the windows"
+        seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="middle 90 % of the windows"
     )
-    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="half of them")
+    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="middle half")
     axes.plot(seconds, middle, color=COLOUR[method], label="median")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_ylabel(f"error {QUANTITIES[component]}".replace(" [", "\n["))
@@ -187,7 +187,7 @@ def legend_of_shares(axes: Axes, shown: Axes) -> None:
     """In ``axes`` what the lines of :func:`errors_by_second` in others mean: a colour a method, a dash a share."""
     handles, words = shown.get_legend_handles_labels()
     shares = [
-        Line2D([], [], color=INK, linestyle="-", label="half of the windows stay below"),
+        Line2D([], [], color=INK, linestyle="-", label="median over the windows"),
         Line2D([], [], color=INK, linestyle="--", label="90 % of them"),
     ]
     axes.legend([*handles, *shares], [*words, *(str(each.get_label()) for each in shares)], loc="center left")
@@ -256,7 +256,7 @@ def transform_histogram(axes: Axes, calibration: Calibration) -> None:
     share = 100.0 * counts / max(counts.sum(), 1)
     axes.bar(edges[:-1], share, width=0.1, align="edge", color=COLOUR["hybrid"], alpha=0.6, edgecolor="white")
     axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
-    axes.set_xlabel("probability that the region gave to be nearer (PIT) [1]")
+    axes.set_xlabel("probability integral transform (PIT) [1]")
     axes.set_ylabel("positions [%]")
     axes.set_xlim(0, 1)
 
@@ -296,7 +296,7 @@ def draw_regions(figure: Figure, trained: TrainedCalibrator) -> None:
     for reach_m, line, words in zip(trained.region_m.T, ("-", "--"), ("along", "across"), strict=True):
         axes.plot(seconds, reach_m, line, color=COLOUR["hybrid"], label=f"{words} the course")
     axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("reach of the 95 % region [m]")
+    axes.set_ylabel("radius of the 95 % region [m]")
     axes.set_xlim(left=0)
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="best")

@@ -57,9 +57,9 @@ def regime_sentence(found: FoundRegime) -> str:
     unit, what = ("kN m", "moment") if regime.axis == "yaw" else ("kN", "force")
     way = _WAYS[regime.axis][found.value < 0.0]
     return (
-        f"The model as it is lacks {number(kilo)} {unit} {way}{_where(regime)}{_growth(regime)}: "
-        f"{percent(found.share)} of the {regime.axis} {what} that is missing; "
-        f"predictions on legs left out err by {found.after_m:.2f} m with it."
+        f"The model lacks {number(kilo)} {unit} {way}{_where(regime)}{_growth(regime)}: "
+        f"{percent(found.share)} of the missing {regime.axis} {what}; "
+        f"with it the error on held-out legs is {found.after_m:.2f} m."
     )
 
 
@@ -71,7 +71,10 @@ def _where(regime: Regime) -> str:
 def _growth(regime: Regime) -> str:
     if regime.grows_with is None:
         return ""
-    return f", at {number(regime.at)} {_unit(regime.grows_with)} and with the square of {_what(regime.grows_with)}"
+    of = _what(regime.grows_with)
+    return (
+        f", proportional to the square of {of} (the figure is for {number(regime.at)} {_unit(regime.grows_with)})"
+    )
 
 
 def _span(name: str, low: float, high: float) -> str:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hybrid.planning.plan import Plan, Programme
 
 
-_UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
+_UNTRAINED = "the start is outside the calibrator's training range: a baseline predicts in its place"
 _METHOD_COLUMNS = ("start", "mean m", "at end m", "north m", "east m", "heading deg")
 _SPLIT_COLUMNS = ("start", "mean m", "ratio", "in 95 %")
 _PREDICTION_COLUMNS = {
@@ -85,7 +85,7 @@ def truths_table(truths: Truths) -> Table:
     names = list(next(iter(truths.by.values())).methods)
     return text_table(
         "judged by each sensor: mean distance m", ("", *map(_head, ("floor", *names))),
-        truth_rows(truths), caption="floor: what a perfect prediction would err by",
+        truth_rows(truths), caption="floor: the error that a perfect prediction would show",
     )  # fmt: skip
 
 
@@ -130,11 +130,11 @@ def _caption(validation: Validation) -> str:
         parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
     if validation.outside_domain is not None and validation.outside_domain.any():
         parts.append(
-            f"{validation.outside_domain.sum()} windows start beyond what the calibrator was trained on: there the "
-            "better of reference and constant velocity speaks in its place, or both"
+            f"{validation.outside_domain.sum()} windows start outside the calibrator's training range: there a "
+            "weighted mean of reference and constant velocity replaces it"
         )
     if validation.outside:
-        parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
+        parts.append(f"{validation.outside} windows left out: the reference leaves its valid range in them")
     if validation.jumps:
         parts.append(f"{validation.jumps} windows left out: the positions jump in them")
     return "; ".join(parts)
@@ -170,10 +170,10 @@ def _known(value: float | None) -> str:
 
 
 MEANING = {
-    "leg": "whole legs never seen",
+    "leg": "unseen legs",
     "time": "the last 30 % of the time",
-    "recording": "recordings never seen",
-    "random": "windows at random, of legs trained on: flatters",
+    "recording": "unseen recordings",
+    "random": "random windows of legs trained on: too optimistic",
 }
 
 _FEW = 0.005  # a share that is shown as 0 %
@@ -221,19 +221,19 @@ def caption_of(split: SplitSummary) -> str:
     """What to know of a split's figures."""
     fitted = sorted({min(split.fitted), max(split.fitted)})
     draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
-    parts = [f"{draws}, {' to '.join(map(str, fitted))} windows to learn from",
+    parts = [f"{draws}, {' to '.join(map(str, fitted))} training windows",
              f"best baseline: {split.whole.best_baseline.replace('_', ' ')}"]  # fmt: skip
     if split.leaked:
-        parts.append(f"{split.leaked:.0%} of the seconds judged were learned from")
+        parts.append(f"{split.leaked:.0%} of the tested seconds were in the training data")
     beyond = [
         f"{name} {each.outside_domain:.0%}"
         for name, each in split.whole.methods.items()
         if each.outside_domain >= _FEW
     ]
     if beyond:
-        parts.append(f"windows that start beyond what was trained on: {', '.join(beyond)}")
+        parts.append(f"windows that start outside the training range: {', '.join(beyond)}")
     if split.whole.legs < FEW_LEGS:
-        parts.append("so few legs that the intervals are too narrow")
+        parts.append("too few legs, so the intervals are too narrow")
     return "; ".join(parts)
 
 
@@ -279,7 +279,7 @@ def plan_view(plan: Plan) -> RenderableType:
 def heading_of(plan: Plan) -> str:
     """What the limits are limits of."""
     return (
-        f"Seen in nine of ten trials from this departure on ({plan.vessel}, {plan.sea.name or 'own'} sea, the "
+        f"Found in nine of ten trials from this size on ({plan.vessel}, {plan.sea.name or 'own'} sea, the "
         f"tolerance {100.0 * plan.tolerance:g} % of the force range):"
     )
 
@@ -320,10 +320,10 @@ def limit_rows(plan: Plan) -> list[list[str]]:
 def _alike(title: str, programme: Programme) -> Text:
     pairs = programme.indistinguishable_pairs()
     if not pairs:
-        return Text(f"\n{title} tells all effects of ordinary size apart.")
+        return Text(f"\n{title} distinguishes all effects of ordinary size.")
     listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]
     more = [f"  and {len(pairs) - _MOST_PAIRS} pairs more"] if len(pairs) > _MOST_PAIRS else []
-    return Text("\n".join([f"\n{title} does not tell apart, at ordinary size:", *listed, *more]))
+    return Text("\n".join([f"\n{title} cannot distinguish, at ordinary size:", *listed, *more]))
 
 
 CATALOGUE_WIDTH = 112
@@ -335,8 +335,8 @@ def catalogue_tables(catalogue: Catalogue) -> RenderableType:
     own = dict.fromkeys(effect.family for effect in catalogue.values() if effect.family not in FAMILIES)
     tables = [_family_table(name, catalogue) for name in (*FAMILIES, *own)]
     heading = Text(
-        f"{len(catalogue)} effects, catalogue version {VERSION}. Ordinary: the size to expect where it is there; "
-        "smallest: of interest,\nin brackets the error that every such sensor or drive has anyway."
+        f"{len(catalogue)} effects, catalogue version {VERSION}. Ordinary: the usual size if present; "
+        "smallest: of interest;\nin brackets: the usual error of every such sensor or drive."
     )
     return Group(heading, *(Padding(table, (1, 0, 0, 0)) for table in tables if table.row_count))
 

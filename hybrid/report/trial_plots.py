@@ -99,7 +99,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     axes.set_ylim(len(rows) - 0.4, -0.6)
     reach = max(1.6, float(np.nanmax(np.abs(np.concatenate([low, high])))) * 1.05)
     axes.set_xlim(max(-reach, -4.0), min(1.0 + reach, 5.0))
-    axes.set_xlabel("0: least, 1: most that was trained on [1]")
+    axes.set_xlabel("0: smallest, 1: largest value in the training [1]")
     axes.grid(visible=False, axis="y")
 
 

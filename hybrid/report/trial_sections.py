@@ -45,7 +45,7 @@ MOST_FINDINGS = 14
 _OVERLAP = {
     "nothing": "No method was trained on these recordings.",
     "another part": "The calibrator was trained on another part of the same recordings.",
-    "some": "The calibrator has seen some of this.",
+    "some": "The calibrator was trained on some of these data.",
 }
 _SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
 
@@ -58,21 +58,21 @@ def window_rows(products: Products) -> pd.DataFrame | None:
 def ship_name(case: Case) -> str:
     """The ships that the recordings name, as people call them."""
     titles = [title for name in case.products if (title := _title_of(case, name))]
-    return join_words(list(dict.fromkeys(titles))) if titles else "a ship that is not named"
+    return join_words(list(dict.fromkeys(titles))) if titles else "an unnamed ship"
 
 
 def unknown_ship(case: Case) -> str:
     """What a ship without a name or dimensions costs the report, and what to do; empty where both are known."""
     if all(case.ship(name) is not None for name in case.products):
         return ""
-    costs = "Without her length nothing is told in ship lengths, and no limit in lengths is judged."
+    costs = "Without its length no index is given in ship lengths, and no limit in lengths is judged."
     named = {each.recording.trial.vessel: None for each in case.products.values() if each.recording.trial.vessel}
     if not named:
-        return f"The recording does not say which ship this is. {costs} Please have it imported with her name."
+        return f"The recording does not say which ship this is. {costs} Import it again with the ship's name (--vessel)."
     lacks = (
         f"The main dimensions of {join_words(list(named))} are not known, as there is no vessel file of that name."
     )
-    return f"{lacks} {costs} Please have her length between perpendiculars given for this report."
+    return f"{lacks} {costs} Give its length between perpendiculars (--length)."
 
 
 def _title_of(case: Case, name: str) -> str:
@@ -223,12 +223,12 @@ def model_sentence(case: Case) -> str:
         else "the ship's simulation model"
     )
     with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
-    gain = f"errs {1.0 - mine / kept:.0%} less" if mine < kept else "does no better"
+    gain = f"is {1.0 - mine / kept:.0%} better" if mine < kept else "is no better"
     overlap = "" if case.trained is None else f" {_OVERLAP[case.training_overlap]}"
     return (
-        f"Begun {len(judged.windows):,} times at steady controls, {whose}{with_it} is {mine:.2f} m off on average "
-        f"over the next {judged.windows.horizon_s} s. A ship that keeps her speed and rate of turn would be "
-        f"{kept:.2f} m off: the model {gain}.{overlap}"
+        f"In {len(judged.windows):,} predictions with steady controls, {whose}{with_it} has a mean error of "
+        f"{mine:.2f} m over {judged.windows.horizon_s} s. With constant speed and rate of turn the error would be "
+        f"{kept:.2f} m: the model {gain}.{overlap}"
     )
 
 
@@ -238,11 +238,11 @@ def fans_caption(case: Case) -> str:
     of = f" of {case.most_judged}" if len(case.products) > 1 else ""
     three = (
         "whole" if judged.region_m is None
-        else "at their ends, with ellipses that hold the position with 95 % and, if errors are normal, with 50 %"
+        else "at their ends, with the 95 % region and, for normal errors, the 50 % region"
     )  # fmt: skip
     return (
-        f"Predictions of {judged.windows.horizon_s} s over the measured track{of}; beside it how far all are off, "
-        f"ahead and to starboard positive; below three of them {three}."
+        f"Predictions of {judged.windows.horizon_s} s over the measured track{of}; beside it the errors of all "
+        f"predictions, positive ahead and to starboard; below three of them {three}."
     )
 
 
@@ -268,8 +268,8 @@ def doubts_of(products: Products) -> str | None:
         return None
     codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
     return (
-        f"{len(doubtful)} of {len(channels)} channels are not good ({join_words(list(codes))}); "
-        "the appendix says what was found and what was repaired."
+        f"{len(doubtful)} of {len(channels)} channels have quality findings ({join_words(list(codes))}); "
+        "see the appendix for findings and repairs."
     )
 
 
@@ -336,15 +336,15 @@ def baseline_words(case: Case) -> str:
     legs = len(np.unique(judged.windows.leg))
     words = (
         f"Mean errors over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} "
-        f"leg{'s' * (legs != 1)}, one every {case.stride_s} s. A causal start is the state by what was measured "
-        "before it, a two-sided one by what came after as well, for comparison only. Constant velocity keeps "
-        f"surge, sway and yaw rate. {_dropped(case)}"
+        f"leg{'s' * (legs != 1)}, one every {case.stride_s} s. A causal start state is estimated from earlier "
+        "measurements only, a two-sided one also from later ones, for comparison. Constant velocity keeps "
+        f"surge, sway and yaw rate constant. {_dropped(case)}"
     )
     if case.trained is None:
         return words
     return (
-        f"{words} Data driven is the network without a model. Networks learn no "
-        "heading: it is the reference's, for data driven the present turn held."
+        f"{words} Data driven is a neural network without a model. Networks do "
+        "not predict the heading: it is the reference's, or for data driven that of the present yaw rate."
     )
 
 
@@ -352,7 +352,7 @@ def _dropped(case: Case) -> str:
     """How many windows were tried, and why the others are not judged."""
     dataset = case.dataset
     reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in dataset.dropped.items() if count)
-    return f"Left out of {dataset.candidates:,} windows: {reasons}." if reasons else ""
+    return f"Of {dataset.candidates:,} windows these were left out: {reasons}." if reasons else ""
 
 
 def seconds_up_to(horizon_s: int) -> list[int]:
@@ -369,7 +369,7 @@ def calibration_rows(calibration: Calibration, seconds: Sequence[int]) -> list[l
     """Coverage and width of the 95 % regions."""
     return [
         ["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
-        ["width over mean way covered, PINAW [1]", *(_share(calibration.pinaw[each - 1]) for each in seconds)],
+        ["width relative to the mean distance sailed, PINAW [1]", *(_share(calibration.pinaw[each - 1]) for each in seconds)],
     ]
 
 
@@ -384,8 +384,8 @@ def fallback_words(judged: Validation, training: DomainOfApplicability) -> str:
     where = f", in {join_words([quantity_title(name) for name in names])}" if names else ""
     beyond = 0 if judged.outside_domain is None else int(judged.outside_domain.sum())
     return (
-        f"{beyond} of {len(judged.windows)} windows start too far beyond what the calibrator was trained "
-        f"on{where}; there a baseline speaks: {spoke}."
+        f"{beyond} of {len(judged.windows)} windows start too far outside the calibrator's training "
+        f"range{where}; there a baseline predicts: {spoke}."
     )
 
 
@@ -394,9 +394,9 @@ def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
     past = [name for name, column in zip(training.names, training.outside_range.T, strict=True) if column.any()]
     count = int(training.outside_range.any(axis=1).sum())
     return (
-        f"{count} of {len(judged.windows)} windows lie outside the range of the training itself"
+        f"{count} of {len(judged.windows)} windows are outside the training range"
         + (f", in {join_words([quantity_title(name) for name in past])}" if past else "")
-        + "; up to the dashes that is allowed, for a model goes on where a table ends."
+        + "; up to the dashed limits a model may extrapolate."
     )
 
 
@@ -405,11 +405,11 @@ def parameter_warnings(learned: Parameters) -> list[str]:
     warnings = []
     at_bound = [each.name for each in learned.every if each.at_bound]
     if at_bound:
-        warnings.append(f"At the bound of what is allowed: {', '.join(at_bound)}.")
+        warnings.append(f"At a bound: {', '.join(at_bound)}.")
     pairs = learned.entangled()
     if pairs:
         words = ", ".join(f"{one} with {other} ({value:+.2f})" for one, other, value in pairs[:6])
-        warnings.append(f"Cannot be told apart: {words}{', and more' if len(pairs) > 6 else ''}.")
+        warnings.append(f"Cannot be distinguished: {words}{', and more' if len(pairs) > 6 else ''}.")
     return warnings
 
 
@@ -417,7 +417,7 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
     """Value, standard error, interval and a remark of each."""
     return [
         [each.name, f"{each.value:.4g}", f"\u00b1 {each.error:.2g}", f"{each.low:.4g} to {each.high:.4g}",
-         each.unit, "at its bound" if each.at_bound else "" if each.identified else "not known by the data"]
+         each.unit, "at its bound" if each.at_bound else "" if each.identified else "not determined"]
         for each in parameters
     ]  # fmt: skip
 
@@ -437,7 +437,7 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
             ).write(page)
         except (ConfigurationError, DataShortageError):
             continue  # without plotly, or without a row: the report stands without it
-        what = "track and channels to zoom into" + (f", {trial}" if len(case.paths) > 1 else "")
+        what = "interactive track and channels" + (f", {trial}" if len(case.paths) > 1 else "")
         pages[what] = page.name
     return pages
 
@@ -456,7 +456,7 @@ def residual_sentences(residuals: Residuals) -> list[str]:
             for value in (each.mean, each.mean - each.half_width, each.mean + each.half_width)
         )
         sentences.append(
-            f"By {quantity}, the {words} acceleration that is missing from {each.low:g} to {each.high:g} {of} is "
+            f"By {quantity}, the missing {words} acceleration from {each.low:g} to {each.high:g} {of} is "
             f"{mean} {unit} (95 % interval {low} to {high}; {each.seconds} s).".replace("-", "\u2212")
         )
-    return sentences or ["In no class of any quantity does the missing acceleration stand out of its uncertainty."]
+    return sentences or ["The missing acceleration is not significant in any class of any quantity."]

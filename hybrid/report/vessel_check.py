@@ -67,9 +67,9 @@ def headline(check: VesselCheck) -> str:
 def stability_text(check: VesselCheck) -> str:
     """Whether the ship keeps straight by herself."""
     words = {
-        None: "course stability is not known: she could not be pulled out of a turn",
-        True: "course stable: with the helm amidships she comes out of a turn to either side",
-        False: "not course stable: with the helm amidships she goes on turning",
+        None: "course stability is not known: no pull-out was possible",
+        True: "course stable: with the helm amidships the ship stops turning, to either side",
+        False: "not course stable: with the helm amidships the ship keeps turning",
     }
     return words[check.course_stable]
 

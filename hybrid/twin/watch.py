@@ -196,7 +196,7 @@ def _one_line(*parts: str | tuple[str, str]) -> Text:
 
 def source_text(prediction: Prediction) -> str:
     """The method and the start of a prediction."""
-    beyond = ", beyond what the calibrator was trained on" if prediction.outside_domain else ""
+    beyond = ", outside the calibrator's training range" if prediction.outside_domain else ""
     planned = f", with {', '.join(prediction.planned)} as planned" if prediction.planned else ""
     return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}{planned}"
 

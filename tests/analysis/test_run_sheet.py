@@ -79,4 +79,4 @@ def test_events_are_listed_with_their_time(tmp_path: Path) -> None:
     recording.events.append((1_700_000_000_000_000_000, "start zigzag"))
     assert events_of(recording)[-1] == ["2023-11-14 22:13:20", "start zigzag"]
     recording.events.extend((1_700_000_001_000_000_000 + k, f"clock set by +{k}.5 s") for k in range(9))
-    assert events_of(recording)[-1] == ["2023-11-14 22:13:21", "clock set by +0.5 s (9 times the like)"]
+    assert events_of(recording)[-1] == ["2023-11-14 22:13:21", "clock set by +0.5 s (9 similar events)"]

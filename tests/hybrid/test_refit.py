@@ -73,9 +73,9 @@ def a_correction(applied: bool) -> IdentifiedCorrection:
 def test_it_is_said_what_moved_what_that_did_and_what_the_structure_can_close() -> None:
     said = correction_sentence(a_correction(applied=True))
     assert "1 of 2 coefficients" in said
-    assert "2 % of their range ahead, 5 % across and 10 % in yaw" in said
+    assert "2 % of their range in surge, 5 % in sway and 10 % in yaw" in said
     assert "from 0.4 to 0.2 m" in said
-    assert "stays as it was" in correction_sentence(a_correction(applied=False))
+    assert "left unchanged" in correction_sentence(a_correction(applied=False))
     rows = coefficient_rows(a_correction(applied=True))
     assert [row[0] for row in rows] == ["hull Yuv", "port x_m"]  # what moved most comes first
     assert [row[-1] for row in rows] == ["", "not by itself"]
@@ -86,7 +86,11 @@ def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
     diagnosis = replace(named(), identified=a_correction(applied=True))
     html = page_of(diagnosis, Extras()).html
     first = html.index("The diagnosis starts from a refit")
-    assert first < html.index("structure can close: coefficients of the other legs") < html.index("Effects named")
+    assert (
+        first
+        < html.index("coefficients of the other legs (the best of this structure)")
+        < html.index("Effects named")
+    )
     again = from_json(IdentifiedCorrection, json.loads(json.dumps(diagnosis.as_dict()["identified"])))
     assert again == diagnosis.identified
 

@@ -76,7 +76,7 @@ def named() -> Diagnosis:
         next_manoeuvre=None,
         suspects=SUSPECTS,
         tracks=tracks(),
-        remarks=("71 samples lay off by themselves and were refused",),
+        remarks=("71 outliers were rejected",),
         provenance={
             "files": ["/data/trial <7>.mcap"], "vessel": "gunnerus_short", "catalogue_version": "2",
             "force_range": {"surge_n": 70e3, "sway_n": 98e3, "yaw_nm": 1.3e6}, "noise": {"position_m": 0.031},

@@ -152,16 +152,19 @@ def test_without_a_name_there_are_three_rungs(climbed: Climbed) -> None:
 @pytest.mark.parametrize(
     ("both", "words"),
     [
-        ((0.7, 0.6, 0.8), ": what was named helps the calibrator, 30 % less error (20 to 40 %)."),
-        ((1.4, 1.2, 1.5), ": what was named does not help the calibrator, 40 % more error (20 to 50 %)."),
-        ((0.9, 0.8, 1.2), "do not show that what was named helps the calibrator, 10 % less error (20 % less to 20"),
+        ((0.7, 0.6, 0.8), ": the named effects help the calibrator, 30 % less error (20 to 40 %)."),
+        ((1.4, 1.2, 1.5), ": the named effects do not help the calibrator, 40 % more error (20 to 50 %)."),
+        (
+            (0.9, 0.8, 1.2),
+            "do not show that the named effects help the calibrator, 10 % less error (20 % less to 20",
+        ),
     ],
 )
 def test_the_sentence_says_whether_the_name_helps(both: tuple[float, float, float], words: str) -> None:
     """Helped, harmed, or not to be seen."""
     said = ladder_sentence(a_ladder(both))
     assert words in said
-    assert "the reference errs by 1.2 m, with what was named by 0.3 m, with a calibrator by 0.4 m" in said
+    assert "the error of the reference is 1.2 m, with the named effects 0.3 m, with a calibrator 0.4 m" in said
 
 
 def test_the_sentence_without_rungs_or_names() -> None:
@@ -169,5 +172,5 @@ def test_the_sentence_without_rungs_or_names() -> None:
     whole = a_ladder()
     kept = [name for name in whole.mean_distance_m if "named" not in name]
     bare = replace(whole, mean_distance_m={name: whole.mean_distance_m[name] for name in kept})
-    assert ladder_sentence(bare).endswith("with a calibrator on top by 0.4 m: 67 % less error (60 to 70 %).")
+    assert ladder_sentence(bare).endswith("with a calibrator 0.4 m: 67 % less error (60 to 70 %).")
     assert ladder_sentence(Ladder(15, "adaptive", why_not="no leg")) == "No calibrator was trained: no leg."

@@ -43,8 +43,8 @@ def test_the_page_says_what_was_named(html: str) -> None:
     for each in (CURRENT, BIAS):
         assert escape(each.sentence) in html
     for words in ("0.34 to 0.36", "60 % of the gap", "1.40 m", "0.19 m", "0.06 m", "90 %", "0.7 kN ahead",
-                  "Heading and track disagree.", "71 samples", "sway force [N]", "5,800",
-                  "With a calibrator on top", "30 % less error", "stays in the errors of every rung"):  # fmt: skip
+                  "Heading and track disagree.", "71 outliers", "sway force [N]", "5,800",
+                  "With a calibrator on top", "30 % less error", "remain in the errors of every method"):  # fmt: skip
         assert words in html
 
 
@@ -57,7 +57,11 @@ def test_tables_are_within_the_page(html: str) -> None:
 @pytest.mark.parametrize(
     ("verdict", "sentence", "words"),
     [
-        ("nothing_missing", "Nothing is missing that this trial could show", ["how large each effect could be"]),
+        (
+            "nothing_missing",
+            "Nothing is missing that this trial could reveal",
+            ["the size that each effect could have"],
+        ),
         (
             "unknown",
             "The model lacks ocean current, and something is missing that no effect of the catalogue explains",
@@ -65,13 +69,13 @@ def test_tables_are_within_the_page(html: str) -> None:
                 "a yaw moment of some 4000 N m",
                 "the heading and the place",
                 "40 % of the gap",
-                "what the levels of noise, gusts and waves alone would leave",
+                "the error from noise, gusts and waves alone",
             ],
         ),
         (
             "indistinguishable",
-            "This trial cannot say which is missing: ocean current or wave drift",
-            ["reciprocal headings", "12 minutes", "cannot tell ocean current from wave drift"],
+            "This trial cannot determine which is missing: ocean current or wave drift",
+            ["reciprocal headings", "12 minutes", "cannot distinguish ocean current from wave drift"],
         ),
     ],
 )
@@ -93,8 +97,8 @@ def test_two_that_may_be_one() -> None:
     text = page_of(replace(
         two, effects=losses, rivals=(), indistinguishable=(group,), next_manoeuvre=None
     ), Extras()).html  # fmt: skip
-    assert "cannot tell thrust loss port and thrust loss starboard from one effect of their family" in text
-    assert "manoeuvre that would separate" not in text
+    assert "cannot distinguish thrust loss port and thrust loss starboard from one effect of their family" in text
+    assert "manoeuvre that would best distinguish" not in text
 
 
 def test_unknown_alone() -> None:
@@ -291,7 +295,7 @@ def test_a_diagnosis_prints_as_a_short_table() -> None:
         "ocean_current  speed_mps      0.35  0.34 to 0.36  m/s",
         "ocean_current  direction_deg  205   203 to 207    deg",
         "heading_bias   angle_deg      -1.5  -1.7 to -1.3  deg",
-        "mean distance over 15 s: 1.400 m before, 0.190 m after, 0.060 m at best (110 windows that took no part)",
+        "mean distance over 15 s: 1.400 m before, 0.190 m after, 0.060 m at best (110 held-out windows)",
     ]
     assert str(of_verdict("nothing_missing")).startswith("nothing missing, 1 % of the force range tolerated\nmean")
     assert "unknown: a yaw moment of some 4000 N m" in str(of_verdict("unknown"))

@@ -135,13 +135,13 @@ def test_the_sentence_says_force_regime_and_gain() -> None:
     found = FoundRegime("x", ASTERN, 24e3, 1e3, 0.41, Replication(4, 4), 0.34)
     said = regime_in_words(found)
     assert said.sentence == (
-        "The model as it is lacks 24 kN ahead while the mean shaft speed is below 0 rpm, at −100 rpm and with the "
-        "square of the mean shaft speed: 41 % of the surge force that is missing; predictions on legs left out err "
-        "by 0.34 m with it."
+        "The model lacks 24 kN ahead while the mean shaft speed is below 0 rpm, proportional to the square of the "
+        "mean shaft speed (the figure is for −100 rpm): 41 % of the missing surge force; with it the error on "
+        "held-out legs is 0.34 m."
     )
     assert said.within == {"rpm": (None, 0.0)}
     port = regime_in_words(replace(found, regime=Regime("yaw", {"speed_mps": (1.0, 2.0)}), value=-3e3))
-    assert port.sentence.startswith("The model as it is lacks 3 kN m to port while the speed is 1 to 2 m/s: 41 %")
+    assert port.sentence.startswith("The model lacks 3 kN m to port while the speed is 1 to 2 m/s: 41 %")
     assert port.parameters["moment_nm"].unit == "N m"
 
 

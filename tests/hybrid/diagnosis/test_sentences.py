@@ -39,10 +39,10 @@ def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) ->
         ("position_delay", [(0.5, 0.4, 0.6)], "Positions are stamped 0.5 s too late (0.4-0.6)"),
         ("thrust_loss_port", [(0.123, 0.094, 0.152)], "The port thruster lacks 12.3 % of its thrust (9.4-15.2)"),
         ("thrust_loss_both", [(-0.05, -0.1, 0.01)], "Both thrusters have 5 % more thrust than the model's (−1"),
-        ("surge_added_mass", [(1.43, 1.4, 1.47)], "The water's inertia ahead is 43 % more than the model's (40"),
+        ("surge_added_mass", [(1.43, 1.4, 1.47)], "The added mass in surge is 43 % more than the model's (40"),
         ("wind_load", [(0.45, 0.4, 0.5)], "The wind loads are 55 % less than the tables say (50-60)"),
         ("heading_bias", [(-1.5, -1.6, -1.4)], "The compass reads 1.5 deg too little (1.4-1.6)"),
-        ("azimuth_offset_port", [(-2.0, -2.5, -1.5)], "The port azimuth truly stands −2 deg beyond"),
+        ("azimuth_offset_port", [(-2.0, -2.5, -1.5)], "The true angle of the port azimuth is the reported"),
         ("speed_scale", [(0.97, 0.96, 0.98)], "Reported speeds are 0.97 times the true ones (0.96-0.98)"),
         (
             "position_antenna_offset",
@@ -53,10 +53,10 @@ def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) ->
         (
             "low_speed_damping",
             [(0.02, 0.018, 0.022), (-0.001, -0.003, 0.001), (0.1, 0.08, 0.12)],
-            "Near rest the water slows the ship more than in the model: surge by 2 % a second, sway by −0.1 %, "
+            "At low speed the water slows the ship more than in the model: surge by 2 % a second, sway by −0.1 %, "
             "yaw by 10 % (1.8-2.2; −0.3 to 0.1; 8-12)",
         ),
-        ("shallow_water", [(8.0, 7.0, 9.5)], "The water is about 8 m deep, and the hull feels it (7-9.5)"),
+        ("shallow_water", [(8.0, 7.0, 9.5)], "The water is about 8 m deep, which affects the hull forces (7-9.5)"),
     ],
 )  # fmt: skip
 def test_sizes_in_words(name: str, ranges: list[tuple[float, float, float]], words: str) -> None:
@@ -76,10 +76,20 @@ JETS = (Actuator("port", "waterjet"), Actuator("starboard", "waterjet"))
             SINGLE,
             "rudder_offset_rudder",
             (2.0, 1.5, 2.5),
-            "The rudder stands 2 deg to starboard of what it",
+            "The rudder is truly 2 deg to starboard of the reported angle",
         ),
-        (SINGLE, "rudder_offset_rudder", (-2.0, -2.5, -1.5), "The rudder stands 2 deg to port of what it reports"),
-        (TWIN, "rudder_offset_both", (2.0, 1.5, 2.5), "Both rudders stand 2 deg to starboard of what they report"),
+        (
+            SINGLE,
+            "rudder_offset_rudder",
+            (-2.0, -2.5, -1.5),
+            "The rudder is truly 2 deg to port of the reported angle",
+        ),
+        (
+            TWIN,
+            "rudder_offset_both",
+            (2.0, 1.5, 2.5),
+            "Both rudders are truly 2 deg to starboard of the reported angles",
+        ),
         (TWIN, "rudder_loss_port_rudder", (0.1, 0.05, 0.15), "The port rudder lacks 10 % of its force (5-15)"),
         (TWIN, "thrust_loss_port", (0.1, 0.05, 0.15), "The port propeller lacks 10 % of its thrust (5-15)"),
         (TWIN, "thrust_loss_both", (0.1, 0.05, 0.15), "Both propellers lack 10 % of their thrust (5-15)"),
@@ -94,10 +104,30 @@ JETS = (Actuator("port", "waterjet"), Actuator("starboard", "waterjet"))
         ),
         (TWIN, "rudder_interaction_both", (0.2, 0.1, 0.3), "Both rudders draw 20 % more of their side force from"),
         (SINGLE, "flow_straightening_rudder", (1.4, 1.2, 1.6), "The rudder meets 40 % more of the drift at the st"),
-        (SINGLE, "lag_rudder", (1.2, 1.0, 1.4), "The rudder follows what is recorded with a lag of 1.2 s (1-1.4)"),
-        (TWIN, "lag_both_propellers", (1.2, 1.0, 1.4), "Both propellers follow what is recorded with a lag of 1.2"),
-        (JETS, "nozzle_offset_both", (2.0, 1.5, 2.5), "Both nozzles truly stand 2 deg beyond what they report"),
-        (JETS, "nozzle_offset_port", (2.0, 1.5, 2.5), "The port nozzle truly stands 2 deg beyond what it reports"),
+        (
+            SINGLE,
+            "lag_rudder",
+            (1.2, 1.0, 1.4),
+            "The rudder follows the recorded settings with a lag of 1.2 s (1-1.4)",
+        ),
+        (
+            TWIN,
+            "lag_both_propellers",
+            (1.2, 1.0, 1.4),
+            "Both propellers follow the recorded settings with a lag of 1.2",
+        ),
+        (
+            JETS,
+            "nozzle_offset_both",
+            (2.0, 1.5, 2.5),
+            "The true angles of both nozzles are the reported angles plus 2 deg",
+        ),
+        (
+            JETS,
+            "nozzle_offset_port",
+            (2.0, 1.5, 2.5),
+            "The true angle of the port nozzle is the reported angle plus 2 deg",
+        ),
     ],
 )
 def test_actuators_of_other_ships_in_words(
@@ -182,7 +212,7 @@ def test_a_step_has_a_size_before_and_one_after_and_the_last_stays() -> None:
 def test_a_drift_is_said_from_when_to_when() -> None:
     (said,) = parts_of("ocean_current", Course("drift", (NOON_S, NOON_S + 3600.0)), SLOW, FAST)
     assert "At 12:00 on 1 Sep UTC: the ship drifts with a current of 0.1 m/s" in said.sentence
-    assert "drifting evenly; at 13:00 on 1 Sep UTC: the ship drifts with a current of 0.4 m/s" in said.sentence
+    assert "changing linearly; at 13:00 on 1 Sep UTC: the ship drifts with a current of 0.4 m/s" in said.sentence
     assert said.drift == Drift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", SLOW)
     assert said.parameters == FAST
     assert said.in_vessel

@@ -124,7 +124,7 @@ def test_the_parts_of_a_trial_come_back_and_stand_on_the_page(tmp_path: Path) ->
     for words in (
         "ocean current, in monday.mcap",
         "ocean current, until 12:10 on 1 Sep UTC",
-        "the ocean current of the end of the trial",
+        "the ocean current at the end of the trial",
     ):
         assert words in html
     assert html.count("<h1>The model lacks ocean current</h1>") == 1

@@ -49,7 +49,7 @@ def test_of_several_signs_of_another_form_the_strongest_is_told() -> None:
     unknown = unknown_cause([thrust, drift, FADING], [CATALOGUE["hull_fouling"]], 0.4)
     assert unknown is not None
     assert unknown.where == ("thrust", "time")
-    assert "hull fouling that varies with the thrust ahead: rather a relative" in unknown.looks_like
+    assert "hull fouling that varies with the thrust ahead: more likely a similar effect" in unknown.looks_like
 
 
 @given(st.permutations(sorted(CATALOGUE)), st.integers(0, 6))

@@ -135,7 +135,7 @@ def test_tables_name_every_method_and_split(evaluation: Evaluation) -> None:
     shown = console.export_text()
     assert all(name in shown for name in (*FAKES, *SPLITS))
     assert str(evaluation).splitlines()[0] == shown.splitlines()[0].rstrip()
-    assert evaluation.plot().axes[0].get_xlabel() == "mean distance over that of the best baseline [1]"
+    assert evaluation.plot().axes[0].get_xlabel() == "mean distance divided by that of the best baseline [1]"
 
 
 @pytest.fixture
@@ -195,7 +195,7 @@ def test_evaluate_from_recording_to_page(
     assert {"vessel", "stride_s", "seed", "horizon_s"} <= set(said)
     html = (tmp_path / "evaluation.html").read_text()
     assert html.count("<img") >= 4
-    assert "whole legs never seen" in html
+    assert "unseen legs" in html
 
 
 def test_a_wrong_split_is_refused_before_anything_is_read(tmp_path: Path) -> None:

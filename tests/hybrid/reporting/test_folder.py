@@ -41,7 +41,7 @@ def test_recordings_of_their_own_folder_come_before_what_lies_about(tmp_path: Pa
 
 
 def test_a_folder_with_nothing_to_tell_says_what_it_would_take(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"holds nothing to report on.*diagnosis\.json"):
+    with pytest.raises(InputError, match=r"contains nothing to report on.*diagnosis\.json"):
         report(tmp_path, Choices())
     with pytest.raises(InputError, match="does not exist"):
         report(tmp_path / "x", Choices())

@@ -120,8 +120,6 @@ def test_the_sentence_names_where_a_model_lacks_most_and_how_much() -> None:
     assert most.high <= 0.0
     assert abs(most.mean + 0.03) < 1.5 * most.half_width < 0.01
     (sentence,) = residual_sentences(Residuals(noise, quantities))
-    assert sentence.startswith(
-        f"By mean shaft speed, the surge acceleration that is missing from \u2212{-most.low:g}"
-    )
+    assert sentence.startswith(f"By mean shaft speed, the missing surge acceleration from \u2212{-most.low:g}")
     none = residual_sentences(Residuals(noise * 0.0 + random.standard_normal(noise.shape), quantities))
-    assert none == ["In no class of any quantity does the missing acceleration stand out of its uncertainty."]
+    assert none == ["The missing acceleration is not significant in any class of any quantity."]

@@ -268,7 +268,7 @@ def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatc
     monkeypatch.setattr("hybrid.reproduction.figures.write_figure_data", lambda *_: [])
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
-    assert "What falls short" in (tmp_path / "table3.html").read_text()
+    assert "Shortfalls" in (tmp_path / "table3.html").read_text()
     shown = CliRunner().invoke(seatrial.app, ["reproduce", "table3"], env={"COLUMNS": "140"}).stdout
     assert "published" in shown
     assert "88.3%" in shown

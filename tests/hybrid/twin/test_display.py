@@ -61,7 +61,7 @@ def test_the_track_is_told_ahead_and_to_starboard() -> None:
 def test_errors_say_whether_a_thruster_moved_and_fit_a_narrow_window() -> None:
     still = TrackError(0, "hybrid", False, 1.5, 3.25, 2.0, -2.5, 4.0, 0.9)
     shown = picture(eastward(band=False), still, width=80)
-    assert "beyond what the calibrator was trained on" in shown
+    assert "outside the calibrator's training range" in shown
     assert "then: 3.2 m off at the end, 1.5 m on the way" in shown
     assert "1 judged, 0 left out" in shown
     assert "…" not in "".join(line for line in shown.splitlines() if "left out" in line)
