@@ -50,7 +50,7 @@ def _app() -> typer.Typer:
     @app.callback()
     def _main(
         version: bool = typer.Option(
-            False, "--version", help="Say the version.", is_eager=True, callback=_say_version
+            False, "--version", help="Print the version.", is_eager=True, callback=_say_version
         ),
     ) -> None:
         """What stands before every command."""

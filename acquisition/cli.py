@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from acquisition.tables.propose import Proposal
     from acquisition.tables.table_files import RawTable
 
-Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
+Output = Annotated[Path, typer.Option("-o", "--output", help="The file or folder to write.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
 
 ABOARD, RECORDINGS, TRIALS, PREDICTIONS, DIAGNOSIS = (
@@ -44,14 +44,12 @@ def mount(app: typer.Typer) -> None:
 
 def record(
     config: Annotated[Path, typer.Argument(help="The trial's configuration, a TOML file.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The folder that the recording goes into.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="The folder for the recording.")] = None,
     duration: Annotated[float | None, typer.Option(min=0.0, help="Stop after this many seconds.")] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Record nothing: listen, and say which channels would be missing.")
+        bool, typer.Option("--check", help="Record nothing: listen, and list the channels that would be missing.")
     ] = False,
-    log: Annotated[str, typer.Option(help="What is written without a terminal: text, or json lines.")] = "text",
+    log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
     live: Annotated[bool, typer.Option("--live", help="Serve the live view for Foxglove and Lichtblick.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -127,14 +125,12 @@ def discover(
     inputs: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Where to listen: can0 or can:INTERFACE:CHANNEL, /dev/ttyUSB0, udp:PORT, tcp:ADDRESS:PORT,"
+            help="Inputs: can0 or can:INTERFACE:CHANNEL, /dev/ttyUSB0, udp:PORT, tcp:ADDRESS:PORT,"
             " mqtt:ADDRESS, log files, or a configuration's sources; without any, this computer's interfaces and"
             " the usual ports."
         ),
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The configuration that records what was found.")
-    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="The configuration to write.")] = None,
     duration: Annotated[float, typer.Option(min=0.1, help="Listen for this many seconds.")] = 20.0,
     vessel: Annotated[
         str, typer.Option(help="The vessel whose actuators are recorded: a name, or a vessel file.")
@@ -183,7 +179,7 @@ def _write_configuration(path: Path, text: str) -> None:
 
 
 def mark(
-    text: Annotated[str, typer.Argument(help='What happens now: "start 20/20".')],
+    text: Annotated[str, typer.Argument(help='The text of the mark, for example "start 20/20".')],
 ) -> None:
     """Set an event mark in the running recording."""
     from acquisition.logger.requests import send_mark
@@ -193,10 +189,10 @@ def mark(
 
 
 def redecode(
-    recording: Annotated[list[Path], typer.Argument(help="A recording; its parts in their order.")],
+    recording: Annotated[list[Path], typer.Argument(help="A recording; its parts in order.")],
     output: Output,
     config: Annotated[
-        Path | None, typer.Option(help="The corrected configuration; the recording's own if none is given.")
+        Path | None, typer.Option(help="The corrected configuration; default: the recording's own.")
     ] = None,
 ) -> None:
     """Rebuild a recording's channels from its raw input."""
@@ -216,7 +212,7 @@ def redecode(
 
 def emulate(
     recording: Annotated[Path, typer.Argument(help="The recording to play.")],
-    config: Annotated[Path, typer.Argument(help="The configuration whose buses and lines it is played onto.")],
+    config: Annotated[Path, typer.Argument(help="The configuration with the buses and lines to play it onto.")],
     speed: Annotated[float, typer.Option(min=0.01, help="Playback speed; 1 is real time.")] = 1.0,
 ) -> None:
     """Play a recording onto the buses of a configuration."""
@@ -240,25 +236,27 @@ def emulate(
 def import_(
     table: Annotated[Path, typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")],
     output: Output,
-    columns: Annotated[Path | None, typer.Option(help="A column map: names and units of a foreign table.")] = None,
+    columns: Annotated[
+        Path | None, typer.Option(help="A column map: names and units of the table's columns.")
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Accept the proposal without asking.")] = False,
     answer: Annotated[
-        list[str] | None, typer.Option(help="Answer a question of the proposal: KEY=VALUE, as often as needed.")
+        list[str] | None, typer.Option(help="Answer a question in advance: KEY=VALUE; may be repeated.")
     ] = None,
-    preview: Annotated[Path | None, typer.Option(help="Draw what the columns were taken for: a PNG file.")] = None,
+    preview: Annotated[
+        Path | None, typer.Option(help="Draw every channel as it would be recorded: a PNG file.")
+    ] = None,
     write_map: Annotated[
-        Path | None, typer.Option(help="Where the proposed map goes; beside the recording if not given.")
+        Path | None, typer.Option(help="The file for the proposed column map; default: beside the recording.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a recording that is there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing recording.")] = False,
     allow_missing: Annotated[
         bool, typer.Option(help="Accept a table without some of the ship's channels.")
     ] = False,
     ignore_unknown: Annotated[bool, typer.Option(help="Ignore columns that are not channels.")] = False,
-    vessel: Annotated[
-        str | None, typer.Option(help="The vessel that the table is of: a name, or a vessel file.")
-    ] = None,
+    vessel: Annotated[str | None, typer.Option(help="The table's vessel: a name, or a vessel file.")] = None,
 ) -> None:
-    """Turn a table into a recording: by standard names, a column map, or what its columns tell."""
+    """Convert a table to a recording, by standard names, a column map, or automatic recognition."""
     from acquisition.tables.import_table import import_proposed, import_table, is_standard
     from acquisition.tables.table_files import read_raw
 
@@ -314,7 +312,7 @@ def info(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     as_json: AsJson = False,
 ) -> None:
-    """Say what is in a recording."""
+    """Show what is in a recording."""
     from acquisition.recording.reader import describe, read_recording
 
     recording = read_recording(file)
@@ -350,11 +348,11 @@ def info(
 
 
 def recover(
-    file: Annotated[Path, typer.Argument(help="A recording that is damaged or was not closed; it is only read.")],
+    file: Annotated[Path, typer.Argument(help="A recording that is damaged or was not closed; it is not changed.")],
     output: Output,
     as_json: AsJson = False,
 ) -> None:
-    """Save what is intact of a damaged recording into a new one."""
+    """Save what is intact in a damaged recording to a new one."""
     from acquisition.core.progress import bar
     from acquisition.recording.recover import recover as run
 
@@ -368,11 +366,11 @@ def recover(
 
 
 def migrate(
-    file: Annotated[Path, typer.Argument(help="A recording whose messages are JSON; it is only read.")],
+    file: Annotated[Path, typer.Argument(help="A recording with JSON messages; it is not changed.")],
     output: Output,
     as_json: AsJson = False,
 ) -> None:
-    """Turn a recording with JSON messages into one that every viewer plots."""
+    """Convert an old recording with JSON messages for viewers that cannot plot JSON."""
     from acquisition.core.progress import bar
     from acquisition.recording.migrate import migrate as run
 

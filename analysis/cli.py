@@ -16,8 +16,8 @@ RebuildPositions = Annotated[
     bool,
     typer.Option(
         "--rebuild-positions",
-        help="With the repairs: replace positions whose stamps jitter by dead reckoning from speeds and heading,"
-        " and such headings by the integrated yaw rate.",
+        help="Also replace positions with jittering time stamps by dead reckoning from speeds and heading, "
+        "and such headings by the integrated yaw rate.",
     ),
 ]
 
@@ -38,7 +38,7 @@ def check(
     ] = None,
     repair: Annotated[
         Path | None,
-        typer.Option("--repair", help="Also write a recording with the certain repairs done."),
+        typer.Option("--repair", help="Also write a repaired recording: only faults beyond doubt are repaired."),
     ] = None,
     rebuild_positions: RebuildPositions = False,
     own: Annotated[
@@ -90,20 +90,20 @@ def check(
 def export(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Output,
-    rate: Annotated[float | None, typer.Option(help="Resample to so many Hz; raw without it.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Resample to this rate in Hz; default: raw samples.")] = None,
     smooth: Annotated[
-        bool, typer.Option("--smooth", help="Motion from the smoother, with uncertainties; at 1 Hz without --rate.")
+        bool, typer.Option("--smooth", help="Write the smoothed motion, with uncertainties; default rate: 1 Hz.")
     ] = False,
-    repair: Annotated[bool, typer.Option("--repair", help="Repair what is certainly wrong first.")] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="First repair faults that are beyond doubt.")] = False,
     remove_delays: Annotated[
         bool, typer.Option("--remove-delays", help="Estimate the channels' delays and remove them.")
     ] = False,
     flags: Annotated[
-        bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel; NetCDF has them always.")
+        bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel; always in NetCDF.")
     ] = False,
     attribute: Annotated[
         list[str] | None,
-        typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0. May be repeated."),
+        typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0; may be repeated."),
     ] = None,
 ) -> None:
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
@@ -154,10 +154,10 @@ def windows(
         typer.Option(
             "--any",
             "--keep-moving",
-            help="All windows with data, not held windows only; the column `held` marks those.",
+            help="All windows with data, not only held windows; the column `held` marks those.",
         ),
     ] = False,
-    repair: Annotated[bool, typer.Option("--repair", help="Repair what is certainly wrong first.")] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="First repair faults that are beyond doubt.")] = False,
     remove_delays: Annotated[
         bool, typer.Option("--remove-delays", help="Estimate the channels' delays and remove them first.")
     ] = False,
@@ -167,7 +167,7 @@ def windows(
     ] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Cut the held windows: stretches with constant controls."""
+    """Extract held windows: periods with steady controls."""
     from acquisition.core.progress import bar
     from analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
 
@@ -204,16 +204,20 @@ def manoeuvres(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="A folder for JSON and pictures.")] = None,
     length: Annotated[
-        float | None, typer.Option(min=0.1, help="The ship's length in metres, for lengths and limits.")
+        float | None,
+        typer.Option(
+            min=0.1,
+            help="The ship's length between perpendiculars in metres, for IMO limits and lengths.",
+        ),
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="Show every index, each overshoot among them.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Show every index, including each overshoot.")] = False,
     own: Annotated[
         list[str] | None,
         typer.Option("--manoeuvre", help="FILE.py:FUNCTION: finds a manoeuvre of your own; may be repeated."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the manoeuvres and their indices."""
+    """Find manoeuvres and compute their indices."""
     from rich.console import Console
 
     from acquisition.core.progress import bar
@@ -240,7 +244,7 @@ def smooth(
     rate: Annotated[float, typer.Option(help="Rows per second (Hz).")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Smooth the motion by a Kalman smoother, with covariance."""
+    """Smooth the motion with a Kalman smoother, with uncertainties."""
     from analysis.estimation.smoother import smooth as smooth_table
     from analysis.estimation.smoother import summary_of, write_smoothed
     from analysis.tables.table import read_table
@@ -265,28 +269,33 @@ def smooth(
 
 
 def batch(
-    folder: Annotated[Path, typer.Argument(help="A folder with recordings, in folders below it too.")],
+    folder: Annotated[Path, typer.Argument(help="A folder with recordings, also in subfolders.")],
     output: Output,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Number of worker processes; one per core without it.")
+        int | None, typer.Option(min=1, help="Number of worker processes; default: one per core.")
     ] = None,
     scheduler: Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")] = None,
     horizon: Horizon = 15,
     stride: Stride = 5,
     length: Annotated[
-        float | None, typer.Option(min=0.1, help="The ship's length in metres, for distances in lengths.")
+        float | None,
+        typer.Option(
+            min=0.1, help="The ship's length between perpendiculars in metres, for distances in ship lengths."
+        ),
     ] = None,
-    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair what is certainly wrong.")] = False,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,
     rebuild_positions: RebuildPositions = False,
-    no_smooth: Annotated[bool, typer.Option("--no-smooth", help="No smoother: no uncertainties.")] = False,
+    no_smooth: Annotated[
+        bool, typer.Option("--no-smooth", help="Skip the smoother, and with it the uncertainties.")
+    ] = False,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, faster.")] = False,
-    again: Annotated[bool, typer.Option("--again", help="Compute existing results anew.")] = False,
+    again: Annotated[bool, typer.Option("--again", help="Recompute existing results.")] = False,
     timeout: Annotated[
-        float | None, typer.Option(min=0.1, help="Give up on a recording after so many seconds.")
+        float | None, typer.Option(min=0.1, help="Give up on a recording after this many seconds.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Analyse every recording below a folder; resumes."""
+    """Analyse every recording in a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.core.progress import bar
@@ -323,17 +332,22 @@ def batch(
 
 
 def serve(
-    folder: Annotated[Path, typer.Argument(help="A folder with recordings, in folders below it too.")],
+    folder: Annotated[Path, typer.Argument(help="A folder with recordings, also in subfolders.")],
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="The folder of the results, as `batch` has it; else one in the cache."),
+        typer.Option(
+            "-o", "--output", help="The folder for results, for example that of `batch`; default: in the cache."
+        ),
     ] = None,
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Where on this computer it listens.")] = 8765,
+    port: Annotated[
+        int, typer.Option(min=1, max=65535, help="The port to listen on, on this computer only.")
+    ] = 8765,
     on_demand: Annotated[
-        bool, typer.Option("--on-demand", help="Analyse what is opened; without it all, one after the other.")
+        bool,
+        typer.Option("--on-demand", help="Analyse only what is opened; default: everything, one after the other."),
     ] = False,
-    upload: Annotated[bool, typer.Option("--upload", help="Take files that are sent, into FOLDER.")] = False,
-    upload_mb: Annotated[float, typer.Option(min=0.1, help="The largest file that is taken, in MB.")] = 500.0,
+    upload: Annotated[bool, typer.Option("--upload", help="Allow uploads into FOLDER.")] = False,
+    upload_mb: Annotated[float, typer.Option(min=0.1, help="The largest upload in MB.")] = 500.0,
 ) -> None:
     """Show a season of recordings as pages for a browser on this computer."""
     from acquisition.core.errors import ConfigurationError

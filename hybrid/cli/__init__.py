@@ -21,29 +21,32 @@ if TYPE_CHECKING:
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
 SeaStateOption = Annotated[
-    str, typer.Option(help="A sea state of trials/sea_states.toml; for a ship's model at her scale.")
+    str, typer.Option(help="A sea state of trials/sea_states.toml; scaled down for a ship model.")
 ]
-CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
+CalibratorOption = Annotated[
+    Path | None, typer.Option(help="A calibrator: the folder written by `seatrial train`.")
+]
 CodeOption = Annotated[
     str | None,
-    typer.Option("--method", help="FILE.py:CLASS: where the code of your own calibrator is now, if it has moved."),
+    typer.Option("--method", help="FILE.py:CLASS: the new place of your own calibrator's code, if it has moved."),
 ]
 HorizonOption = Annotated[
-    int | None, typer.Option(min=2, help="The horizon of the predictions in seconds; 15, or the calibrator's.")
+    int | None,
+    typer.Option(min=2, help="The horizon of the predictions in seconds; default: 15, or the calibrator's."),
 ]
-AllowSeenOption = Annotated[bool, typer.Option(help="Also judge recordings that the calibrator was trained on.")]
+AllowSeenOption = Annotated[bool, typer.Option(help="Also test recordings that the calibrator was trained on.")]
 PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
 StrideOption = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 AnyOption = Annotated[
     bool,
-    typer.Option("--any", help="All windows with data, with the controls as recorded; not held windows only."),
+    typer.Option("--any", help="All windows with data, with the recorded controls; not only held windows."),
 ]
-RepairOption = Annotated[bool, typer.Option("--repair", help="Repair what is certainly wrong first.")]
+RepairOption = Annotated[bool, typer.Option("--repair", help="First repair faults that are beyond doubt.")]
 EffectsOption = Annotated[
     list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
 ]
 WorkersOption = Annotated[
-    int | None, typer.Option(min=1, help="Number of worker processes; one per core without it.")
+    int | None, typer.Option(min=1, help="Number of worker processes; default: one per core.")
 ]
 
 
@@ -91,7 +94,7 @@ def mount(app: typer.Typer) -> None:
     panels: dict[str, dict[Callable[..., None], str]] = {
         TRIALS: {
             trials.demo: "Run the whole chain: from simulated buses to a report.",
-            trials.init: "Write a trial's folder to start from: what is recorded, the ship, a column map.",
+            trials.init: "Set up a folder for trials: configuration, vessel file, column map, example table.",
             trials.simulate: "Simulate a trial as its sensors would have recorded it.",
             trials.plan: "Say which effects a planned trial could find, and propose a better one.",
             trials.campaign: "Simulate many trials: vessels, seas, manoeuvres, seeds.",
@@ -99,18 +102,18 @@ def mount(app: typer.Typer) -> None:
         PREDICTIONS: {
             model.train: "Train a calibrator on a reference model.",
             model.validate: "Score every method on recordings that were not used for training.",
-            model.predict: "Predict one track from one instant of a recording.",
+            model.predict: "Predict the track from one instant of a recording.",
             model.evaluate: "Compare the methods by cross-validation, with 95 % intervals.",
         },
         DIAGNOSIS: {
             trials.effects: "List the effects that a model may lack.",
-            results.diagnose: "Name the effects that the model lacks, add them, and show the error shrink.",
-            results.identify: "Coefficients of a model from recordings, with intervals.",
+            results.diagnose: "Name the effects that the model lacks, add them, and show how the error shrinks.",
+            results.identify: "Identify the coefficients of a model from recordings, with intervals.",
         },
         ABOARD: {model.watch: "Predict live beside the running recorder, and score earlier predictions."},
         RECORDINGS: {
-            results.speed_power: "Speed at power from reciprocal runs, current and wind removed.",
-            results.report: "Write one HTML page of a trial, a diagnosis or a batch.",
+            results.speed_power: "Speed-power curve from reciprocal runs, corrected for current and wind.",
+            results.report: "Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF.",
         },
     }
     for panel, commands in panels.items():
@@ -118,12 +121,18 @@ def mount(app: typer.Typer) -> None:
             app.command(help=about, rich_help_panel=panel)(command)
     ships = typer.Typer(no_args_is_help=True)
     ships.command(help="Write a vessel file from main dimensions, by published regressions.")(vessel.new)
-    ships.command(help="Simulate the standard manoeuvres of a vessel file, beside IMO's limits.")(vessel.check)
+    ships.command(help="Simulate the standard manoeuvres of a vessel file, and compare them with the IMO limits.")(
+        vessel.check
+    )
     app.add_typer(ships, name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
     reproduce = typer.Typer(no_args_is_help=True)
-    reproduce.command(help="The paper's table III on held-out sequences, beside the random split.")(results.table3)
-    reproduce.command(help="The figures of the paper, in our own style.")(results.figures)
-    reproduce.command(help="How the hybrid's gain depends on the error of the reference model.")(results.fidelity)
+    reproduce.command(help="Reproduce the paper's Table III on unseen sequences, and with the random split.")(
+        results.table3
+    )
+    reproduce.command(help="Reproduce the figures of the paper.")(results.figures)
+    reproduce.command(help="Map how the hybrid's gain depends on the error of the reference model.")(
+        results.fidelity
+    )
     app.add_typer(
-        reproduce, name="reproduce", help="The paper's results, from scratch.", rich_help_panel=PREDICTIONS
+        reproduce, name="reproduce", help="Reproduce the paper's results from scratch.", rich_help_panel=PREDICTIONS
     )

@@ -35,7 +35,7 @@ _NICENESS = 5  # the logger goes first
 
 def train(
     files: Recordings,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the calibrator goes into.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the calibrator.")],
     vessel: VesselOption = None,
     horizon: Annotated[int, typer.Option(min=2, help="The horizon of its predictions, in seconds.")] = 15,
     stride: StrideOption = 5,
@@ -107,15 +107,14 @@ def evaluate(
     split: Annotated[
         list[str] | None,
         typer.Option(
-            help="leg, time, recording or random; several may be given. Without it leg and time, and "
-            "recording where there are several files."
+            help="leg, time, recording or random; may be repeated. Default: leg and time, and recording if there "
+            "are several files."
         ),
     ] = None,
     method: Annotated[
         list[str] | None,
         typer.Option(
-            help="A kind of calibrator, or FILE.py:CLASS of your own; several may be given. Without it all but "
-            "paper_adam."
+            help="A kind of calibrator, or FILE.py:CLASS of your own; may be repeated. Default: all but paper_adam."
         ),
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="Number of random splits of legs, or of windows.")] = 5,
@@ -167,12 +166,13 @@ def predict(
     method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: Annotated[
-        int | None, typer.Option(min=1, help="The horizon of the predictions in seconds; 15, or the calibrator's.")
+        int | None,
+        typer.Option(min=1, help="The horizon of the predictions in seconds; default: 15, or the calibrator's."),
     ] = None,
     commands: Annotated[
         Path | None,
         typer.Option(
-            help="A table of planned orders: second or time, and channels of actuators. Without it they stay."
+            help="A table of planned orders: second or time, and channels of actuators; default: unchanged."
         ),
     ] = None,
     as_json: AsJson = False,
@@ -191,17 +191,19 @@ def watch(
     vessel: VesselOption = None,
     horizon: Annotated[
         int | None,
-        typer.Option(min=2, max=300, help="The horizon of the predictions in seconds; 30, or the calibrator's."),
+        typer.Option(
+            min=2, max=300, help="The horizon of the predictions in seconds; default: 30, or the calibrator's."
+        ),
     ] = None,
     commands: Annotated[
         Path | None,
         typer.Option(
-            help="A table of planned orders: time or second, and channels of actuators; read again when it "
-            "changes. Without it what is ordered now goes on."
+            help="A table of planned orders: time or second, and channels of actuators; read "
+            "again when it changes. Default: unchanged orders."
         ),
     ] = None,
     duration: Annotated[float | None, typer.Option(min=0.0, help="Stop after this many seconds.")] = None,
-    log: Annotated[str, typer.Option(help="What is written without a terminal: text, or json lines.")] = "text",
+    log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
     as_json: AsJson = False,
 ) -> None:
     """Predict beside the running recorder."""

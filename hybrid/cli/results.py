@@ -30,11 +30,11 @@ Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same fig
 def speed_power(
     files: Recordings,
     conditions: Annotated[
-        Path | None, typer.Option(help="A TOML file of the ship and the day: what the corrections need.")
+        Path | None, typer.Option(help="A TOML file with the ship's data and the conditions, for the corrections.")
     ] = None,
     vessel: VesselOption = None,
     power: Annotated[
-        list[float] | None, typer.Option(help="Say the speed at this power in kW; may be given several times.")
+        list[float] | None, typer.Option(help="Print the speed at this power in kW; may be repeated.")
     ] = None,
     output: Folder = None,
     as_json: AsJson = False,
@@ -59,26 +59,27 @@ def speed_power(
 
 def diagnose(
     files: Recordings,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")],
     vessel: VesselOption = None,
     tolerance: Annotated[
         float, typer.Option(help="The model error that is tolerated, in % of the force range.")
     ] = 1.0,
     effects: EffectsOption = None,
     without: Annotated[
-        list[str] | None, typer.Option(help="An effect to leave out of the catalogue; may be given several times.")
+        list[str] | None, typer.Option(help="An effect to leave out of the catalogue; may be repeated.")
     ] = None,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     part: PartOption = "0..100",
     identify_first: Annotated[
         bool,
-        typer.Option(
-            "--identify", help="First identify the model's coefficients: for a model that is off in many of them."
-        ),
+        typer.Option("--identify", help="First identify the model's coefficients, if many of them may be wrong."),
     ] = False,
     calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Also train a calibrator on the model before and after.")
+        bool,
+        typer.Option(
+            "--calibrate", help="Also train a calibrator on the model with and without the named effects."
+        ),
     ] = False,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrators.")] = 0,
     as_json: AsJson = False,
@@ -135,9 +136,11 @@ def identify(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
     vessel: Annotated[
-        str | None, typer.Option(help="The start: a vessel of trials/vessels, or a vessel file.")
+        str | None, typer.Option(help="The initial model: a vessel of trials/vessels, or a vessel file.")
     ] = None,
-    horizon: Annotated[int, typer.Option(min=2, help="The horizon of the judged predictions, in seconds.")] = 30,
+    horizon: Annotated[
+        int, typer.Option(min=2, help="The horizon of the predictions for validation, in seconds.")
+    ] = 30,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     part: PartOption = "0..100",
@@ -146,7 +149,7 @@ def identify(
         float | None,
         typer.Option(
             min=1.0,
-            help="Length of a segment in seconds; by default about the time for a ship length.",
+            help="Length of a segment in seconds; default: about the time for one ship length.",
         ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="A picture of the fit: .png, .svg or .pdf.")] = None,
@@ -198,7 +201,7 @@ def table3(
 
 
 def figures(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the figures go into.")] = Path(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the figures.")] = Path(
         "reproduction"
     ),
     seed: Seed = 0,
@@ -222,9 +225,9 @@ def figures(
 def fidelity(
     output: Folder = None,
     seed: Seed = 0,
-    seeds: Annotated[int, typer.Option(min=1, help="Number of random training sets that are averaged over.")] = 2,
+    seeds: Annotated[int, typer.Option(min=1, help="Number of random training sets to average over.")] = 2,
     sea_state: SeaStateOption = "gentle",
-    method: Annotated[str, typer.Option(help="The calibrator that is put on every reference.")] = "paper",
+    method: Annotated[str, typer.Option(help="The calibrator to train on every reference model.")] = "paper",
     workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
@@ -258,27 +261,33 @@ def fidelity(
 def report(
     folder: Annotated[
         Path,
-        typer.Argument(help="A recording, or a folder of them, or one that diagnose, reproduce or batch wrote."),
+        typer.Argument(
+            help="A recording, a folder of recordings, or an output folder of diagnose, reproduce or batch."
+        ),
     ],
     calibrator: Annotated[
-        Path | None, typer.Option(help="The folder that `seatrial train` wrote; without it the one in the folder.")
+        Path | None,
+        typer.Option(help="A calibrator: the folder written by `seatrial train`; default: the one in FOLDER."),
     ] = None,
     vessel: VesselOption = None,
     horizon: HorizonOption = None,
     part: PartOption = "0..100",
-    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair what is certainly wrong.")] = False,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,
     allow_seen: AllowSeenOption = False,
     recordings: Annotated[
-        Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
+        Path | None, typer.Option(help="For the results of a batch: the folder of its recordings.")
     ] = None,
     length: Annotated[
         float | None,
         typer.Option(min=0.1, help="The ship's length between perpendiculars in metres, if no vessel file has it."),
     ] = None,
     interactive: Annotated[
-        bool, typer.Option("--interactive/--no-interactive", help="Also a page of the track to zoom into.")
+        bool,
+        typer.Option(
+            "--interactive/--no-interactive", help="Also write an interactive page of track and channels."
+        ),
     ] = True,
-    pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also each page as PDF.")] = True,
+    pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write each page as PDF.")] = True,
     as_json: AsJson = False,
 ) -> None:
     """Write the report that a folder asks for, as HTML and PDF."""

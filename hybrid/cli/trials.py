@@ -19,14 +19,14 @@ from hybrid.cli import (
 
 MANOEUVRES = (
     "MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and reciprocal_headings, "
-    "one_thruster_at_a_time, ...; the programme of docs/planning.md without any."
+    "one_thruster_at_a_time, ...; default: the programme of docs/planning.md."
 )
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="The folder, which is made.")],
-    name: Annotated[str | None, typer.Option(help="What ship and trial are called; else as the folder.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+    folder: Annotated[Path, typer.Argument(help="The folder to make.")],
+    name: Annotated[str | None, typer.Option(help="Name of ship and trial; default: the folder's.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
     """Write vessel.toml, trial.toml, columns.toml and example.csv, with which everything works at once."""
     from hybrid.workflows.start import start_folder
@@ -36,9 +36,7 @@ def init(
 
 
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")] = Path(
-        "demo"
-    ),
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")] = Path("demo"),
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
 ) -> None:
     """Show the whole of Seatrial at work, without hardware."""
@@ -76,7 +74,7 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same trial.")] = 0,
     hide: Annotated[
         list[str] | None,
-        typer.Option(help="EFFECT:PARAM=VALUE,... to hide in the truth; may be given several times."),
+        typer.Option(help="An effect to hide, EFFECT:PARAM=VALUE,...; may be repeated."),
     ] = None,
     effects_file: EffectsOption = None,
 ) -> None:
@@ -95,7 +93,7 @@ def simulate(
 
 def campaign(
     file: Annotated[Path, typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")],
     workers: WorkersOption = None,
     scheduler: Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")] = None,
     as_json: AsJson = False,
@@ -145,7 +143,8 @@ def plan(
     manoeuvres: Annotated[list[str] | None, typer.Argument(help=MANOEUVRES)] = None,
     vessel: VesselOption = None,
     sea_state: Annotated[
-        str | None, typer.Option(help="A sea state of trials/sea_states.toml; gentle, or calm for a ship's model.")
+        str | None,
+        typer.Option(help="A sea state of trials/sea_states.toml; default: gentle, for a ship model calm."),
     ] = None,
     duration: Annotated[float, typer.Option(min=5.0, max=600.0, help="Length of the trial in minutes.")] = 60.0,
     tolerance: Annotated[
@@ -153,7 +152,7 @@ def plan(
         typer.Option(min=0.0, max=20.0, help="The model error that is tolerated, in % of the force range."),
     ] = 1.0,
     effects_file: EffectsOption = None,
-    without: Annotated[list[str] | None, typer.Option(help="An effect that is ruled out.")] = None,
+    without: Annotated[list[str] | None, typer.Option(help="An effect that is ruled out; may be repeated.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for plan.json and plan.html.")
     ] = None,

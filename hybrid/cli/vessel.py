@@ -26,7 +26,7 @@ _DEVICES = {
     "rudder": "A rudder, area=M2[,span=M][,behind=NAME]",
     "tunnel": "A tunnel thruster, bow or stern,diameter=M,power=KW",
 }
-_DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be given several times."
+_DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be repeated."
 
 
 def new(
@@ -36,7 +36,7 @@ def new(
     beam: Annotated[float | None, typer.Option(help="Beam in m.")] = None,
     draught: Annotated[float | None, typer.Option(help="Mean draught in m.")] = None,
     block: Annotated[float | None, typer.Option(help="Block coefficient.")] = None,
-    service_speed: Annotated[float | None, typer.Option(help="Speed in still water in m/s.")] = None,
+    service_speed: Annotated[float | None, typer.Option(help="Service speed in calm water in m/s.")] = None,
     propeller: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A propeller"))] = None,
     azimuth: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("An azimuth thruster"))] = None,
     rudder: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A rudder"))] = None,
@@ -44,11 +44,11 @@ def new(
     hull: Annotated[str, typer.Option(help="mmg, or cross_flow for low speed.")] = "mmg",
     length_overall: Annotated[float | None, typer.Option(help="Length overall in m.")] = None,
     centre_of_gravity: Annotated[
-        float | None, typer.Option(help="Forward of midship, in m; estimated without.")
+        float | None, typer.Option(help="Position forward of midship in m; default: estimated.")
     ] = None,
     frontal_area: Annotated[float | None, typer.Option(help="Frontal area above water in m2.")] = None,
     lateral_area: Annotated[float | None, typer.Option(help="Lateral area above water in m2.")] = None,
-    water_density: Annotated[float, typer.Option(help="In kg/m3: fresh 1000, salt 1025.")] = 1025.0,
+    water_density: Annotated[float, typer.Option(help="Water density in kg/m3: fresh 1000, salt 1025.")] = 1025.0,
 ) -> None:
     """Write a vessel file from main dimensions; what is not given is estimated, and says so."""
     needed = {"length": length, "beam": beam, "draught": draught, "block": block, "service_speed": service_speed}
@@ -79,7 +79,7 @@ def new(
 def check(
     vessel: Annotated[str, typer.Argument(help="A vessel of trials/vessels, or a vessel file.")],
     rpm: Annotated[
-        float | None, typer.Option(min=0.0, help="The tests' shaft speed; 95 % of the shafts' limit without it.")
+        float | None, typer.Option(min=0.0, help="Shaft speed of the tests; default: 95 % of the shafts' limit.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A picture (.png, .svg, .pdf) or a page (.html).")

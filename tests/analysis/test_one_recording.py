@@ -180,7 +180,7 @@ def test_the_page_says_which_uncertainties_are_in_doubt(tmp_path: Path) -> None:
     table = sailed(300)
     write_table(table.assign(surge_mps=1.3 * table["surge_mps"]), tmp_path / "fast.mcap", Trial("fast", "ship"))
     process_recording(tmp_path / "fast.mcap", tmp_path / "out", replace(SMOOTHED, repair=False))
-    assert "in doubt" in (tmp_path / "out" / "page.html").read_text()
+    assert "doubtful" in (tmp_path / "out" / "page.html").read_text()
 
 
 def test_a_clock_that_was_set_by_years_is_an_error_and_not_a_table_of_years(tmp_path: Path) -> None:

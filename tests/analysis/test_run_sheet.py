@@ -34,7 +34,7 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
     assert sheet["water depth"] == "20 m, 8.0 draughts"
     assert (sheet["draught"], sheet["trim by the stern"]) == ("2.5 m", "0.1 m")
     assert sheet["origin of north and east"] == "63.50000\u00b0 N, 10.25000\u00b0 W"
-    assert (sheet["loading"], sheet["sea state"], sheet["crew's notes"]) == (
+    assert (sheet["loading"], sheet["sea state"], sheet["crew notes"]) == (
         "half fuel",
         "2, from the west",
         "<calm>",
@@ -46,7 +46,7 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
 
 def test_what_nobody_wrote_down_says_so(tmp_path: Path) -> None:
     sheet = sheet_of(tmp_path, Trial())
-    for what in ("ship", "place", "loading", "water depth", "sea state", "crew's notes"):
+    for what in ("ship", "place", "loading", "water depth", "sea state", "crew notes"):
         assert sheet[what] == UNKNOWN
     assert sheet["current"].startswith("not known")
 

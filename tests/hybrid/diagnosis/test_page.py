@@ -44,7 +44,8 @@ def test_the_page_says_what_was_named(html: str) -> None:
         assert escape(each.sentence) in html
     for words in ("0.34 to 0.36", "60 % of the gap", "1.40 m", "0.19 m", "0.06 m", "90 %", "0.7 kN ahead",
                   "Heading and track disagree.", "71 outliers", "sway force [N]", "5,800",
-                  "With a calibrator on top", "30 % less error", "remain in the errors of every method"):  # fmt: skip
+                  "With a calibrator on top", "30 % less error",
+                  "remain in the errors of every method"):  # fmt: skip
         assert words in html
 
 

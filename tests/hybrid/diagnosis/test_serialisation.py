@@ -94,9 +94,9 @@ def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
 
 
 def test_estimates_that_cannot_be_told_apart_are_said_to_be(tmp_path: Path) -> None:
-    assert "cannot be told apart" in page_of(named(), ALL).html
+    assert "cannot be separated" in page_of(named(), ALL).html
     loose = replace(ALL, correlation=Correlation(CORRELATION.names, np.eye(2)))
-    assert "cannot be told apart" not in page_of(named(), loose).html
+    assert "cannot be separated" not in page_of(named(), loose).html
 
 
 def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(tmp_path: Path) -> None:
