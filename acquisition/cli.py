@@ -147,7 +147,7 @@ def discover(
         from acquisition.discovery.places import parse_places, usual_places
 
         if output is not None and output.exists():
-            raise StorageError("exists already", where=str(output), fix="name a file that does not, or delete it")
+            raise StorageError("already exists", where=str(output), fix="choose another file, or delete it")
         places = parse_places(inputs) if inputs else usual_places()
         if any(place.type != "file" for place in places):
             typer.echo(f"listening for {duration:g} s at {', '.join(each.text for each in places)}", err=True)

@@ -122,7 +122,7 @@ def emulate(
             players.append(_Player(moments, encoder, open_transmitter(section)))
         schedule = _schedule(players)
         if not schedule:
-            raise InputError("holds none of the channels that the configuration plays", where=str(path))
+            raise InputError("contains none of the configuration's channels", where=str(path))
         for player in players:
             player.outlet.ready()
         return _play(schedule, players, speed, progress or (lambda share: None))
@@ -188,7 +188,7 @@ class Transmitter(ABC):
             raise
         except self.errors as error:
             where, fix = f"source {self._name!r}", "check the line and who listens on it"
-            raise SourceError("cannot be sent on", where=where, why=str(error), fix=fix) from error
+            raise SourceError("cannot be sent", where=where, why=str(error), fix=fix) from error
 
     @abstractmethod
     def _write(self, packets: list[Packet]) -> None:
@@ -214,7 +214,7 @@ def open_transmitter(config: AnySource) -> Transmitter:
     if isinstance(config, MqttSource):
         return _MqttTransmitter(config)
     raise SourceError(
-        f"nothing can be played onto a {config.type} source",
+        f"cannot play onto a {config.type} source",
         where=f"source {config.name!r}",
         fix="play onto can, serial, udp, tcp, file, mavlink or mqtt",
     )
@@ -347,7 +347,7 @@ class _MqttTransmitter(Transmitter):
             while self._unanswered and self._unanswered[0].is_published():
                 self._unanswered.popleft()
             if time.monotonic() > until_s:
-                raise TimeoutError("the broker takes nothing")
+                raise TimeoutError("the broker accepts nothing")
 
     def close(self) -> None:
         with suppress(SourceError, *self.errors):  # of a lost connection, which has been told

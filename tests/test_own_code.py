@@ -233,7 +233,7 @@ def test_an_installed_package_offers_what_it_has(own: Path, monkeypatch: pytest.
         ("nowhere.py:Mine", ConfigurationError, r"nowhere\.py: cannot be read: No such file"),
         ("mine.py:Mine", ConfigurationError, r"no Mine: it defines MeanMiss, Failing; write .*mine\.py:MeanMiss"),
         ("mine.py", ConfigurationError, r"which .* is meant .*MeanMiss"),
-        ("checks.py:overspeed", ConfigurationError, r"is no class"),
+        ("checks.py:overspeed", ConfigurationError, r"is not a class"),
         ("empty.py:Empty", ConfigurationError, r"define fit\(self, windows, track\)"),
         ("few.py:Few", ConfigurationError, r"too many positional arguments; define fit\(self, windows, track\)"),
         ("syntax.py:Broken", OwnCodeError, r"syntax\.py, line 2: .* failed: .*syntax"),

@@ -83,12 +83,12 @@ def busy_port(place: Path) -> Iterator[None]:
 
 WRONG: dict[str, tuple[int, str]] = {
     # files
-    "import ship.mcap -o x.mcap": (1, "ship.mcap: is of no kind that can be imported; give .csv"),
-    "import empty.csv -o x.mcap": (1, "empty.csv: is an empty file; give a table"),
+    "import ship.mcap -o x.mcap": (1, "ship.mcap: cannot be imported: unknown file type; give .csv"),
+    "import empty.csv -o x.mcap": (1, "empty.csv: is empty; give a table"),
     "import . -o x.mcap": (1, "is no file; check the path"),
-    "import timeless.csv -o x.mcap --yes": (1, "no column that tells the time"),
+    "import timeless.csv -o x.mcap --yes": (1, "no time column"),
     "import yard.csv -o yard.xlsx --yes": (1, "yard.xlsx: cannot write .xlsx; name it .mcap"),
-    "import yard.csv -o ship.mcap --yes": (1, "ship.mcap: is there already; name another file, or say --force"),
+    "import yard.csv -o ship.mcap --yes": (1, "ship.mcap: already exists; name another file, or use --force"),
     "import yard.csv -o x.mcap --columns bad.toml": (1, "bad.toml: is not valid TOML"),
     "info prose.mcap": (1, "is not an MCAP recording; give a .mcap file"),
     "info .": (1, "is a folder, not a recording; name a .mcap file in it"),
@@ -102,13 +102,13 @@ WRONG: dict[str, tuple[int, str]] = {
     "manoeuvres ship.mcap --lenght 30": (2, "Possible options: --length"),
     "predict ship.mcap --at +10 --horizon soon": (2, "'--horizon': Input should be a valid integer"),
     "record busy.toml -o out --duration -5": (2, "'--duration': Input should be greater than or equal to 0"),
-    "predict ship.mcap --at -60": (1, "lies outside the recording; choose from"),
+    "predict ship.mcap --at -60": (1, "is outside the recording; choose from"),
     "train ship.mcap -o x --vessel gunerus": (1, "no vessel 'gunerus': it is neither a file nor one of"),
     # configurations and ports
     "record bad.toml -o out": (1, "bad.toml: is not valid TOML"),
     "record typo.toml -o out": (1, "line 8: source.0.prot: is not a known key here; did you mean port?"),
     "record ship.mcap -o out": (1, "ship.mcap: cannot be read: it is no text; give a TOML file"),
-    "record busy.toml -o out --duration 1": (1, "end the program that uses it, or correct `address` and `port`"),
+    "record busy.toml -o out --duration 1": (1, "stop the program that uses it, or correct `address` and `port`"),
     "record serial.toml -o out --duration 1": (1, "/dev/no_such cannot be opened: No such file or directory"),
     "record busy.toml -o prose.mcap --duration 1": (1, "prose.mcap is a file, not a folder; choose another folder"),
     # too little in them
@@ -116,7 +116,7 @@ WRONG: dict[str, tuple[int, str]] = {
     "manoeuvres short.mcap --json": (0, "the recording is shorter than 20 s"),
     # another ship's model
     "validate other.mcap --vessel gunnerus_short": (1, "the recording is of a ship with propeller (propeller)"),
-    "validate other.mcap --calibrator .": (1, "is no trained calibrator: calibrator.json is missing"),
+    "validate other.mcap --calibrator .": (1, "is not a trained calibrator: calibrator.json is missing"),
     # code of one's own
     "train ship.mcap -o x --method mine.py:Yours": (1, "defines no Yours: it defines Mine; write mine.py:Mine"),
     "train ship.mcap -o x --method mine.py:Mine": (1, "has no predict; define predict(self, windows)"),

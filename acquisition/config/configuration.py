@@ -161,7 +161,7 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     """
     file, ship = parse_for_ship(text, path, _File, carried)
     if not file.source:
-        raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
+        raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
     _check_names(file.source, path)
     known = with_declared(tuple(each.channel for each in ship.declared))
     _check_units(file.source, known, text, path)
@@ -201,7 +201,7 @@ def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
             )
         if not name.replace("_", "").replace("-", "").isalnum():
             raise ConfigurationError(
-                f"source name {name!r} cannot be part of a topic",
+                f"source name {name!r} is not valid in a topic",
                 where=str(path),
                 fix="use letters, digits, - and _",
             )
@@ -241,9 +241,9 @@ def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
     files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
     if files and len(files) < len(sources):
         raise ConfigurationError(
-            f"{', '.join(files)} are log files, other sources are live",
+            f"{', '.join(files)} are log files, but other sources are live",
             where=str(path),
-            fix="record the live sources and the log files with a configuration each",
+            fix="use separate configurations for live sources and log files",
         )
 
 
@@ -265,8 +265,8 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
                 raise ConfigurationError(
                     f"source {source.name!r} has the same {key} as {earlier.name!r}",
                     where=f"{path}, line {line_of(text, ['source', number, key])}",
-                    why="one source only can read it",
-                    fix=f"correct `{key}`, or make the two one source",
+                    why="only one source can read it",
+                    fix=f"correct `{key}`, or merge the two sources",
                 )
 
 

@@ -66,7 +66,7 @@ class Conversion:
 def _tag(sentence: str) -> str:
     if not _TAG.fullmatch(sentence):
         raise ValueError(
-            "is no sentence; write its three letters, as DPT, or the whole tag of a maker's own, as PSXN"
+            "is not a sentence; write its three letters, like DPT, or the whole tag of a proprietary one, like PSXN"
         )
     return sentence
 
@@ -201,7 +201,7 @@ def find_pack(name: str, folder: Path) -> Path:
         if path.is_file():
             return path
     known = ", ".join(sorted(each.stem for each in PACKS.glob("*.toml")))
-    raise ConfigurationError(f"pack {name!r} is not there", fix=f"name a file, or one of {known}")
+    raise ConfigurationError(f"pack {name!r} does not exist", fix=f"name a file, or one of {known}")
 
 
 def read_packs(
@@ -255,7 +255,7 @@ def _refuse_twins(sections: tuple[ChannelSection, ...], text: str, path: Path | 
     if twice:
         raise ConfigurationError(
             f"channel {twice[0]} is declared twice", where=f"{path}, line {line_of(text, ['channel'])}",
-            fix="list all it comes from in one `from`",
+            fix="list all its origins in one `from`",
         )  # fmt: skip
 
 
@@ -285,8 +285,8 @@ def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> Declared
     if name in known:
         if section.unit is not None or section.range is not None or section.state or section.meaning:
             raise ConfigurationError(
-                f"{name} is a channel of the ship already",
-                fix="give its name and `from` alone, or choose another name",
+                f"{name} is already a channel of the ship",
+                fix="give only its name and `from`, or choose another name",
             )
         channel = known[name]
     elif section.unit is None or section.range is None:

@@ -87,14 +87,14 @@ def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared 
 def _own_shaft(name: str, info: ValidationInfo) -> str:
     known = shafts(_actuators(info))
     if name not in known:
-        raise ValueError(f"drives no shaft of the ship; hers are {', '.join(known) or 'none'}")
+        raise ValueError(f"is not a shaft of the ship; its shafts are {', '.join(known) or 'none'}")
     return name
 
 
 def _own_rotor(name: str, info: ValidationInfo) -> str:
     turning = [each.name for each in _actuators(info) if each.channels[0].unit == "rpm"]
     if name not in turning:
-        raise ValueError(f"turns nothing of the ship; what has rpm is {', '.join(turning) or 'nothing'}")
+        raise ValueError(f"is not an actuator with rpm; those are {', '.join(turning) or 'nothing'}")
     return name
 
 
@@ -244,7 +244,7 @@ class Thrusters(BaseModel):
         unknown = given.keys() - usual.keys() - {"channels_from"}
         if unknown:
             raise ValueError(
-                f"TRD and TRC know no actuator {', '.join(sorted(unknown))}; hers are {', '.join(usual) or 'none'}"
+                f"there is no thruster {', '.join(sorted(unknown))}; the thrusters are {', '.join(usual) or 'none'}"
             )
         return {**usual, **given}
 
@@ -283,7 +283,7 @@ class Device:
 
     def __post_init__(self) -> None:
         if (self.iso_name is None) == (self.address is None):
-            raise ValueError("a device is known by its iso_name or by its address: give one of the two")
+            raise ValueError("give either the iso_name or the address of a device")
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -547,11 +547,13 @@ class MqttSource(_Mqtt):
 
     def __post_init__(self) -> None:
         if not self.topics and not self.values:
-            raise ValueError("listens to nothing: give it topics, or values")
+            raise ValueError("has no input: give it topics or values")
         for number, one in enumerate(self.topics):
             for other in self.topics[:number]:
                 if overlap(one, other) and not covers(one, other) and not covers(other, one):
-                    raise ValueError(f"topics {one} and {other} overlap: some brokers send what is of both twice")
+                    raise ValueError(
+                        f"topics {one} and {other} overlap: some brokers deliver common messages twice"
+                    )
 
     @property
     def encrypted(self) -> bool:
@@ -581,7 +583,7 @@ class MqttFileSource(_Mqtt):
 def _own_values(given: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
     """The channels that a user's code may provide, each under its own topic, in the channel's unit."""
     if given:
-        raise ValueError("is not for a source of one's own: it tells channels by name, in their units")
+        raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
     known, names = with_declared(declared), channel_names(_actuators(info), declared)
     return {name: {"topic": f"own/{name}", "unit": known[name].unit} for name in names}

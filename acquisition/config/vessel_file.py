@@ -54,7 +54,7 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
         if len(found) > 1:
             raise ConfigurationError(
                 f"{' and '.join(path.name for path in found)} are both of the ship {ship!r}", where=str(place),
-                fix="give the one that is meant with --vessel, or each a name of its own",
+                fix="choose one with --vessel, or rename one",
             )  # fmt: skip
         if found:
             return found[0]

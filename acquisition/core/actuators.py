@@ -186,7 +186,7 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     """
     result = tuple(actuators)
     if not result:
-        raise ConfigurationError("the ship has no actuator", fix="name one or more, each with name and kind")
+        raise ConfigurationError("the ship has no actuator", fix="list at least one, each with name and kind")
     names = [each.name for each in result]
     for each in result:
         if each.kind not in KINDS:

@@ -40,7 +40,7 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
         )
     if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
         raise ConfigurationError(
-            f"channel name {name!r} cannot be part of a topic", why=f"it has other than small letters, digits and"
+            f"channel name {name!r} is not valid in a topic", why=f"it has other than small letters, digits and"
             f" single _, or more than {_MOST_LETTERS} letters", fix="write it like fuel_rate_lph",
         )  # fmt: skip
     if not name.endswith(ending):

@@ -177,7 +177,7 @@ def _executed(file: Path, content: bytes) -> ModuleType:
     name = f"seatrial_own_{file.stem}_{hashlib.sha256(bytes(file) + content).hexdigest()[:12]}"
     spec = spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
-        raise ConfigurationError("is no Python file", where=str(file), fix="give a file ending in .py")
+        raise ConfigurationError("is not a Python file", where=str(file), fix="give a file ending in .py")
     module = sys.modules[name] = module_from_spec(spec)  # dataclasses look up annotations there
     try:
         with own_code(str(file), str(file)):

@@ -33,7 +33,7 @@ def from_json(kind: type[Result], values: Any) -> Result:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise InputError(
-            f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="write it again"
+            f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="create it again"
         ) from error
 
 
@@ -41,4 +41,4 @@ def _plain(value: Any) -> Any:
     """The plain value of a numpy object."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} is nothing that JSON knows")
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -41,7 +41,7 @@ def load_dbc(path: Path) -> cantools.db.Database:
     try:
         return cantools.database.load_file(str(path), database_format="dbc")
     except (OSError, ValueError, cantools.Error) as error:
-        raise ConfigurationError("is no readable DBC file", where=str(path), why=str(error)) from error
+        raise ConfigurationError("is not a readable DBC file", where=str(path), why=str(error)) from error
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:

@@ -54,7 +54,7 @@ def parse_places(inputs: Sequence[str]) -> list[Place]:
     logs = [each.text for each in places if each.type == "file"]
     if logs and len(logs) < len(places):
         fix = "discover the logs and what is live one after the other"
-        raise InputError("is a log, other places are live", where=", ".join(logs), fix=fix)
+        raise InputError("is a log, but other places are live", where=", ".join(logs), fix=fix)
     return places
 
 
@@ -77,7 +77,7 @@ def _parse(text: str) -> list[Place]:
         return _of_configuration(path)
     if path.is_file():
         return [Place(path.stem, "file", {"path": str(path.absolute())}, text)]
-    raise InputError("is no place to listen", where=text, fix=f"name {KNOWN_FORMS}")
+    raise InputError("is not an input", where=text, fix=f"name {KNOWN_FORMS}")
 
 
 def _can(interface: str, channel: str, text: str) -> Place:
@@ -98,7 +98,7 @@ def _number(text: str) -> int | float | str:
 def _serial(text: str, whole: str) -> Place:
     device, _, rate = text.partition("@")
     if rate and not rate.isdigit():
-        raise InputError(f"{rate!r} is no baud rate", where=whole, fix="write it as /dev/ttyUSB0@38400")
+        raise InputError(f"{rate!r} is not a baud rate", where=whole, fix="write it as /dev/ttyUSB0@38400")
     settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
     name = Path(device).name
     return Place(f"serial_{name}" if name.isdigit() else name, "serial", settings, whole)
@@ -107,9 +107,9 @@ def _serial(text: str, whole: str) -> Place:
 def _port(kind: str, rest: str, text: str) -> Place:
     address, _, port = rest.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
-        raise InputError(f"{port!r} is no port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
+        raise InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     if kind != "udp" and not address:
-        raise InputError("names no address to connect to", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
+        raise InputError("has no address to connect to", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     settings = {"address": address or "0.0.0.0", "port": int(port), **({"topics": ["#"]} if kind == "mqtt" else {})}
     return Place(f"{kind}_{port}", kind, settings, text)
 
@@ -118,7 +118,7 @@ def _of_configuration(path: Path) -> list[Place]:
     """Where the sources of a configuration listen, with their names; what they expect there is not asked."""
     sections = parse_toml(read_text(path), path).get("source", [])
     if not isinstance(sections, list) or not sections:
-        raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
+        raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
     return [place for section in sections if isinstance(section, dict) and (place := _of_section(section, path))]
 
 

@@ -38,7 +38,7 @@ def check_alarms(rules: Iterable[AlarmSection], health: Health) -> None:
             near = get_close_matches(rule.figure, known, n=3) or [each for each in known if rule.figure in each]
             near = near[:3] or known[:8]
             raise ConfigurationError(
-                f"there is no figure {rule.figure!r}", where=f"alarm {rule.name!r}", fix=f"say {' or '.join(near)}"
+                f"unknown figure {rule.figure!r}", where=f"alarm {rule.name!r}", fix=f"say {' or '.join(near)}"
             )
 
 

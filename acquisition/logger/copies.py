@@ -40,7 +40,7 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     """
     copy, partial = folder / path.name, folder / f".{path.name}.part"
     if not folder.is_dir():
-        raise StorageError("is not there", where=str(folder), fix="mount the disk and make the folder")
+        raise StorageError("does not exist", where=str(folder), fix="mount the disk and make the folder")
     _require_room(path, folder)
     try:
         with path.open("rb") as source, partial.open("wb") as target:
@@ -61,13 +61,15 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     finally:
         partial.unlink(missing_ok=True)
     if not sound:
-        raise StorageError("is not what was written, now it is read", where=str(copy), fix="check the disk")
+        raise StorageError("reads back differently from what was written", where=str(copy), fix="check the disk")
     return copy
 
 
 def _require_room(path: Path, folder: Path) -> None:
     if path.exists() and free_bytes(folder)[0] < path.stat().st_size:
-        raise StorageError("has no room for it", where=str(folder / path.name), fix="make room on that disk")
+        raise StorageError(
+            "cannot be written: the disk is full", where=str(folder / path.name), fix="make room on that disk"
+        )
 
 
 def same(first: Path, second: Path, rest: Rest = lambda: None) -> bool:
@@ -94,7 +96,9 @@ def require_other_folder(settings: CopiesSection, folder: Path) -> None:
     """Raise :class:`ConfigurationError` where the copies would be the recordings themselves."""
     if settings.folder.resolve() == folder.resolve():
         raise ConfigurationError(
-            "is where the recordings are", where=f"[copies] {settings.folder}", fix="name a folder on another disk"
+            "is the folder of the recordings",
+            where=f"[copies] {settings.folder}",
+            fix="name a folder on another disk",
         )
 
 

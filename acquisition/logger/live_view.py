@@ -49,7 +49,7 @@ class LiveView:
             raise SourceError(
                 f"the live view cannot be served on {address}:{port}",
                 why=str(error),
-                fix="end the program that uses the port, or give another in [live]",
+                fix="stop the program that uses the port, or give another in [live]",
             ) from error
         return self
 

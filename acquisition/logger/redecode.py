@@ -53,14 +53,14 @@ def redecode(
     """
     expect_suffix(target, ".mcap")
     if target.exists():
-        raise StorageError("exists already", where=str(target), fix="name a file that does not, or delete it")
+        raise StorageError("already exists", where=str(target), fix="choose another file, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or own_configuration(paths[0], Path(scratch))
         with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_all(paths, config, writer, progress or (lambda share: None))
             if result.frames == 0:
-                raise InputError("holds no raw input to decode", where=str(paths[0]))
+                raise InputError("contains no raw input to decode", where=str(paths[0]))
     return result
 
 
@@ -71,7 +71,9 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
     text = stream.attachments.get(CONFIGURATION)
     if text is None:
         raise InputError(
-            "carries no configuration", where=str(path), fix="give one with --config, as `seatrial record` takes it"
+            "contains no configuration",
+            where=str(path),
+            fix="give one with --config, as `seatrial record` takes it",
         )
     files: dict[str, Path] = {}
     packs: dict[str, str] = {}
@@ -154,7 +156,7 @@ def _frame(entry: Entry, paths: list[Path]) -> Frame:
         return entry.frame()
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"topic {entry.topic} holds a message that is no raw input of ours",
+            f"topic {entry.topic} contains a message that is not a raw input of Seatrial",
             where=", ".join(map(str, paths)),
             why=f"{type(error).__name__} {error}",
         ) from error

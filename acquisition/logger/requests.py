@@ -107,7 +107,7 @@ class RequestServer:
             unheard.rename(self.path)
         except OSError as error:
             raise StorageError(
-                "marks cannot be heard", where=str(folder), why=str(error), fix="set SEATRIAL_RUNTIME to a folder"
+                "cannot receive marks", where=str(folder), why=str(error), fix="set SEATRIAL_RUNTIME to a folder"
             ) from error
         self._socket.setblocking(False)
         self._thread = threading.Thread(target=self._serve, name="marks", daemon=True)
@@ -233,7 +233,7 @@ def send_mark(text: str, folder: Path | None = None) -> int:
     heard = sum(ask(path, message) == b"ok" for path in servers(folder))
     if not heard:
         raise SourceError(
-            "no recorder is running that could take the mark",
+            "no recorder is running",
             where=str(folder or runtime_folder()),
             fix="start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses",
         )

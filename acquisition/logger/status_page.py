@@ -96,7 +96,7 @@ class StatusPage:
         except OSError as error:
             raise SourceError(
                 f"the status page cannot be served on {ADDRESS}:{self._settings.port}", why=str(error.strerror),
-                fix="end the program that uses the port, or give another in [status]",
+                fix="stop the program that uses the port, or give another in [status]",
             ) from error  # fmt: skip
         threading.Thread(
             target=self._server.serve_forever, args=(_POLL_S,), name="status page", daemon=True

@@ -182,7 +182,7 @@ class RecordingParts(MessageSink):
                 f"{unwritten:,} messages could not be written",
                 where=str(self.path),
                 why=self.trouble,
-                fix="what is in the files before is safe; make room or mount the disk before the next recording",
+                fix="earlier data are safe; free space or mount the disk before the next recording",
             )
 
     def _open_part(self, reason: str) -> None:

@@ -202,7 +202,7 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
     if path.is_dir():
         raise InputError("is a folder, not a recording", where=str(path), fix="name a .mcap file in it")
     if path.stat().st_size == 0:
-        raise InputError("is an empty file", where=str(path), fix="give a recording that holds data")
+        raise InputError("is empty", where=str(path), fix="give a recording with data")
     try:
         stream = path.open("rb")
     except OSError as error:
@@ -212,7 +212,7 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
         raise InputError(
             "is not an MCAP recording",
             where=str(path),
-            fix="give a .mcap file, or turn a table into one with `seatrial import`",
+            fix="give a .mcap file, or convert a table with `seatrial import`",
         )
     return stream
 

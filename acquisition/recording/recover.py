@@ -360,7 +360,7 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
 def _require_something(saved: Saving, source: Path) -> None:
     if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
         fix = "give another copy of it"
-        raise InputError("holds nothing that can be saved", where=str(source), why=saved.found.reasons, fix=fix)
+        raise InputError("contains nothing that can be saved", where=str(source), why=saved.found.reasons, fix=fix)
 
 
 def copy_intact(
@@ -390,7 +390,7 @@ def copy_intact(
 def _refuse_existing(source: Path, target: Path) -> None:
     if os.path.lexists(target):
         same = target.exists() and target.samefile(source)
-        what = "is the recording that is to be saved" if same else "exists already"
+        what = "is the recording that is to be saved" if same else "already exists"
         raise StorageError(what, where=str(target), fix="name a new file")
 
 

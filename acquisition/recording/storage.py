@@ -70,7 +70,7 @@ def require_room(folder: Path, settings: RecordingSection) -> None:
             "cannot be recorded to",
             where=str(folder),
             why=why,
-            fix="make room, or lower `reserve_mb` in [recording]",
+            fix="free space, or lower `reserve_mb` in [recording]",
         )
 
 

@@ -217,7 +217,7 @@ def _ticks_per_s(options: bytes, order: str) -> int:
 
 def _check_link(link: int) -> None:
     if link not in _CAN_LINKS:
-        raise ValueError(f"it is a capture of link type {link}, which holds no CAN frames ({_SOCKETCAN} does)")
+        raise ValueError(f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does)")
 
 
 def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader) -> Iterator[Entry]:

@@ -84,7 +84,7 @@ class LogFile(LogReader):
         beginning = list(islice(entries, _HEAD_ENTRIES))
         if head and not any(map(_is_sound, chain(beginning, entries))):
             why = log.damage or f"it looks like {looks_like(head)}"
-            raise ValueError(f"nothing in it can be recorded: {why}; understood are {UNDERSTOOD}")
+            raise ValueError(f"nothing in it can be recorded: {why}; supported are {UNDERSTOOD}")
         log.close()
         self._clock = LogClock(beginning, path.stat().st_mtime_ns)
         self._log = make()

@@ -181,12 +181,12 @@ class MqttLog(LogReader):
         self._monotonic_ns, self._topics = 0, dict[str, bool]()
         head = file.read(_HEAD_BYTES)
         if not head.startswith(SQLITE):
-            raise ValueError(f"it is no SQLite database; it looks like {looks_like(head)}")
+            raise ValueError(f"it is not an SQLite database; it looks like {looks_like(head)}")
         try:
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
             self._rows = self._log.execute(_ROWS)
         except sqlite3.Error as error:
-            raise ValueError(f"it is no log of MQTT messages: {error}") from error
+            raise ValueError(f"it is not a log of MQTT messages: {error}") from error
 
     def _next(self, file: BinaryIO) -> list[Frame] | None:
         try:

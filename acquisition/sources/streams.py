@@ -138,7 +138,7 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
             f"serial line {config.device} cannot be opened",
             where=f"source {config.name!r}",
             why=os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error),
-            fix="connect it, end the program that uses it, or correct `device`",
+            fix="connect it, stop the program that uses it, or correct `device`",
         ) from error
 
 
@@ -295,7 +295,7 @@ def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
             why=str(error.strerror),
             fix="correct `address`"
             if unresolved
-            else "end the program that uses it, or correct `address` and `port`",
+            else "stop the program that uses it, or correct `address` and `port`",
         ) from error
     return opened
 

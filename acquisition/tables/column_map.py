@@ -376,7 +376,7 @@ def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         raise InputError(
-            f"columns {entry.latitude!r} and {entry.longitude!r} hold no fix",
+            f"columns {entry.latitude!r} and {entry.longitude!r} contain no position",
             where=str(asked.raw.path),
             fix="check the unit of [position] in the map",
         )

@@ -131,7 +131,7 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
         kind, _, name = key.partition(".")
         if key not in KEYS and kind != "full_scale" and not (kind == "unit" and name in columns):
             raise ConfigurationError(
-                f"nothing is asked under {key!r}", fix=f"answer one of {', '.join(sorted(KEYS))}, or unit.COLUMN"
+                f"there is no question {key!r}", fix=f"answer one of {', '.join(sorted(KEYS))}, or unit.COLUMN"
             )
 
 
@@ -166,7 +166,7 @@ def with_answers(draft: Draft) -> list[Candidate]:
             continue
         units = units_called(given) or (given,) if given else each.units
         if given and not measures(each.quantity, units[0]):
-            raise ConfigurationError(f"unit {given!r} does not measure what {each.column!r} is taken for")
+            raise ConfigurationError(f"unit {given!r} does not fit what {each.column!r} is taken for")
         kept.append(replace(each, units=units))
     return kept
 

@@ -157,7 +157,7 @@ def is_standard(raw: RawTable) -> bool:
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
     """Raise :class:`InputError` where a file is there already that ``force`` does not give up."""
     if not force and Path(path).exists():
-        raise InputError("is there already", where=str(path), fix=f"{fix}, or say --force to replace it")
+        raise InputError("already exists", where=str(path), fix=f"{fix}, or use --force to replace it")
 
 
 def _holds(path: Path, text: str) -> bool:
@@ -270,9 +270,9 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
         if name not in channels:
             hers = ", ".join(each.name for each in ship)
             raise ConfigurationError(
-                f"{_with_hint(name, channels)} is no channel of the ship whose actuators are {hers}",
+                f"{_with_hint(name, channels)} is not a channel of a ship with actuators {hers}",
                 where=line_in_map(map_path, ["channels", name]),
-                fix="correct the name, or say whose actuators these are with --vessel FILE",
+                fix="correct the name, or give the ship with --vessel FILE",
             )
 
 
@@ -285,7 +285,7 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
             "has no column `time`",
             where=str(raw.path),
             why=f"it has {', '.join(near or given[:6])}",
-            fix="name it so, or say with a map which it is (--columns)",
+            fix="rename the column, or name it in a column map (--columns)",
         )
     told = from_text(raw.trial.actuators) if raw.trial.actuators else ()
     ship = ship or told or actuators_in_columns(given, raw.trial)
@@ -298,7 +298,7 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
         raise InputError(
             f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}",
             where=str(raw.path),
-            fix=f"rename them, map them with --columns MAP.toml, or say --ignore-unknown{ships}",
+            fix=f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}",
         )
     names = [name for name in channels if name in given]
     columns = {name: _in_its_turn(channels[name], parse_numbers(raw, name)) for name in names}

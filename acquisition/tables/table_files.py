@@ -87,12 +87,12 @@ def read_raw(path: Path | str) -> RawTable:
         raise InputError("is no file", where=str(path), fix="check the path")
     if suffix.lower() not in readers or packed.lower() not in _OPENERS or (packed and suffix.lower() not in _TEXT):
         raise InputError(
-            "is of no kind that can be imported", where=str(path),
-            fix=f"give .csv or .tsv, packed with {', '.join(filter(None, _OPENERS))} if you like, .xlsx, .parquet,"
+            "cannot be imported: unknown file type", where=str(path),
+            fix=f"give .csv or .tsv, compressed with {', '.join(filter(None, _OPENERS))}, .xlsx, .parquet,"
             " .mat, .nc or .gpx",
         )  # fmt: skip
     if path.stat().st_size == 0:
-        raise InputError("is an empty file", where=str(path), fix="give a table that holds data")
+        raise InputError("is empty", where=str(path), fix="give a table with data")
     reader = readers[suffix.lower()]
     try:
         raw = reader(path)
@@ -100,9 +100,9 @@ def read_raw(path: Path | str) -> RawTable:
         raise
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
         why = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise InputError(f"is no readable {suffix} table", where=str(path), why=why) from error
+        raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
     if raw.columns.empty:
-        raise InputError("holds no rows", where=str(path), fix="give a table that holds data")
+        raise InputError("has no rows", where=str(path), fix="give a table with data")
     return raw
 
 
@@ -127,7 +127,7 @@ def _read_text(path: Path) -> RawTable:
         content = stream.read()
     text = decode(content)
     if "\0" in text:
-        raise InputError("is no text", where=str(path), why="it holds zero bytes", fix="save it as CSV in UTF-8")
+        raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
     frame, units = read_text(text, lambda names: refuse_twins(names, path))
     return RawTable(path, frame, _trial_beside(path), units)
 
@@ -241,7 +241,7 @@ def readable_rows(
     kept = raw.columns[~(timeless | text)].reset_index(drop=True)
     if kept.empty:
         why = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
-        raise InputError("holds no row that can be read", where=str(raw.path), why=why, fix="check the columns")
+        raise InputError("has no readable row", where=str(raw.path), why=why, fix="check the columns")
     return replace(raw, columns=kept), {reason: count for reason, count in dropped.items() if count}
 
 
@@ -252,9 +252,9 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
     wrong = np.flatnonzero(no_numbers(column))
     if wrong.size:
         raise InputError(
-            f"row {wrong[0] + 1} of column {name!r} is no number but {column.iloc[wrong[0]]!r}",
+            f"row {wrong[0] + 1} of column {name!r} is not a number: {column.iloc[wrong[0]]!r}",
             where=str(raw.path),
-            why=f"{wrong.size} cells of the column are no numbers",
+            why=f"{wrong.size} cells of the column are not numbers",
             fix="write missing values as empty cells",
         )
     return values.to_numpy(dtype=float)
@@ -271,7 +271,7 @@ def parse_times(
     empty = np.flatnonzero(index.isna())
     if empty.size:
         given = column.iloc[empty[0]]
-        what = "has no time" if pd.isna(given) else f"holds {given!r}, which is no ISO 8601 time"
+        what = "has no time" if pd.isna(given) else f"holds {given!r}, which is not an ISO 8601 time"
         raise InputError(
             f"row {empty[0] + 1} of column {name!r} {what}", where=str(raw.path), why=f"{empty.size} such rows",
             fix="give every row a time like 2026-05-17T12:00:00Z",

@@ -49,7 +49,7 @@ def _instant(text: str) -> str:
     try:
         zoned = datetime.fromisoformat(text).tzinfo is not None
     except ValueError as error:
-        raise ValueError("is no ISO 8601 time") from error
+        raise ValueError("is not an ISO 8601 time") from error
     if not zoned:
         raise ValueError("has no zone; add Z or an offset like +02:00")
     return text

@@ -56,9 +56,9 @@ def read_time(draft: Draft) -> tuple[str, ...]:
     if clocks:
         return _seconds(draft, clocks[0])
     raise InputError(
-        "has no column that tells the time", where=str(draft.raw.path),
+        "has no time column", where=str(draft.raw.path),
         why=f"it has {', '.join(map(repr, list(draft.raw.columns.columns)[:8]))}",
-        fix="name it `time`, or say with a map which it is (--columns)",
+        fix="rename it to `time`, or name it in a column map (--columns)",
     )  # fmt: skip
 
 

@@ -98,11 +98,11 @@ def run_batch(
     """
     folder, out = Path(folder), Path(out).resolve()
     if folder.resolve().is_relative_to(out):
-        raise InputError("the recordings lie in the output folder", where=str(out), fix="name another with -o")
+        raise InputError("the recordings are in the output folder", where=str(out), fix="name another with -o")
     check_address(scheduler)
     found = recordings_below(folder, out)
     if not found:
-        raise DataShortageError("holds no recording", where=str(folder), fix="name a folder with .mcap files")
+        raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
     names, chosen = names_of(folder, found), options or Options()
     jobs = [
         Job(name, str(paths[0].resolve()), str(out), chosen, again, timeout_s, tuple(map(str, paths[1:])))
@@ -140,7 +140,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     """
     if not folder.is_dir():
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
-                         fix="name the folder that holds the recordings")  # fmt: skip
+                         fix="give the folder of the recordings")  # fmt: skip
     outside = (path for path in folder.rglob("*.mcap") if not path.resolve().is_relative_to(out))
     return whole_recordings(path for path in outside if not path.name.startswith("."))
 

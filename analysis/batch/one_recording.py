@@ -113,7 +113,7 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
 def _put(partial: Path, folder: Path) -> None:
     """Give a complete result its name; the older one goes, and one that came in between is as good as ours."""
     if folder.exists() and not (folder / SUMMARY).is_file():
-        raise StorageError("is there and is no result of an earlier batch", where=str(folder),
+        raise StorageError("exists and is not a result of an earlier batch", where=str(folder),
                            fix="name another output folder")  # fmt: skip
     with suppress(FileNotFoundError):
         folder.rename(partial.with_name("older"))

@@ -73,7 +73,9 @@ Task = Callable[[Job], Row]
 def check_address(scheduler: str | None) -> None:
     """Raises :class:`InputError` for what cannot be the address of a scheduler."""
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
-        raise InputError("is no address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786")
+        raise InputError(
+            "is not the address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786"
+        )
 
 
 def run_jobs(
@@ -286,7 +288,7 @@ def _next(client: Client, ended: Queue[Future]) -> Future:
         if client.status == "running" and client.scheduler_info(n_workers=-1)["workers"]:
             since = time.monotonic()
         elif time.monotonic() - since > _PATIENCE_S or client.status == "closed":
-            raise SourceError("scheduler or workers are gone", fix="start them and the batch again: it resumes")
+            raise SourceError("scheduler or workers are gone", fix="restart them and the batch, which resumes")
 
 
 def _row_of(future: Future, job: Job) -> Row | None:

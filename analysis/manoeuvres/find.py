@@ -144,7 +144,7 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
     with suppress(OwnCodeError), own_code(name, file_of(function)):
         found = list(function(motion))
         if not all(isinstance(each, Manoeuvre) for each in found):
-            raise TypeError("it returned other things than analysis.manoeuvres.indices.Manoeuvre")
+            raise TypeError("it returned something other than analysis.manoeuvres.indices.Manoeuvre")
         return found
     return []
 

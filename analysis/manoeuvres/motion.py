@@ -186,7 +186,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     actuators = recorded_actuators(table)
     steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
     if not (*steering, *driving):
-        raise InputError("the ship has nothing that drives her ahead", fix="name the actuators in the trial")
+        raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [each.angle.name for each in steering if each.angle is not None]
     require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     heading = _cleaned_heading(table)

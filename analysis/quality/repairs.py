@@ -180,7 +180,7 @@ def write_repaired(
     expect_suffix(target, ".mcap")
     if target.resolve() == recording.path.resolve() or (target.exists() and target.samefile(recording.path)):
         raise InputError(
-            "is the recording itself", where=str(target), why="the original stays as it is",
+            "is the recording itself", where=str(target), why="the original is never changed",
             fix="name another file for the repaired recording",
         )  # fmt: skip
     repaired = repair(table, findings, flags, recording, rebuild_positions=rebuild_positions)

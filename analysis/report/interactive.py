@@ -199,9 +199,11 @@ def page_data(
     """
     time_ns = times_ns(table)
     if time_ns.size == 0:
-        raise DataShortageError("the table has no row to show", fix="give a recording that holds samples")
+        raise DataShortageError("the table has no row to show", fix="give a recording with samples")
     if np.any(np.diff(time_ns) <= 0):
-        raise InputError("the table's times do not increase", fix="sort it and drop double times, or resample it")
+        raise InputError(
+            "the table's times do not increase", fix="sort it and drop duplicate times, or resample it"
+        )
     channels = trial_channels(table)
     declared = [channel.name for channel in declared_channels(table)]
     orders = [each.name for actuator in table_actuators(table) for each in actuator.orders]

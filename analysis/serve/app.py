@@ -80,7 +80,7 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
     except OSError as error:
         raise SourceError(
             f"cannot listen on {ADDRESS}:{port}", why=error.strerror or str(error),
-            fix="end the program that uses the port, or say --port",
+            fix="stop the program that uses the port, or give another --port",
         ) from error  # fmt: skip
     port = listening.getsockname()[1]
     with listening, make_server(ADDRESS, port, app, True, fd=listening.fileno()) as server:

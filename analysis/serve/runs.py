@@ -42,7 +42,7 @@ def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
             said = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
             found = [Manoeuvre.from_json(each) for each in said if kind in ("", each["kind"])]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError("are no manoeuvres of a batch", where=str(path), why=str(error)) from error
+            raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
         runs += [Run(name, each) for each in found]
     return runs
 

@@ -64,7 +64,7 @@ class Season:
     ) -> None:  # fmt: skip
         self.folder, self.out, self._options = folder, out.resolve(), options or Options()
         if folder.resolve().is_relative_to(self.out):
-            raise InputError("the recordings lie in the folder of the results", where=str(out), fix="name another")
+            raise InputError("the recordings are in the folder of the results", where=str(out), fix="name another")
         self._eager, self._settled_s = eager, settled_s
         self._files: dict[str, tuple[Path, ...]] = {}
         self._diagnoses: list[tuple[int, str, frozenset[str], Path]] = []

@@ -24,7 +24,7 @@ def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[
     """
     name = secure_filename(filename)
     if not name:
-        raise InputError("has no name that a file can have", where=repr(filename), fix="rename it")
+        raise InputError("has an invalid file name", where=repr(filename), fix="rename it")
     with TemporaryDirectory(prefix="seatrial-") as place:
         given = Path(place) / name
         with given.open("wb") as copy:
@@ -45,8 +45,8 @@ def _recording_of(given: Path) -> tuple[Path, list[str]]:
     proposal = propose_for(raw)
     if proposal.unanswered:
         raise InputError(
-            f"leaves a question open: {proposal.unanswered[0]}", where=given.name,
-            fix="import it by `seatrial import`, which takes the answer",
+            f"leaves an open question: {proposal.unanswered[0]}", where=given.name,
+            fix="import it with `seatrial import`, which accepts the answer",
         )  # fmt: skip
     summary = import_proposed(raw, proposal, made, made.with_suffix(".columns.toml"))
     return made, [str(summary), *proposal.warnings]
@@ -59,5 +59,5 @@ def _put(made: Path, folder: Path) -> Path:
         with target.open("xb") as copy, made.open("rb") as stream:
             shutil.copyfileobj(stream, copy)
     except FileExistsError as error:
-        raise InputError("is there already", where=target.name, fix="rename the file and send it again") from error
+        raise InputError("already exists", where=target.name, fix="rename the file and upload it again") from error
     return target

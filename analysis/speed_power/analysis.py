@@ -100,8 +100,9 @@ class SpeedPower(Result):
         powers = np.array([each.power_kw for each in self.band])
         if not powers[0] <= power_kw <= powers[-1]:
             raise InputError(
-                f"{power_kw:g} kW lies outside the runs", why=f"they span {powers[0]:.4g} to {powers[-1]:.4g} kW",
-                fix="ask for a power between",
+                f"{power_kw:g} kW is outside the range of the runs",
+                why=f"they span {powers[0]:.4g} to {powers[-1]:.4g} kW",
+                fix="ask for a power in this range",
             )  # fmt: skip
         low, high = (np.interp(power_kw, powers, [getattr(each, name) - each.speed_mps for each in self.band])
                      for name in ("low_mps", "high_mps"))  # fmt: skip

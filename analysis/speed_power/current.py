@@ -128,7 +128,7 @@ def iterate_current(
         if not (curve.b > 0.0 and speed.min() > 0.0):
             raise DataShortageError(
                 "the power of the runs does not grow with their speed", why="no curve and no current explain them",
-                fix="look at speeds and powers of the runs, and whether the channel is the power of the shafts",
+                fix="check the speeds and powers of the runs, and whether the channel is the shaft power",
             )  # fmt: skip
         # The speed at which the curve has the run's power, by the slope where the run is: it need not reach it.
         by_power = speed + (power_kw - curve.power_kw(speed)) / curve.slope(speed)

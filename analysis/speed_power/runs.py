@@ -98,8 +98,9 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
     columns = power_columns(table)
     if not columns:
         raise InputError(
-            "has no power at a shaft", where=str(table.attrs.get("recording", "table")),
-            why="speed is set against power", fix="record or import shaft_power_kw, or shaft_torque_knm with the"
+            "has no shaft power", where=str(table.attrs.get("recording", "table")),
+            why="the analysis relates speed to power",
+            fix="record or import shaft_power_kw, or shaft_torque_knm with the"
             " shaft's rpm; `engine_room` in trials/packs has both",
         )  # fmt: skip
     motion = motion_of(_without_controls(table))

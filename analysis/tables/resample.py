@@ -157,7 +157,7 @@ def _span(times: Iterable[Ints]) -> tuple[int, int]:
     """The first and the last of all times. Raises :class:`DataShortageError` if there is none."""
     ends = [(int(each.min()), int(each.max())) for each in times if each.size]
     if not ends:
-        raise DataShortageError("the table holds no sample to resample", fix="give a table with values")
+        raise DataShortageError("the table has no samples", fix="give a table with values")
     return min(first for first, _ in ends), max(last for _, last in ends)
 
 

@@ -196,7 +196,9 @@ def delays_in_ns(delays: Mapping[str, float], known: ChannelsByName = BY_NAME) -
     them or no possible delay."""
     for name, delay_s in delays.items():
         if find_channel(name, known) is None:
-            raise InputError(f"a delay of {name} is asked for, which is no channel", fix="name one of the channels")
+            raise InputError(
+                f"a delay of {name} was requested, but is not a channel", fix="name one of the channels"
+            )
         if not abs(delay_s) <= _LONGEST_DELAY_S:
             raise InputError(f"a delay of {delay_s} s of {name} is not possible", fix="give at most an hour")
     return {name: round(delay_s * NANO) for name, delay_s in delays.items()}
@@ -245,15 +247,15 @@ def percent_of(part: str) -> tuple[float, float]:
     try:
         low, high = (float(end) for end in part.split(".."))
     except ValueError as error:
-        raise InputError(f"{part!r} is no part of a recording", fix="write it like 0..70") from error
+        raise InputError(f"{part!r} is not a valid part", fix="write it like 0..70") from error
     return _checked_part(low, high)
 
 
 def _checked_part(low: float, high: float) -> tuple[float, float]:
     if 0.0 <= high <= low <= 100.0:
-        raise InputError(f"part {low:g}..{high:g} begins where it has ended", fix="write it like 0..70")
+        raise InputError(f"part {low:g}..{high:g} is empty", fix="write it like 0..70")
     if not 0.0 <= low < high <= 100.0:
-        raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
+        raise InputError(f"part {low:g}..{high:g} is not within 0..100", fix="write it like 0..70")
     return low, high
 
 
@@ -329,8 +331,8 @@ def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], w
         else "its clock was set"
     )
     raise InputError(
-        f"its samples lie within {days:,.0f} days, more than the {LONGEST_DAYS} of one recording", where=where,
-        why=why, fix="see `seatrial check`; `check --repair OUT.mcap` takes a few such samples out",
+        f"its samples span {days:,.0f} days, more than the {LONGEST_DAYS} of one recording", where=where,
+        why=why, fix="see `seatrial check`; `check --repair OUT.mcap` removes a few such samples",
     )  # fmt: skip
 
 

@@ -93,7 +93,7 @@ def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
     found = list(_known_stretches(table, places_of(table)))
     if not found:
         raise DataShortageError(
-            "holds no latitude and longitude", why="it has no positions, or its north and east have no origin",
+            "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
             fix="give [trial] an origin before recording, or export a table",
         )  # fmt: skip
     return found

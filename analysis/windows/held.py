@@ -149,7 +149,8 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     row = (time_ns - time_ns[0]) // NANO
     if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
         raise InputError(
-            "the table is not one row a second, in order and on whole seconds", fix="resample it to 1 Hz first"
+            "the table does not have one row per second, in order and on whole seconds",
+            fix="resample it to 1 Hz first",
         )
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)

@@ -222,7 +222,7 @@ def read_windows(path: Path | str) -> HeldWindows:
     actuators = from_text(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
     columns = columns_for(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
-        raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
+        raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
     rows.attrs.update(actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
     return HeldWindows(

@@ -44,7 +44,7 @@ def refuse_untrainable(method: str) -> None:
     if not can_train(method):
         raise ConfigurationError(
             f"{method} is a network, and PyTorch, which trains it, is not installed",
-            fix=f"{INSTALL}, or take another method",
+            fix=f"{INSTALL}, or use another method",
         )
 
 

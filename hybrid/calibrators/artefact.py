@@ -172,7 +172,7 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         found = _HEAD.validate_json(raw).format
         if found != FORMAT:
             raise InputError(f"is of format {_short(found)}, and this version reads {FORMAT}",
-                             where=str(path), fix="train anew")  # fmt: skip
+                             where=str(path), fix="train again")  # fmt: skip
         sidecar = _SIDECAR.validate_json(raw, strict=True)
     except ValidationError as error:
         raise damage_error(path, _explain(error)) from error
@@ -195,16 +195,18 @@ def read_bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise InputError("is no trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
+        raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
     except OSError as error:
         raise InputError("cannot be read", where=str(path), why=error.strerror or str(error),
-                         fix="make it readable, or train anew") from error  # fmt: skip
+                         fix="make it readable, or train again") from error  # fmt: skip
 
 
 def damage_error(path: Path, why: str) -> InputError:
     """The error for content that no version of Seatrial writes."""
-    return InputError("is damaged or was edited", where=str(path), why=why, fix="take a sound copy, or train anew")
+    return InputError(
+        "is damaged or was edited", where=str(path), why=why, fix="use an intact copy, or train again"
+    )
 
 
 def _check(sidecar: Sidecar, path: Path) -> None:
@@ -212,11 +214,11 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     names = trial_names(from_text(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
-        raise InputError("was trained on other channels than this version gives",
-                         where=str(path), why=_short(differing), fix="train anew")  # fmt: skip
+        raise InputError("was trained on other channels than those of this version",
+                         where=str(path), why=_short(differing), fix="train again")  # fmt: skip
     if sidecar.past_s != PAST_S:
-        raise InputError(f"was trained on windows that know {sidecar.past_s} s before their start, not {PAST_S} s",
-                         where=str(path), fix="train anew")  # fmt: skip
+        raise InputError(f"was trained on windows with {sidecar.past_s} s before their start, not {PAST_S} s",
+                         where=str(path), fix="train again")  # fmt: skip
     for name, region in (("region_m", sidecar.region_m), ("reserve.region", sidecar.reserve.region)):
         if len(region) != sidecar.horizon_s:
             raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
@@ -227,19 +229,20 @@ def _check(sidecar: Sidecar, path: Path) -> None:
             _check_code(model, path)
         elif model.method not in METHODS:
             raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
-                             where=str(path), fix=f"train anew with one of {', '.join(METHODS)}")  # fmt: skip
+                             where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
 
 
 def _check_code(model: Model, path: Path) -> None:
     """Require the unchanged user file that made a calibrator. Raises :class:`InputError`."""
     found = digest_of(model.method, "calibrators")
     if not found:
-        raise InputError("was made by code that is gone", where=str(path), why=f"there is no {model.method}",
-                         fix="put it back, or say with --method FILE.py:CLASS where it is now")  # fmt: skip
+        raise InputError("was made by code that no longer exists", where=str(path),
+                         why=f"there is no {model.method}",
+                         fix="restore it, or give its new path with --method FILE.py:CLASS")  # fmt: skip
     if found != model.code_sha256:
         raise InputError("was made by another version of its code", where=str(path),
                          why=f"{model.method} has changed: it was the file of SHA-256 {model.code_sha256}",
-                         fix="put that version back, or train anew")  # fmt: skip
+                         fix="restore that version, or train again")  # fmt: skip
 
 
 def _plant(sidecar: Sidecar, path: Path) -> Plant:
@@ -377,8 +380,9 @@ def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: P
     names = tuple(each.name for each in model.inputs)
     if calibrator.inputs != names:
         differing = sorted(set(calibrator.inputs) ^ set(names))
-        raise InputError(f"was trained on other inputs than this version gives to {model.method}",
-                         where=str(folder / SIDECAR), why=", ".join(differing)[:120], fix="train anew")  # fmt: skip
+        raise InputError(f"was trained on other inputs than this version has for {model.method}",
+                         where=str(folder / SIDECAR),
+                         why=", ".join(differing)[:120], fix="train again")  # fmt: skip
     try:
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
@@ -400,10 +404,10 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
     content = read_bytes(path)
     if digests.get(path.name) != _digest(content):
         raise InputError(
-            "is not the file that its sidecar was written with",
+            "does not belong to its JSON file",
             where=str(path),
-            why="their hashes differ: it is cut short, damaged, or of another calibrator",
-            fix="take a sound copy of the folder, or train anew",
+            why="their hashes differ: it is truncated, damaged, or of another calibrator",
+            fix="use an intact copy of the folder, or train again",
         )
     try:
         tensors: Tensors = safetensors.numpy.load(content)
@@ -417,8 +421,8 @@ def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
     """Raise :class:`InputError` for weights that are not finite; the deviation of a constant may be infinite."""
     for name, value in tensors.items():
         if bool(np.isnan(value).any() if name.endswith("deviation") else not np.isfinite(value).all()):
-            raise InputError(f"has a {name} that is no number", where=str(path),
-                             why="the training failed or the file was changed", fix="train anew")  # fmt: skip
+            raise InputError(f"has a {name} that is not a number", where=str(path),
+                             why="the training failed or the file was changed", fix="train again")  # fmt: skip
 
 
 def _digest(content: bytes) -> str:

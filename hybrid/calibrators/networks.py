@@ -267,7 +267,7 @@ class NetworkCalibrator(Calibrator):
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
         if tensors["input.mean"].size != len(self.inputs):
-            raise InputError("was trained on other inputs than this version gives", fix="train anew")
+            raise InputError("was trained on other inputs than those of this version", fix="train again")
         self.input_scaling_ = Standardisation(tensors["input.mean"], tensors["input.deviation"])
         self.output_scaling_ = Standardisation(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]

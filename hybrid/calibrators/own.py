@@ -76,7 +76,7 @@ class OwnMethod(Protocol):
 def own_calibrator(made: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
     """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
     if not isinstance(made, type):
-        raise ConfigurationError("is no class", where=name, fix="write a class with fit and predict")
+        raise ConfigurationError("is not a class", where=name, fix="write a class with fit and predict")
     if issubclass(made, Calibrator):
         calibrator: Calibrator = made(seed, plant)
     else:

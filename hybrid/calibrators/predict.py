@@ -91,7 +91,7 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
         at = pd.Timestamp(text)
     except ValueError as error:
         raise InputError(
-            f"{text!r} is no time",
+            f"{text!r} is not a time",
             fix=f"write it like {start.isoformat()}, as seconds since 1970, or as +SECONDS from the start",
         ) from error
     if at.tzinfo is None:
@@ -108,7 +108,7 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
     first, last = pd.Timestamp(times[0]), pd.Timestamp(times[-1])
     if not first <= at <= last:
         raise InputError(
-            f"{at.isoformat()} lies outside the recording",
+            f"{at.isoformat()} is outside the recording",
             fix=f"choose from {first.isoformat()} to {last.isoformat()}",
         )
     times_ns, actuators = times.as_unit("ns").asi8, table_actuators(table)
@@ -150,8 +150,8 @@ def predict(
     track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
-            f"from {at.isoformat()} the reference model leaves its range",
-            why="speeds or thrusts are not those of this vessel",
+            f"from {at.isoformat()} the reference model leaves its valid range",
+            why="speeds or thrust are outside those of this vessel",
             fix="choose another time, or check --vessel and the units of the recording",
         )
     region_m, outside_domain, source = None, False, "reference"

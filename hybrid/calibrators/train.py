@@ -76,16 +76,16 @@ class TrainedCalibrator(ModelResult):
         """Raise :class:`InputError` if it was trained on held controls and so cannot take any commands."""
         if not self.calibrator.any_commands:
             raise InputError(
-                "the calibrator was trained on held controls and cannot take any commands",
-                fix="leave --any or --commands out, or train anew with --any",
+                "the calibrator was trained on held controls and cannot predict with other commands",
+                fix="leave --any or --commands out, or train again with --any",
             )
 
     def refuse_horizon(self, horizon_s: int) -> None:
         """Raise :class:`InputError` if it was trained for a shorter horizon."""
         if horizon_s > self.horizon_s:
             raise InputError(
-                f"the calibrator predicts {self.horizon_s} s at the most, not {horizon_s} s",
-                fix=f"say --horizon {self.horizon_s}, or train anew",
+                f"the calibrator predicts at most {self.horizon_s} s, not {horizon_s} s",
+                fix=f"use --horizon {self.horizon_s}, or train again",
             )
 
 
@@ -98,7 +98,7 @@ def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
         raise ConfigurationError(
             f"vessel {vessel!r} is not the model that the calibrator was trained on",
             why=f"it was trained on {trained.vessel!r}, and the numbers differ",
-            fix="leave --vessel out, give that vessel, or train anew",
+            fix="leave --vessel out, give that vessel, or train again",
         )
     return trained.plant
 

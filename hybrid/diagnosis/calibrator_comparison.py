@@ -93,8 +93,8 @@ def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict
     legs = np.unique(windows.leg[inside.any(axis=1)]).size
     if legs < _LEAST_LEGS:
         raise DataShortageError(
-            f"{legs} legs have held windows to judge by within the models' range, {_LEAST_LEGS} are needed",
-            fix="record longer stretches with constant controls",
+            f"{legs} legs have held windows within the models' range; {_LEAST_LEGS} are needed",
+            fix="record longer periods with steady controls",
         )
     folds = np.flatnonzero(inside.any(axis=0)).tolist()
     return {fold: with_stopping(windows, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}

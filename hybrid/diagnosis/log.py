@@ -128,7 +128,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
         raise DataShortageError(
             f"no stretch of {_SHORTEST_BLOCK_S} s has motion and thrusters",
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
-            fix="see what is missing with `seatrial check`",
+            fix="check what is missing with `seatrial check`",
         )
     held = {hold: np.concatenate([each.held[hold] for each in joined]) for hold in INPUT_HOLDS[1:]}
     together: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in joined]) for name in _ARRAYS}

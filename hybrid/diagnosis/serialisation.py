@@ -104,7 +104,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
         before, after = _maps_of(folder, data.cells)
         return diagnosis, Extras(before, after, data.consistency, ladder, data.correlation)
     except (KeyError, TypeError, ValueError, SeatrialError) as error:
-        raise InputError("is not what this version writes", where=str(folder), why=str(error),
+        raise InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
 
 
@@ -181,7 +181,7 @@ def read_json(path: Path) -> dict[str, Any]:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError as error:
         raise InputError(
-            "does not exist", where=str(path), fix="give the folder that `seatrial diagnose` wrote"
+            "does not exist", where=str(path), fix="give the output folder of `seatrial diagnose`"
         ) from error
     except (OSError, ValueError) as error:
         raise InputError("cannot be read", where=str(path), why=str(error)) from error

@@ -93,7 +93,7 @@ def _shallow(plant: Plant, values: Values) -> Plant:
     """
     if values["depth_m"] <= plant.draught_m:
         raise ConfigurationError(
-            f"effect shallow_water: depth_m = {values['depth_m']:g} is no more than the draught",
+            f"effect shallow_water: depth_m = {values['depth_m']:g} is not more than the draught",
             fix=f"give more than {plant.draught_m:g} m",
         )
     ratio = plant.draught_m / values["depth_m"]

@@ -53,7 +53,7 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
     """Raise :class:`ConfigurationError` if one of the names is no kind of split."""
     for kind in kinds:
         if kind not in SPLITS:
-            raise ConfigurationError(f"no split is called {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
+            raise ConfigurationError(f"unknown split {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
 
 
 def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:

@@ -96,7 +96,7 @@ def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator
         raise InputError(
             "took part in the training of this calibrator",
             where=", ".join(str(each.path) for each in known),
-            fix="validate on other recordings or another --part, or say --allow-seen",
+            fix="validate on other recordings or another --part, or use --allow-seen",
         )
 
 

@@ -251,7 +251,9 @@ def _settled(model: Model, place: _Place) -> _Place:
     """The point with its levels and fitted starts."""
     if not np.isfinite(place.cost):
         raise ModelRangeError(
-            "the model does not follow the recordings", why="it leaves its range", fix="check --vessel and units"
+            "the model does not follow the recordings",
+            why="it leaves its valid range",
+            fix="check --vessel and units",
         )
     for _ in range(2):
         place = _with_levels(place)

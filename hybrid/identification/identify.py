@@ -96,7 +96,7 @@ def _information(model: Model, found: Fit, name: str) -> Floats:
     kept = len(model.coefficients)
     whole = information_at(own, z, rehearsed.start, found.levels)
     if not np.isfinite(whole).all():
-        raise ModelRangeError("the rehearsal leaves the model's range")
+        raise ModelRangeError("the simulated manoeuvre leaves the model's range")
     around = whole[kept:, kept:] + np.eye(own.size - kept)
     return np.asarray(whole[:kept, :kept] - whole[:kept, kept:] @ np.linalg.solve(around, whole[kept:, :kept]))
 

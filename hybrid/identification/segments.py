@@ -123,7 +123,7 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     if len(whole) < _LEAST:
         raise DataShortageError(
             f"only {len(whole)} segments of {lasting:.0f} s have motion and controls",
-            where=", ".join(tables), fix="give longer recordings, or see what `seatrial check` says of these",
+            where=", ".join(tables), fix="give longer recordings, or check these with `seatrial check`",
         )  # fmt: skip
     every = -(-len(whole) // MOST)
     return whole if every == 1 else whole.subset(np.arange(0, len(whole), every))

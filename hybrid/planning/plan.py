@@ -227,10 +227,10 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
 def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Part:
     match = _PART.fullmatch(text)
     if match is None:
-        raise ConfigurationError(f"{text!r} is no manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
+        raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
     name, minutes = match[1], float(match[2] or 0.0)
     if match[2] and minutes < 1.0:
-        raise ConfigurationError(f"{text!r} is too short", fix="give a minute at least")
+        raise ConfigurationError(f"{text!r} is too short", fix="give at least one minute")
     if name in known:
         return Part(name, known[name].what, minutes, known[name].legs)
     try:

@@ -202,8 +202,8 @@ def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[Predic
     inside = np.asarray(np.isfinite(both).all(axis=(0, 2, 3)))
     if not inside.any():
         raise DataShortageError(
-            "the reference model leaves its range in every window",
-            why="speeds or thrusts are not those of this vessel",
+            "the reference model leaves its valid range in every window",
+            why="speeds or thrust are outside those of this vessel",
             fix="check --vessel and the units of the recording",
         )
     return windows.subset(inside), tracks[inside]

@@ -55,9 +55,11 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
         table[when] = pd.to_numeric(table[when], errors="coerce").replace(np.inf, np.nan)
     orders = pd.DataFrame(table.set_index(when).apply(pd.to_numeric, errors="coerce"))
     if orders.empty or orders.index.hasnans or not np.isfinite(orders.to_numpy(dtype=float)).all():
-        raise InputError("holds cells that are no numbers, or no row", where=str(path))
+        raise InputError("contains cells that are not numbers, or no row", where=str(path))
     if not (orders.index.is_monotonic_increasing and orders.index.is_unique):
-        raise InputError(f"its {when}s do not grow from row to row", where=str(path), fix="sort them, each once")
+        raise InputError(
+            f"its {when}s do not increase from row to row", where=str(path), fix="sort them, each once"
+        )
     return orders
 
 

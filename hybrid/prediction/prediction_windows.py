@@ -139,7 +139,7 @@ def windows_from_rows(
     """
     if rows.empty:
         raise DataShortageError(
-            "no held window to work with", fix="lower --horizon, or record longer stretches with constant controls"
+            "no held windows", fix="lower --horizon, or record longer periods with steady controls"
         )
     ordered = rows.sort_values(["window", "second"], kind="stable")
     count = ordered["window"].nunique()
@@ -291,7 +291,7 @@ def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np
     if len(names) < 2:
         raise DataShortageError(
             f"only one leg ({names[0] if len(names) else 'none'}), which cannot be split",
-            fix="give more recordings, or longer ones with more stretches of constant controls",
+            fix="give more recordings, or longer ones with more periods of steady controls",
         )
     wanted = share * len(groups)
     held_out: list[int] = []

@@ -103,7 +103,7 @@ def _folder_of(recording: Path) -> Path:
     folder = recording.with_suffix("")
     if folder.exists() and not folder.is_dir():
         raise StorageError(
-            "is a file, but the report needs a folder of this name", where=str(folder), fix="move it away"
+            "is a file, but the report needs a folder with this name", where=str(folder), fix="move it away"
         )
     return folder
 

@@ -68,7 +68,7 @@ def unknown_ship(case: Case) -> str:
     costs = "Without its length no index is given in ship lengths, and no limit in lengths is judged."
     named = {each.recording.trial.vessel: None for each in case.products.values() if each.recording.trial.vessel}
     if not named:
-        return f"The recording does not say which ship this is. {costs} Import it again with the ship's name (--vessel)."
+        return f"The recording does not say which ship this is. {costs} Import it again with its name (--vessel)."
     lacks = (
         f"The main dimensions of {join_words(list(named))} are not known, as there is no vessel file of that name."
     )
@@ -369,7 +369,10 @@ def calibration_rows(calibration: Calibration, seconds: Sequence[int]) -> list[l
     """Coverage and width of the 95 % regions."""
     return [
         ["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
-        ["width relative to the mean distance sailed, PINAW [1]", *(_share(calibration.pinaw[each - 1]) for each in seconds)],
+        [
+            "width relative to the mean distance sailed, PINAW [1]",
+            *(_share(calibration.pinaw[each - 1]) for each in seconds),
+        ],
     ]
 
 

@@ -180,13 +180,13 @@ def results_of(folder: Path) -> dict[str, Any]:
     Raises :class:`InputError` where it holds nothing of the reproduction, or a table that cannot be read.
     """
     if not is_reproduced(folder):
-        raise InputError("holds neither Table III nor its figures", where=str(folder),
+        raise InputError("contains neither Table III nor its figures", where=str(folder),
                          fix="run `seatrial reproduce table3 -o` that folder")  # fmt: skip
     path = folder / TABLE
     try:
         table = read_table3(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
     except (OSError, InputError, ValueError, KeyError, TypeError) as error:
-        raise InputError("is not what this version writes", where=str(path), why=f"{type(error).__name__} {error}",
+        raise InputError("was not written by this version", where=str(path), why=f"{type(error).__name__} {error}",
                          fix="run `seatrial reproduce table3` again") from error  # fmt: skip
     return {"table3": sys.modules[__name__], "table": table, "folder": folder}
 

@@ -97,9 +97,9 @@ def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
     """
     if not any(each.drives for each in vessel.actuators):
         raise ConfigurationError(
-            f"{vessel.name} has nothing that drives her",
+            f"{vessel.name} has no propulsion",
             why=f"she has {in_words(vessel.actuators)}",
-            fix="give her a propeller",
+            fix="add a propeller",
         )
     return [
         (entry, channel)
@@ -175,12 +175,12 @@ def pace_of(vessel: Vessel) -> Pace:
         speed_mps = steady_speed_mps(bare_plant(vessel), order)
     except ModelRangeError as error:
         raise ConfigurationError(
-            f"{vessel.name} leaves the range of her model straight ahead at {rpm:.0f} rpm, her usual shaft speed",
+            f"{vessel.name} leaves the range of its model straight ahead at {rpm:.0f} rpm, its usual shaft speed",
             why=error.why, fix="give the shafts a lower limit_rpm, or widen [validity] if the data allow",
         ) from error  # fmt: skip
     if speed_mps <= 0.0:
         raise ConfigurationError(
-            f"{vessel.name} makes no way ahead at {rpm:.0f} rpm", fix="check her propellers in the vessel file"
+            f"{vessel.name} does not move ahead at {rpm:.0f} rpm", fix="check the propellers in the vessel file"
         )
     tunnels = [each.limit_rpm for each in vessel.of_kind("tunnel")]
     length_m = vessel.dimensions.length_between_perpendiculars_m

@@ -98,7 +98,7 @@ def _refuse_unsteered(manoeuvre: Manoeuvre, vessel: Vessel, handling: Handling) 
         raise ConfigurationError(
             f"{vessel.name} cannot be steered",
             why=f"she has {in_words(vessel.actuators)}",
-            fix="give her a rudder, an azimuth thruster, or propellers to either side",
+            fix="add a rudder, an azimuth thruster, or propellers on both sides",
         )
 
 

@@ -184,7 +184,7 @@ def _in_sea(plant: Plant, sea: SeaState, environment: Hidden, catalogue: Catalog
         raise ConfigurationError(
             f"sea state {sea.name or 'given'} is too rough for a ship of "
             f"{plant.length_between_perpendiculars_m:g} m",
-            why=str(error), fix="choose calm, or write one of waves of her size",
+            why=str(error), fix="choose calm, or write one with waves of suitable size",
         ) from error  # fmt: skip
 
 

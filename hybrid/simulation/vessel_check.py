@@ -187,7 +187,7 @@ def _test_speed_mps(vessel: Vessel, rpm: float) -> float:
         return _steady_mps(vessel, rpm)
     except ModelRangeError as error:
         raise ModelRangeError(
-            f"{vessel.name} leaves the range of her model straight ahead at {rpm:.0f} rpm", why=error.why,
+            f"{vessel.name} leaves the range of its model straight ahead at {rpm:.0f} rpm", why=error.why,
             fix="give a lower --rpm, or the shafts another limit_rpm",
         ) from error  # fmt: skip
 
@@ -344,7 +344,7 @@ def _crash_stop(vessel: Vessel, rpm: float) -> StandardTest:
     motion, start = _sailed(vessel, (Leg(rpm=-rpm, slower_mps=0.0), Leg(rpm=0.0)), _STOP_LENGTHS)
     stopped = np.flatnonzero((motion.surge_mps <= 0.0) & (motion.time_s > start))
     if not stopped.size:
-        raise DataShortageError(f"the ship is not stopped after {_STOP_LENGTHS:g} lengths' time")
+        raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
     end = float(motion.time_s[stopped[0]])
     limits = {"track_reach_m": TRACK_REACH_LENGTHS * length_m}
     values = stopping_indices(motion, np.array([start, end]))

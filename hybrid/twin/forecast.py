@@ -92,7 +92,7 @@ def predict_now(
     start_ns = newest_second_ns(recording) if at_ns is None else at_ns
     missing = missing_channels(recording, start_ns)
     if missing:
-        raise DataShortageError(f"{', '.join(missing)} missing", fix="see what `seatrial record --check` says")
+        raise DataShortageError(f"{', '.join(missing)} missing", fix="run `seatrial record --check`")
     if start_ns is None:
         raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
     filled, held = hold_until(recording, start_ns)

@@ -24,7 +24,7 @@ def check_ship(recorded: Actuators, plant: Plant) -> None:
     if recorded != plant.layout:
         raise InputError(
             f"the recording is of a ship with {in_words(recorded)}, the model of one with {in_words(plant.layout)}",
-            fix="give the file of the ship that was recorded with --vessel, or a calibrator of her",
+            fix="give the recorded ship's file with --vessel, or a calibrator of this ship",
         )
 
 

@@ -142,7 +142,7 @@ def _check_form(tree: Tree, text: str, path: Path) -> None:
     for table, instead in _OLD.items():
         if table in tree:
             raise ConfigurationError(
-                f"[{table}] is the older form of vessel files",
+                f"[{table}] is an outdated form of vessel file",
                 where=f"{path}, line {line_of(text, [table])}",
                 fix=f"write {instead}; {VESSELS / DEFAULT}.toml shows it",
             )
@@ -305,7 +305,7 @@ def _named_by(trials: Trials) -> str:
     if len(ships) > 1:
         raise InputError(
             f"the recordings are of different ships: {', '.join(ships)}",
-            fix="give those of one ship, or say with --vessel whose model is meant",
+            fix="give recordings of one ship, or choose the model with --vessel",
         )
     for path, ship in named.items():
         if found := vessel_of_ship(ship, path.parent):
@@ -316,6 +316,6 @@ def _named_by(trials: Trials) -> str:
     what = f"names the ship {ships[0]!r}, of which there is no vessel file" if ships else "names no ship"
     raise InputError(
         what, where=str(unknown[0]),
-        fix=f"say with --vessel which of {', '.join(vessel_names())} she is, or give her file, or put it beside "
-        "the recording; `seatrial vessel new` makes one",
+        fix=f"choose one of {', '.join(vessel_names())} or a file with --vessel, or put the "
+            "ship's file beside the recording; `seatrial vessel new` makes one",
     )  # fmt: skip

@@ -353,7 +353,7 @@ def _places(form: Form, name: str) -> tuple[tuple[int, int], ...]:
         if name in KINDS[each.kind].shared:
             shared.append((which, numbers.index(name)))
     if not own and not shared:
-        raise KeyError(f"{name} is no number of a plant")
+        raise KeyError(f"{name} is not a number of a plant")
     return tuple(own or shared)
 
 

@@ -36,7 +36,7 @@ def start_folder(folder: Path, name: str = "", *, force: bool = False) -> list[P
     """
     name = safe_name(name or folder.resolve().name)
     if name in vessel_names():
-        raise ConfigurationError(f"{name} is a ship that Seatrial has", fix="give yours another --name")
+        raise ConfigurationError(f"{name} is the name of a ship in Seatrial", fix="give yours another --name")
     texts = {"vessel.toml": _HEADER.format(name=name) + _example_ship(name), "example.csv": _example_table()}
     for each in ("trial.toml", "columns.toml"):
         texts[each] = (TEMPLATES / each).read_text(encoding="utf-8").replace("NAME", name)

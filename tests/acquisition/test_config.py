@@ -95,12 +95,12 @@ def test_what_is_wrong_names_its_line(tmp_path: Path, text: str, line: int, mess
     ("text", "message"),
     [
         ("[trial\n", "is not valid TOML"),
-        ('source = []\n[trial]\nname = "x"\n', "names no source"),
+        ('source = []\n[trial]\nname = "x"\n', "has no source"),
         (
             config_text(SERIAL) + "\n[[source]]\nname = 'line'\nchannels = []\n" + SERIAL,
             "two sources are called",
         ),
-        (config_text(SERIAL).replace('name = "line"', 'name = "a/b"'), "cannot be part of a topic"),
+        (config_text(SERIAL).replace('name = "line"', 'name = "a/b"'), "is not valid in a topic"),
         (config_text(CAN.replace(str(DBC), "nowhere.dbc")), "nowhere.dbc does not exist"),
     ],
 )

@@ -100,7 +100,7 @@ def test_a_disk_that_does_not_keep_what_it_is_given_costs_no_part(
     assert len(aboard.names(aboard.here)) == 4
     assert not aboard.names(aboard.there)
     assert len(aboard.told) == 1
-    assert "is not what was written" in aboard.told[0]
+    assert "reads back differently" in aboard.told[0]
     assert aboard.copies.state.waiting == 2
     monkeypatch.undo()
     aboard.copies.look()
@@ -113,7 +113,7 @@ def test_a_folder_that_is_away_is_told_once_and_not_made(aboard: Aboard) -> None
     for _ in range(3):
         aboard.copies.look()
     assert len(aboard.told) == 1
-    assert "is not there" in aboard.copies.state.trouble
+    assert "does not exist" in aboard.copies.state.trouble
     assert not aboard.there.exists()
     assert len(aboard.names(aboard.here)) == 4
 
@@ -121,7 +121,7 @@ def test_a_folder_that_is_away_is_told_once_and_not_made(aboard: Aboard) -> None
 def test_a_disk_that_is_full_is_not_filled_further(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(copies_module, "free_bytes", lambda folder: (SIZE - 1, 10 * SIZE))
     aboard.copies.look()
-    assert "has no room for it" in aboard.told[0]
+    assert "is full" in aboard.told[0]
     assert not aboard.names(aboard.there)
     assert len(aboard.names(aboard.here)) == 4
 
@@ -156,5 +156,5 @@ def test_every_part_of_a_recording_is_copied_when_it_ends(tmp_path: Path) -> Non
     )
     assert [path.parent for path in made_room] == [tmp_path / "copies"]
     assert read_recording(made_room[0]).closed
-    with pytest.raises(ConfigurationError, match="where the recordings are"):
+    with pytest.raises(ConfigurationError, match="is the folder of the recordings"):
         record(parse_config(text, tmp_path / "trial.toml"), tmp_path / "copies", duration_s=0.2)

@@ -387,7 +387,7 @@ def test_a_thruster_in_percent_turns_so_much_of_its_rated_speed(body: str, expec
 
 
 def test_who_has_no_speed_is_rated_none() -> None:
-    with pytest.raises(ConfigurationError, match="what has rpm is port, starboard, tunnel"):
+    with pytest.raises(ConfigurationError, match="those are port, starboard, tunnel"):
         config_of(SERIAL + "rated_rpm = { bow = 200 }\n", ["port_rpm"])
 
 
@@ -595,13 +595,13 @@ def test_a_table_declares_its_channels_in_the_map(tmp_path: Path) -> None:
         ('[[channel]]\nname = "x_lph"\nunit = "kg"\nrange = [0, 1]\n', [], "in kg; let its name end in _kg"),
         ('[[channel]]\nname = "x_kg"\nrange = [0, 1]\n', [], "has no unit"),
         ('[[channel]]\nname = "x_kg"\nunit = "kg"\nrange = [1, 1]\n', [], "holds nothing"),
-        ('[[channel]]\nname = "X y_kg"\nunit = "kg"\nrange = [0, 1]\n', [], "cannot be part of a topic"),
-        ('[[channel]]\nname = "heave_m"\nunit = "m"\nrange = [0, 1]\n', [], "is a channel of the ship already"),
+        ('[[channel]]\nname = "X y_kg"\nunit = "kg"\nrange = [0, 1]\n', [], "is not valid in a topic"),
+        ('[[channel]]\nname = "heave_m"\nunit = "m"\nrange = [0, 1]\n', [], "is already a channel of the ship"),
         ('[[channel]]\nname = "x_kg"\nunit = "kg"\nrange = [0, 1]\nfrom = [{ field = 1 }]\n', [], "says none of"),
         ('[[channel]]\nname = "x_kg"\nunit = "kg"\nrange = [0, 1]\nfrom = [{ transducer = "a", unit = "m" }]\n', [],
          "does not measure a quantity in kg"),
         ('[[channel]]\nname = "x_kg"\nunit = "kg"\nrange = [0, 1]\n', ["x_kg"], "no message on source 'x' carries"),
-        ('[[pack]]\nname = "no_such"\n', [], "pack 'no_such' is not there"),
+        ('[[pack]]\nname = "no_such"\n', [], "pack 'no_such' does not exist"),
         (PACKS, ["port_fuel_rate_lph"], "no message on source 'x' carries"),
         (PACKS, ["depth_m"], "did you mean"),
     ],

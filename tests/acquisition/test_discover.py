@@ -387,7 +387,7 @@ def test_places_are_named_as_people_say_them(text: str, kind: str, settings: dic
 
 @pytest.mark.parametrize("text", ["nowhere.log", "tcp:10110", "udp:x", "udp:70000", "/dev/ttyUSB0@fast"])
 def test_what_is_no_place_is_one_clear_error(text: str) -> None:
-    with pytest.raises(SeatrialError, match=r"no place to listen|no address|no port|no baud rate"):
+    with pytest.raises(SeatrialError, match=r"not an input|no address|not a port|not a baud rate"):
         parse_places([text])
 
 
@@ -411,7 +411,7 @@ def test_the_command_writes_what_records_and_says_where_it_listened_in_vain(
     assert list(done.json["channels"]) == ["heading_deg"]
     again = command("discover", tmp_path / "log.txt", "-o", tmp_path / "found.toml")
     assert (again.code, again.err.count("\n")) == (1, 1)
-    assert "exists already" in again.err
+    assert "already exists" in again.err
     port = free_port()
     silent = command("discover", f"udp:127.0.0.1:{port}", "--duration", "0.2")
     assert silent.code == 1
@@ -422,9 +422,9 @@ def test_the_command_writes_what_records_and_says_where_it_listened_in_vain(
 @pytest.mark.parametrize(
     ("options", "why"),
     [
-        (["udp:10110"], "is a log, other places are live"),
+        (["udp:10110"], "is a log, but other places are live"),
         (["--vessel", "nosuch"], "no vessel 'nosuch'"),
-        (["--dbc", "log.txt"], "is no readable DBC file"),
+        (["--dbc", "log.txt"], "is not a readable DBC file"),
     ],
 )
 def test_what_is_asked_for_in_vain_is_one_clear_error(

@@ -292,7 +292,7 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
         (b"$HEHDT,12.3,T\n" * 9, r"sentences without a sound checksum \(\$HEHDT,12.3,T\)"),
         (b"Dear diary,\n\ntoday we sailed.\n", r"text \(Dear diary,\)"),
         (bytes(range(256)) * 9, "binary, and begins with 00 01 02 03"),
-        (bus_logs.pcap().replace(b"\xe3\0\0\0", b"\x01\0\0\0", 1), "capture of link type 1, which holds no CAN"),
+        (bus_logs.pcap().replace(b"\xe3\0\0\0", b"\x01\0\0\0", 1), "capture of link type 1, which has no CAN"),
     ],
 )
 def test_what_holds_nothing_says_what_it_looks_like(tmp_path: Path, data: bytes, message: str) -> None:

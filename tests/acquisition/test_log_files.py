@@ -117,7 +117,7 @@ def test_a_stop_keeps_what_was_read(tmp_path: Path) -> None:
 
 def test_live_and_file_sources_do_not_mix(tmp_path: Path) -> None:
     live = f'type = "udp"\nport = {free_port()}\n'
-    with pytest.raises(ConfigurationError, match="source0 are log files, other sources are live"):
+    with pytest.raises(ConfigurationError, match="source0 are log files, but other sources are live"):
         config_of(tmp_path, TAGGED, live)
     assert (tmp_path / "trial.toml").exists()
     result = CliRunner().invoke(app, ["record", str(tmp_path / "trial.toml"), "-o", str(tmp_path / "out")])

@@ -169,7 +169,7 @@ def test_migrate_refuses_what_it_cannot_do_whole(old: Path, tmp_path: Path) -> N
         migrate(tmp_path / "damaged.mcap", new)
     assert not new.exists()
     migrate(old, new)
-    with pytest.raises(StorageError, match="exists already"):
+    with pytest.raises(StorageError, match="already exists"):
         migrate(old, new)
     with pytest.raises(InputError, match="has nothing to migrate: 137 messages, none of ours in JSON"):
         migrate(new, tmp_path / "again.mcap")

@@ -278,7 +278,7 @@ def test_decoding_anew_puts_a_wrong_map_right(tmp_path: Path) -> None:
         (section(SHIP.replace("ship/mru/Heading", "ship/+/Heading")), "topic"),
         (section(SHIP.replace('"rad/s"', '"knots"')), "'knots' does not measure"),
         (section(SHIP.replace(", full_scale = 203", "")), "full_scale"),
-        ('type = "mqtt"\n', "listens to nothing"),
+        ('type = "mqtt"\n', "has no input"),
         (section(SHIP.replace("heading_deg", "heding_deg")), "did you mean heading_deg"),
         (section(SHIP, topics=""), "no message on source 'line' carries sway_mps; say which topic does"),
     ],
@@ -530,7 +530,7 @@ def test_a_log_is_the_recording_that_would_have_been_made(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("write", "wrong"),
     [
-        (lambda path: path.write_text("time,heading_deg\n0,1\n"), "it is no SQLite database"),
+        (lambda path: path.write_text("time,heading_deg\n0,1\n"), "it is not an SQLite database"),
         (lambda path: sqlite3.connect(path).execute("CREATE TABLE other (a)").connection.commit(), "no such table"),
         (lambda path: path.write_bytes(b"SQLite format 3\0" + bytes(4000)), "log.db cannot be opened"),
         (lambda path: None, "No such file"),

@@ -223,7 +223,7 @@ def test_a_flipped_bit_never_changes_a_value(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is an empty file"),
+        (b"", "is empty"),
         (b"time,north_m\n1,2\n" * 20, "is not an MCAP recording"),
         (b"x", "is not an MCAP"),
     ],

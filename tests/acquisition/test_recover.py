@@ -485,10 +485,10 @@ def test_ten_gigabytes_in_a_tiny_chunk_take_little_memory(tmp_path: Path, claime
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is an empty file"),
-        (b"time,north_m\n1,2\n" * 500, "holds nothing that can be saved"),
-        (bytes(100_000), "holds nothing that can be saved"),
-        (MCAP_MAGIC, "holds nothing that can be saved"),
+        (b"", "is empty"),
+        (b"time,north_m\n1,2\n" * 500, "contains nothing that can be saved"),
+        (bytes(100_000), "contains nothing that can be saved"),
+        (MCAP_MAGIC, "contains nothing that can be saved"),
     ],
 )
 def test_where_there_is_nothing_nothing_is_left_behind(tmp_path: Path, content: bytes, message: str) -> None:
@@ -521,8 +521,8 @@ def test_what_exists_is_not_overwritten(tmp_path: Path, small: Original) -> None
     for name, message in (
         ("damaged.mcap", "is the recording that is to be saved"),
         ("link.mcap", "is the recording that is to be saved"),
-        ("dangling.mcap", "exists already; name a new file"),
-        ("other.mcap", "exists already; name a new file"),
+        ("dangling.mcap", "already exists; name a new file"),
+        ("other.mcap", "already exists; name a new file"),
     ):
         with pytest.raises(StorageError, match=message):
             recover(source, tmp_path / name)

@@ -279,13 +279,17 @@ def refused(folder: Path, right: TrialConfig, frames: list[Frame]) -> Iterator[t
     (folder / "exists.mcap").write_text("mine")
     (folder / "text.mcap").write_text("no recording")
     new, config = str(folder / "new.mcap"), ["--config", str(right.path)]
-    yield [str(folder / "table.mcap"), "-o", new, *config], InputError, "holds no raw input to decode"
-    yield [str(folder / "bare.mcap"), "-o", new], InputError, "carries no configuration; give one with --config"
-    yield [str(folder / "foreign.mcap"), "-o", new], InputError, "holds a message that is no raw input of ours"
+    yield [str(folder / "table.mcap"), "-o", new, *config], InputError, "contains no raw input to decode"
+    yield [str(folder / "bare.mcap"), "-o", new], InputError, "contains no configuration; give one with --config"
+    yield (
+        [str(folder / "foreign.mcap"), "-o", new],
+        InputError,
+        "contains a message that is not a raw input of Seatrial",
+    )
     yield [str(folder / "text.mcap"), "-o", new, *config], InputError, "is not an MCAP recording"
     yield [str(folder / "none.mcap"), "-o", new], InputError, "does not exist"
     yield [str(recording), str(folder / "none.mcap"), "-o", new], InputError, "does not exist"
-    yield [str(recording), "-o", str(folder / "exists.mcap")], StorageError, "exists already"
+    yield [str(recording), "-o", str(folder / "exists.mcap")], StorageError, "already exists"
     yield [str(recording), "-o", str(folder / "text.mcap" / "new.mcap")], StorageError, "is a file, not a folder"
 
 

@@ -209,11 +209,11 @@ def test_what_nothing_carries_is_refused_with_a_way_out(
         (
             SINGLE_SCREW,
             LINE + "reduction_ratios = { rudder = 2.0 }\n",
-            "drives no shaft of the ship; hers are main",
+            "is not a shaft of the ship; its shafts are main",
         ),
         (SINGLE_SCREW, CAN + "reduction_ratios = { main = 0.0 }\n", "greater than 0"),
-        (SINGLE_SCREW, LINE + "thrusters = { main = 2 }\n", "TRD and TRC know no actuator main; hers are bow"),
-        (TWIN_SCREW, LINE + "thrusters = { port = 2 }\n", "TRD and TRC know no actuator port; hers are none"),
+        (SINGLE_SCREW, LINE + "thrusters = { main = 2 }\n", "there is no thruster main; hers are bow"),
+        (TWIN_SCREW, LINE + "thrusters = { port = 2 }\n", "there is no thruster port; hers are none"),
     ],
 )
 def test_settings_of_the_wrong_actuator_name_their_line(

@@ -77,13 +77,13 @@ def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> N
     [
         (standard(time=[time.rstrip("Z") for time in TIMES]), "row 1 of column 'time' has no zone"),
         (standard(time=[*TIMES[:3], "2026-05-17T12:00:03", TIMES[4]]), "row 4 of column 'time' has no zone"),
-        (standard(time=[*TIMES[:2], "noon", *TIMES[3:]]), "row 3 .* 'noon', which is no ISO 8601 time"),
+        (standard(time=[*TIMES[:2], "noon", *TIMES[3:]]), "row 3 .* 'noon', which is not an ISO 8601 time"),
         (standard(time=[*TIMES[:4], None]), "row 5 of column 'time' has no time"),
-        (standard(sway_mps=["1", "2", "fast", "4", "5"]), "row 3 of column 'sway_mps' is no number but 'fast'"),
+        (standard(sway_mps=["1", "2", "fast", "4", "5"]), "row 3 of column 'sway_mps' is not a number: 'fast'"),
         (standard(Heading=3.0), r"Heading \(did you mean heading_deg\?\).*--ignore-unknown"),
         (standard().drop(columns=["heading_deg", "tunnel_rpm"]), "no heading_deg, tunnel_rpm.*--allow-missing"),
         (standard().rename(columns={"time": "Time"}), "no column `time`.*Time"),
-        ("time,north_m\n", "holds no rows"),
+        ("time,north_m\n", "has no rows"),
         ("", "empty file"),
         ("time,north_m,north_m\n2026-05-17T12:00:00Z,1,2\n", "more than one column 'north_m'"),
         ("time,north_m\n2026-05-17T12:00:00Z,1,2,3\n", "no readable .csv"),
@@ -110,7 +110,7 @@ def test_a_recording_that_is_there_is_replaced_on_request_only(tmp_path: Path) -
     table, output = csv(tmp_path, standard()), tmp_path / "out.mcap"
     import_table(table, output)
     before = output.read_bytes()
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         import_table(table, output)
     assert output.read_bytes() == before
     import_table(table, output, force=True)
@@ -375,10 +375,10 @@ def test_rows_that_cannot_be_read_are_dropped_with_a_count_where_a_map_says_so(t
     series = read_recording(tmp_path / "out.mcap").series
     assert series["north_m"].value.tolist() == [0.0, 1.0, 5.0, 6.0, 7.0, 8.0, 9.0]
     assert series["surge_mps"].value.size == 6
-    with pytest.raises(InputError, match="row 5 of column 't' is no number but 'lost'"):
+    with pytest.raises(InputError, match="row 5 of column 't' is not a number: 'lost'"):
         read_table_file(path, column_map(tmp_path, RUDDER_MAP.replace('unreadable_rows = "drop"', "")))
     faulty["t"] = "lost"
-    with pytest.raises(InputError, match="holds no row that can be read: 10 without a time"):
+    with pytest.raises(InputError, match="has no readable row: 10 without a time"):
         read_table_file(packed(tmp_path, faulty), column_map(tmp_path, RUDDER_MAP))
 
 
@@ -387,7 +387,7 @@ def test_rows_that_cannot_be_read_are_dropped_with_a_count_where_a_map_says_so(t
     [
         ('kind = "rudder"', 'kind = "sail"', r"map\.toml, line \d+: actuator rudder: no kind 'sail'"),
         ("%d-%b", "%d-%Q", "line 13.*no time such as"),
-        ("main_rpm =", "port_rpm =", "port_rpm.*no channel of the ship whose actuators are main, rudder"),
+        ("main_rpm =", "port_rpm =", "port_rpm.*not a channel of a ship with actuators main, rudder"),
         ('zone = "Asia/Tokyo"', "", "in_name is for seconds, with a zone"),
     ],
 )

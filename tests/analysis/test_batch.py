@@ -207,7 +207,7 @@ def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("address", ["nonsense", "", "foo://x:1", "tcp://host", "tcp://host:port"])
 def test_an_address_that_is_none_is_one_error_at_once(one: Path, tmp_path: Path, address: str) -> None:
-    with pytest.raises(InputError, match="no address of a scheduler"):
+    with pytest.raises(InputError, match="not the address of a scheduler"):
         run_batch(one, tmp_path / "out", scheduler=address)
     assert not (tmp_path / "out").exists()
 
@@ -236,7 +236,7 @@ def test_folders_that_cannot_be_are_refused(one: Path, tmp_path: Path) -> None:
         run_batch(tmp_path / "nowhere", tmp_path / "out")
     with pytest.raises(InputError, match="is no folder"):
         run_batch(one / "trial_001.mcap", tmp_path / "out")
-    with pytest.raises(InputError, match="lie in the output folder"):
+    with pytest.raises(InputError, match="are in the output folder"):
         run_batch(one, tmp_path)
 
 
@@ -266,11 +266,11 @@ def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_p
     assert outcome.exit_code == 1
     assert json.loads(outcome.stdout) == {
         "recordings": 2, "done": 1, "reused": 0, "failed": 1,
-        "failures": [{"cause": "is an empty file; give a recording that holds data", "recordings": ["empty"]}],
+        "failures": [{"cause": "is empty; give a recording with data", "recordings": ["empty"]}],
         "gone": [],
         "index": str(tmp_path / "out" / "index.html"),
     }  # fmt: skip
-    assert outcome.stderr.splitlines()[0].startswith("1 failed: is an empty file")
+    assert outcome.stderr.splitlines()[0].startswith("1 failed: is empty")
 
 
 def start_command(folder: Path, out: Path, *arguments: str) -> subprocess.Popen[bytes]:

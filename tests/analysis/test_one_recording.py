@@ -146,7 +146,7 @@ def test_a_result_takes_an_earlier_ones_place_and_nothing_elses(recording: Path,
     assert json.loads((tmp_path / "out" / SUMMARY).read_text()) == second
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
-    with pytest.raises(StorageError, match="no result of an earlier batch"):
+    with pytest.raises(StorageError, match="not a result of an earlier batch"):
         process_recording(recording, tmp_path / "notes")
     assert (tmp_path / "notes" / "mine.txt").read_text() == "mine"
 
@@ -240,8 +240,8 @@ def test_a_thumbnail_has_north_up_and_east_to_the_right() -> None:
 
 
 def test_one_cause_reads_the_same_for_every_recording_that_has_it() -> None:
-    errors = [InputError("is an empty file", where=f"/data/{name}", fix="give another") for name in "ab"]
-    assert {cause_of(error) for error in errors} == {"is an empty file; give another"}
+    errors = [InputError("is empty", where=f"/data/{name}", fix="give another") for name in "ab"]
+    assert {cause_of(error) for error in errors} == {"is empty; give another"}
     with pytest.raises(ValueError, match="Expecting") as caught:
         json.loads("{")
     assert cause_of(caught.value).startswith("JSONDecodeError: ")

@@ -223,7 +223,7 @@ def dies(job: Any) -> Any:
 def test_wrong_folders_and_a_port_in_use_are_one_error(folder: Path, tmp_path: Path, season: Season) -> None:
     with pytest.raises(InputError, match="does not exist"), Season(tmp_path / "nowhere", tmp_path / "out"):
         pass
-    with pytest.raises(InputError, match="lie in the folder of the results"):
+    with pytest.raises(InputError, match="are in the folder of the results"):
         Season(folder, folder)
     (tmp_path / ".season.sqlite").write_text("no database")
     with pytest.raises(StorageError, match=r"cannot be used.*remove it"), Season(folder, tmp_path):
@@ -268,7 +268,7 @@ def test_a_table_that_is_sent_becomes_a_recording(sender: tuple[Sender, Path]) -
     assert len(read_recording(folder / "a_trial_b.mcap").series) == 13
     again = sending.send("a trial b.csv", table_text(30))
     assert again.status_code == 422
-    assert "is there already" in again.text
+    assert "already exists" in again.text
     assert read_recording(folder / "a_trial_b.mcap").series["north_m"].value.size == 60
     copied = sending.send("copy.mcap", (folder / "a_trial_b.mcap").read_bytes())
     assert copied.status_code == 200

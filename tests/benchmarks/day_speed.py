@@ -3,7 +3,7 @@
 Run as ``python tests/benchmarks/day_speed.py [HOURS] [FILE.mcap]``; two hours without arguments, 24 is the day of
 13 channels at 20 Hz, 22.5 million samples, which takes some ten minutes, half of them to write it. The channels
 never share a time, as sources of their own do not, so that the joined raw table would have a row for every sample.
-A FILE that is there already is used as it is.
+A FILE that already exists is used as it is.
 
 The steps run in a process of their own, whose peak memory is that of reading, resampling, smoothing and cutting
 windows. The smoother gets the 1 Hz table, for which the raw samples would be more than 2 GB as one table. The

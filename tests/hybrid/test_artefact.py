@@ -236,7 +236,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "half a second": (_edit("horizon_s", to=6.5), "horizon_s"),
     "a horizon as text": (_edit("horizon_s", to="6"), "horizon_s"),
     "other channels": (_edit("channels", to=[*NAMES, "roll_deg"]), "other channels.*roll_deg"),
-    "another past": (_edit("past_s", to=10), "know 10 s before their start"),
+    "another past": (_edit("past_s", to=10), "with 10 s before their start"),
     "other inputs": (_edit("calibrator", "inputs", 0, "name", to="moon"), "other inputs"),
     "no inputs": (_edit("calibrator", "inputs", to=[]), "other inputs"),
     "another mean": (_edit("calibrator", "inputs", 2, "mean", to=1e3), "not scaled as its weights"),
@@ -248,7 +248,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a heavier ship": (_edit("vessel", "numbers", "mass_kg", to=5e5), "not those of its hash"),
     "a ship without mass": (_edit("vessel", "numbers", to={}), "is missing"),
     "a ship with a table of masses": (_edit("vessel", "numbers", "mass_kg", to=[1.0]), "mass_kg has 1 columns"),
-    "a ship with a moon": (_edit("vessel", "numbers", "moon_m", to=1.0), "moon_m is no number of a plant"),
+    "a ship with a moon": (_edit("vessel", "numbers", "moon_m", to=1.0), "moon_m is not a number of a plant"),
     "no hash of the ship": (_edit("vessel", "sha256", to="?"), "vessel.sha256"),
     "no hash of the weights": (_edit("files", to={}), "hashes differ"),
     "another hash": (_edit("files", FILES[1], to="0" * 64), "data_driven.safetensors.*hashes differ"),
@@ -427,10 +427,10 @@ def test_a_failed_training_is_not_saved(tiny: Callable[..., TrainedCalibrator], 
 
 
 def test_no_folder_and_no_place_to_write(tiny: Callable[..., TrainedCalibrator], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is no trained calibrator"):
+    with pytest.raises(InputError, match="is not a trained calibrator"):
         load(tmp_path / "nowhere")
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="is no trained calibrator"):
+    with pytest.raises(InputError, match="is not a trained calibrator"):
         load(tmp_path / "file")
     with pytest.raises(StorageError, match="is a file, not a folder"):
         save(tiny(), tmp_path / "file" / "calibrator")

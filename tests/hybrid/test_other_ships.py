@@ -96,7 +96,7 @@ def test_model_of_another_ship_is_refused_by_name(ship: tuple[Path, str]) -> Non
     """A recording that names no ship has no model without --vessel; one of another ship is refused by actuators."""
     trial = ship[0].parent / "1.mcap"
     for use in (st.validate, st.diagnose):
-        with pytest.raises(InputError, match="names no ship; say with --vessel"):
+        with pytest.raises(InputError, match="names no ship; choose one of"):
             use(trial)
         with pytest.raises(InputError, match=rf"{ship[1]} \(azimuth\).* port \(azimuth\)"):
             use(trial, vessel="gunnerus_short")
@@ -137,5 +137,5 @@ def test_column_map_of_another_ship(ship: tuple[Path, str], tmp_path: Path) -> N
     assert set(summary.channels) == set(names)
     assert not summary.missing
     columns.write_text(columns.read_text().replace(f"[channels.{ship[1]}_rpm]", "[channels.mian_rpm]"))
-    with pytest.raises(ConfigurationError, match=r"mian_rpm .*is no channel of the ship"):
+    with pytest.raises(ConfigurationError, match=r"mian_rpm .*is not a channel of a ship"):
         import_table(foreign, tmp_path / "again.mcap", columns, vessel=ship[0])

@@ -81,7 +81,7 @@ def test_a_subset_keeps_what_belongs_together() -> None:
 
 
 def test_no_window_is_said() -> None:
-    with pytest.raises(DataShortageError, match="no held window"):
+    with pytest.raises(DataShortageError, match="no held windows"):
         windows_from_rows(rows_of([[0.0] * 4], 3).iloc[:0])
 
 

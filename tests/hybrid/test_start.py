@@ -74,7 +74,7 @@ def test_it_is_played_and_recorded(tmp_path: Path, command: Command) -> None:
 def test_nothing_is_written_over_unless_told(tmp_path: Path, command: Command) -> None:
     (tmp_path / "columns.toml").write_text("mine")
     refused = command("init", tmp_path)
-    assert (refused.code, "is there already" in refused.err) == (1, True)
+    assert (refused.code, "already exists" in refused.err) == (1, True)
     assert [path.name for path in tmp_path.iterdir()] == ["columns.toml"]
     assert command("init", tmp_path, "--force").code == 0
     assert (tmp_path / "columns.toml").read_text() != "mine"

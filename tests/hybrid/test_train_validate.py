@@ -115,7 +115,7 @@ def test_a_calibrator_judges_shorter_horizons_and_refuses_longer_ones(
     assert whole.region_m is not None
     assert found.region_m == pytest.approx(whole.region_m[:, :15])
     assert found.tracks == pytest.approx(whole.tracks["hybrid"][:, :16])
-    with pytest.raises(InputError, match="predicts 30 s at the most, not 45 s; say --horizon 30"):
+    with pytest.raises(InputError, match="predicts at most 30 s, not 45 s; use --horizon 30"):
         validate(load_dataset([unseen], 45, 5), plant, small)
 
 

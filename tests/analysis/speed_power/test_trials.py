@@ -127,7 +127,7 @@ def test_a_total_counts_alone_and_torque_needs_a_shaft_speed(table: pd.DataFrame
     assert power_columns(both) == {"": ("shaft_power_kw", "")}
     torque = table.drop(columns=["shaft_power_kw", "main_rpm"]).assign(port_shaft_torque_knm=1.0)
     assert power_columns(torque) == {}
-    with pytest.raises(InputError, match="has no power at a shaft"):
+    with pytest.raises(InputError, match="has no shaft power"):
         power_runs(torque)
 
 
@@ -169,7 +169,7 @@ def test_result_prints_draws_and_goes_to_json_and_back(found: SpeedPower) -> Non
     assert len(found.plot().axes) == 1
     asked = found.speed_at(5000.0)
     assert asked.low_mps < true_speed_mps(5000.0) < asked.high_mps
-    with pytest.raises(InputError, match="outside the runs"):
+    with pytest.raises(InputError, match="outside the range of the runs"):
         found.speed_at(50_000.0)
 
 

@@ -106,7 +106,7 @@ def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(t
     shown = json.loads((tmp_path / SHOWN).read_text())
     del shown["evidence"]
     (tmp_path / SHOWN).write_text(json.dumps(shown))
-    with pytest.raises(InputError, match=r"not what this version writes.*evidence"):
+    with pytest.raises(InputError, match=r"not written by this version.*evidence"):
         read_diagnosis(tmp_path)
 
 

@@ -106,7 +106,7 @@ def test_it_stays_within_its_bounds_and_comes_back_within_an_hour() -> None:
         region = region.after(error(number * HORIZON_S, 0.0), HORIZON_S)
     assert region.factor == pytest.approx(LARGEST_FACTOR)
     assert region.is_at_bound
-    assert "train anew" in str(region)
+    assert "train again" in str(region)
     for number in range(121, 241):
         region = region.after(error(number * HORIZON_S, 1.0 - 0.05**region.factor**2), HORIZON_S)
     assert region.factor < 1.1
