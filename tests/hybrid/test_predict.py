@@ -103,7 +103,7 @@ def test_a_calibrator_predicts_its_own_horizon_at_the_most(
     )
     assert part.track == pytest.approx(whole.track[: SMALL_HORIZON_S - 9], abs=1e-6)
     horizon_s = SMALL_HORIZON_S + 10
-    with pytest.raises(InputError, match=f"predicts {SMALL_HORIZON_S} s, not {horizon_s} s"):
+    with pytest.raises(InputError, match=f"predicts at most {SMALL_HORIZON_S} s, not {horizon_s} s"):
         predict(SecondBySecond(table), at(table, 300.0), horizon_s, plant, small)
 
 
