@@ -298,7 +298,7 @@ def test_a_gateway_whose_clock_was_never_set_takes_the_buss(tmp_path: Path) -> N
 def test_what_holds_nothing_says_what_it_looks_like(tmp_path: Path, data: bytes, message: str) -> None:
     """And leaves no recording behind."""
     written(tmp_path, data)
-    with pytest.raises(SourceError, match=rf"nothing in it can be recorded: .*{message}.*; understood are candump"):
+    with pytest.raises(SourceError, match=rf"nothing in it can be recorded: .*{message}.*; supported are candump"):
         recorded(tmp_path, 'type = "file"\npath = "a log"\n')
     assert list((tmp_path / "out").iterdir()) == []
 

@@ -84,9 +84,9 @@ def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> N
         (standard().drop(columns=["heading_deg", "tunnel_rpm"]), "no heading_deg, tunnel_rpm.*--allow-missing"),
         (standard().rename(columns={"time": "Time"}), "no column `time`.*Time"),
         ("time,north_m\n", "has no rows"),
-        ("", "empty file"),
+        ("", "is empty"),
         ("time,north_m,north_m\n2026-05-17T12:00:00Z,1,2\n", "more than one column 'north_m'"),
-        ("time,north_m\n2026-05-17T12:00:00Z,1,2,3\n", "no readable .csv"),
+        ("time,north_m\n2026-05-17T12:00:00Z,1,2,3\n", "not a readable .csv"),
     ],
 )
 def test_a_faulty_table_is_one_line_that_says_where(tmp_path: Path, table: pd.DataFrame | str, says: str) -> None:

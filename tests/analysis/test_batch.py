@@ -89,7 +89,7 @@ def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[Summar
         assert row["cause"]
         assert "\n" not in row["cause"]
     words = {
-        "empty": "empty file", "text": "not an MCAP", "no_channels": "holds no channel",
+        "empty": "is empty", "text": "not an MCAP", "no_channels": "holds no channel",
         "one_channel": "has no north_m",
         "no_position": "has no north_m, east_m", "heading_of_nan": "has no heading_deg", "folder": "is a folder",
         "wrong_magic": "not an MCAP", "damaged_chunk": "damaged",

@@ -217,7 +217,7 @@ def test_windows_out_of_the_models_range_are_left_out_and_counted(unseen: Path, 
     assert found.outside == 3
     assert len(found.windows) == len(dataset.windows) - 3
     fast[:, 0, 3] = 25.0
-    with pytest.raises(DataShortageError, match="leaves its range in every window"):
+    with pytest.raises(DataShortageError, match="leaves its valid range in every window"):
         within_model_range(replace(dataset.windows, past=fast), plant)
 
 
