@@ -174,8 +174,8 @@ def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     """
     if len(table) > MOST_ROWS:
         raise InputError(
-            f"has {len(table):,} rows, and a sheet of Excel holds {MOST_ROWS:,}", where=about["recording"],
-            fix="say --rate, or write .csv or .parquet",
+            f"has {len(table):,} rows, but an Excel sheet holds at most {MOST_ROWS:,}", where=about["recording"],
+            fix="use --rate, or write .csv or .parquet",
         )  # fmt: skip
     times = utc_index(table).as_unit("us").tz_localize(None)
     said = [
