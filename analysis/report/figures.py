@@ -43,7 +43,8 @@ def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:
     with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
         figure = Figure(figsize=size_inch)
         draw(figure)
-        figure.draw_without_rendering()
+        if (engine := figure.get_layout_engine()) is not None:
+            engine.execute(figure)
         figure.set_layout_engine("none")  # it is laid out, and would be again for each format
     return figure
 

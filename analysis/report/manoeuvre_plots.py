@@ -29,7 +29,7 @@ BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
 _DASHES = ("-", "--", ":", "-.")
 _MOST_IN_LEGEND = 14
-_MARGINS = {"left": 0.08, "right": 0.985, "bottom": 0.135, "top": 0.86, "hspace": 0.25, "wspace": 0.2}
+_MARGINS = {"left": 0.095, "right": 0.985, "bottom": 0.135, "top": 0.86, "hspace": 0.25, "wspace": 0.2}
 
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:

@@ -63,7 +63,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
     figure.colorbar(mesh, ax=list(grid[-1]), pad=0.01, label="time in a cell\n[s]")
     for row in grid:
         for axes, (_, y) in zip(row, planes, strict=True):
-            axes.set_ylabel(axis_title(y), fontsize=8)
+            axes.set_ylabel(axis_title(y).replace(" [", "\n["), fontsize=8)
 
 
 def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> QuadMesh:

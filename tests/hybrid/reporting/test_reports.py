@@ -119,7 +119,9 @@ def test_a_ship_without_a_model_has_a_report_of_her_own(circles: Path, tmp_path:
     assert "The trial meets IMO MSC.137(76) in all" in text
     assert re.search(r"tactical diameter.*?≤ 900", text, re.DOTALL)
     assert "Simulation model and trial compared" not in text
-    assert "the ship's length is not known" in " ".join(keeps_its_promises(reported(path), names_in(path)).split())
+    without = " ".join(keeps_its_promises(reported(path), names_in(path)).split())
+    assert "the ship's length is not known" in without
+    assert "The main dimensions of Example are not known" in without
 
 
 @pytest.mark.parametrize("kept", [["north_m", "east_m"], ["heading_deg"]])

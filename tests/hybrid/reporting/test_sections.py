@@ -172,6 +172,7 @@ def test_a_recording_that_lacks_channels_has_a_report_that_says_so(
     assert FAILED not in said, re.findall(f"{FAILED}[^<]*", said)
     assert "No predictions by a simulation model" in said
     assert "no vessel file for the ship that the recording names" in said
+    assert "The recording does not say which ship this is." in said
 
 
 def test_values_that_are_flagged_bad_do_not_count_unless_one_says_so(unseen: Path, tmp_path: Path) -> None:
