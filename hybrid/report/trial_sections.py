@@ -68,11 +68,13 @@ def unknown_ship(case: Case) -> str:
     costs = "Without its length no index is given in ship lengths, and no limit in lengths is judged."
     named = {each.recording.trial.vessel: None for each in case.products.values() if each.recording.trial.vessel}
     if not named:
-        return f"The recording does not say which ship this is. {costs} Please have it imported again with the ship's name."
-    lacks = (
-        f"The main dimensions of {join_words(list(named))} are not known, as there is no vessel file of that name."
+        to_do = "Please have it imported again with the ship's name."
+        return f"The recording does not say which ship this is. {costs} {to_do}"
+    ships = join_words(list(named))
+    return (
+        f"The main dimensions of {ships} are not known, as there is no vessel file of that name. {costs} "
+        "Please have the length between perpendiculars given for this report."
     )
-    return f"{lacks} {costs} Please have the length between perpendiculars given for this report."
 
 
 def _title_of(case: Case, name: str) -> str:
