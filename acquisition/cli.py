@@ -303,7 +303,7 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
     if at_terminal and not typer.confirm("import it so?", default=True, err=True):
         raise typer.Exit(1)
     if not at_terminal and not yes and not proposal.unanswered:
-        typer.echo("nothing is written: say --yes to import it so, --answer to correct it", err=True)
+        typer.echo("nothing was written: use --yes to accept the proposal, --answer to correct it", err=True)
         raise typer.Exit(1)
     return proposal
 

@@ -324,7 +324,7 @@ FAULTS: dict[str, tuple[str, str]] = {
     "no calibrator": ("validate {good} --calibrator {d}/nowhere", r"nowhere: is not a trained.*make one"),
     "a file for a calibrator": ("predict {good} --at +1 --calibrator {d}/file", r"file: is not a trained"),
     "a time outside": ("predict {good} --at +9999", r"is outside the recording; choose from"),
-    "a time that is none": ("predict {good} --at noon", r"'noon' is no time; write it like"),
+    "a time that is none": ("predict {good} --at noon", r"'noon' is not a time; write it like"),
     "a time without zone": ("predict {good} --at 2026-06-01T08:00:10", r"has no time zone; write it like"),
     "one recording twice": ("validate {good} {good}", r"is given twice"),
     "one recording twice in windows": ("windows {good} {good} -o {d}/w.parquet", r"is given twice"),

@@ -490,7 +490,7 @@ def _take_share(known: Known, found: Found, unit: str) -> None:
     given = draft.ask("full_scale" if wide else key, text, (), SKIP)
     if given is None or given == SKIP:
         draft.warnings.append(
-            f"{column!r} is in percent of an unknown full scale and left out; say --answer {key}=NUMBER"
+            f"{column!r} is in percent of an unknown full scale and left out; use --answer {key}=NUMBER"
         )
         draft.note(column, "-", "percent", "left out: percent of an unknown full scale")
         return

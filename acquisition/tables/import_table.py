@@ -209,10 +209,10 @@ def read_table_file(
     if long is not None:
         file = apply_column_map(raw, long, path)
         file = _for_ship(file, ship or actuators_in_columns(map(str, file.table), file.trial), raw)
-        fix = "give it a constant in a map (--columns), or say --allow-missing"
+        fix = "give it a constant in a map (--columns), or use --allow-missing"
     elif map_path is None:
         file = _standard(raw, ignore_unknown, ship)
-        fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
+        fix = "add the column, give it a constant in a map (--columns), or use --allow-missing"
     else:
         columns, declared = load_column_map(map_path)
         return _through_map(raw, columns, declared, map_path, ship, vessel, allow_missing)
@@ -294,7 +294,7 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
         name for name in given if name not in channels and name != "time" and not _is_ours(name, channels)
     )
     if unknown and not ignore_unknown:
-        ships = "; say whose actuators they are with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
+        ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
         raise InputError(
             f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}",
             where=str(raw.path),

@@ -216,7 +216,7 @@ def _seconds(draft: Draft, candidate: Candidate) -> tuple[str, ...]:
         "1970-01-01T00:00:00Z",
     )
     draft.warnings.append(
-        f"{column!r} counts from an unknown start, taken for 1970; say --answer start=2026-05-17T12:00:00Z"
+        f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
     )
     return _put(draft, column, entry, True, why)
 

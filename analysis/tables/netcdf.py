@@ -91,7 +91,7 @@ def remarks(table: pd.DataFrame, given: Mapping[str, str]) -> list[str]:
     said = []
     if unsaid:
         said.append(
-            f"not known: {', '.join(unsaid)}; say them in [trial] before recording or by --attribute NAME=VALUE"
+            f"not known: {', '.join(unsaid)}; give them in [trial] before recording or by --attribute NAME=VALUE"
         )
     if not places_of(table):
         instead = "north and east stand for them" if _local(table) else "nor has it positions in the plane"

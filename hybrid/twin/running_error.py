@@ -287,5 +287,5 @@ class RegionFactor:
         if abs(self.factor - 1.0) < 0.05:
             return "band as wide as the calibrator's"
         held = "held the ship too seldom" if self.factor > 1.0 else "was wider than needed"
-        beyond = ": as far as it goes, train anew" if self.is_at_bound else ""
+        beyond = ": at its limit, train again" if self.is_at_bound else ""
         return f"band {self.factor:.2g} times as wide as the calibrator's, which {held}{beyond}"

@@ -212,8 +212,8 @@ def test_what_nothing_carries_is_refused_with_a_way_out(
             "is not a shaft of the ship; its shafts are main",
         ),
         (SINGLE_SCREW, CAN + "reduction_ratios = { main = 0.0 }\n", "greater than 0"),
-        (SINGLE_SCREW, LINE + "thrusters = { main = 2 }\n", "there is no thruster main; hers are bow"),
-        (TWIN_SCREW, LINE + "thrusters = { port = 2 }\n", "there is no thruster port; hers are none"),
+        (SINGLE_SCREW, LINE + "thrusters = { main = 2 }\n", "there is no thruster main; the thrusters are bow"),
+        (TWIN_SCREW, LINE + "thrusters = { port = 2 }\n", "there is no thruster port; the thrusters are none"),
     ],
 )
 def test_settings_of_the_wrong_actuator_name_their_line(

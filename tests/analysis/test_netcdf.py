@@ -183,7 +183,7 @@ def test_netcdf_of_others_imports_of_either_format(tmp_path: Path) -> None:
     assert table["wind_speed_mps"].tolist() == [1.0, 2.0]
     assert table.index[1] == pd.Timestamp("2026-01-01T12:00:00Z")
     (tmp_path / "new.nc").write_bytes(b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(InputError, match=r"no readable \.nc"):
+    with pytest.raises(InputError, match=r"not a readable \.nc"):
         import_table(tmp_path / "new.nc", tmp_path / "new.mcap")
 
 

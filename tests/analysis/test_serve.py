@@ -279,7 +279,7 @@ def test_what_is_refused_leaves_nothing_and_says_why(sender: tuple[Sender, Path]
     sending, folder = sender
     refused = {
         "junk.mcap": (b"junk", "not an MCAP"), "junk.csv": (b"\0\1", "junk.csv"),
-        "program.py": (b"print()", "no kind"), "...": (b"x", "invalid file name"),
+        "program.py": (b"print()", "unknown file type"), "...": (b"x", "invalid file name"),
     }  # fmt: skip
     for name, (content, why) in refused.items():
         answer = sending.send(name, content)

@@ -260,9 +260,9 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "swapped with their hashes": (_swap_with_hashes, "the weights are not those of paper"),
     "empty weights": (_write(FILES[0], b""), "hashes differ"),
     "weights that are no number": (
-        _weights(lambda each: each["network.0.bias"].__setitem__(3, float("nan"))), "network.0.bias.*no number"),
+        _weights(lambda each: each["network.0.bias"].__setitem__(3, float("nan"))), "network.0.bias.*not a number"),
     "an endless weight": (
-        _weights(lambda each: each["network.0.bias"].__setitem__(3, float("inf"))), "network.0.bias.*no number"),
+        _weights(lambda each: each["network.0.bias"].__setitem__(3, float("inf"))), "network.0.bias.*not a number"),
     "a layer too few": (_weights(lambda each: each.pop("network.0.bias")), "weights are not those of paper"),
     "a wrong layer": (
         _weights(lambda each: each.update({"network.0.bias": np.zeros(3)})), "weights are not those of paper"),
@@ -421,7 +421,7 @@ def test_a_full_disk_leaves_the_old_one(
 def test_a_failed_training_is_not_saved(tiny: Callable[..., TrainedCalibrator], tmp_path: Path) -> None:
     trained = tiny()
     trained.calibrator.state_dict()["network.0.weight"][0, 0] = np.nan
-    with pytest.raises(InputError, match=r"is no number.*train anew"):
+    with pytest.raises(InputError, match=r"is not a number.*train again"):
         save(trained, tmp_path)
     assert not list(tmp_path.iterdir())
 

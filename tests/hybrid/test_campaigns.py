@@ -182,5 +182,5 @@ def test_the_command_makes_and_resumes(tmp_path: Path) -> None:
 
 
 def test_an_address_that_is_none_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no address"):
+    with pytest.raises(InputError, match="not the address"):
         run_campaign(SMALL, tmp_path, scheduler="the big one")
