@@ -46,7 +46,7 @@ def print_scores(kind: str, every: list[dict[str, Any]]) -> None:
     done = [result for result in every if "said" in result]
     print(f"\n{kind}: {len(done)} trials, {len(every) - len(done)} refused")
     print(f"  named, and nothing else: {share(done, exact)}")
-    print(f"  wrong name outright: {share(done, silently_wrong)}")
+    print(f"  wrong name: {share(done, silently_wrong)}")
     if kind == _NOTHING:
         return
     inside = [each for result in done for each in result["held"]]

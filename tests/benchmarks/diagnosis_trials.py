@@ -26,7 +26,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="diagnosis_trials", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of results, one JSON line a case")
     parser.add_argument("--size", choices=get_args(Size), default="small")
-    parser.add_argument("--only", action="append", choices=GROUPS, help="a group; may be given several times")
+    parser.add_argument("--only", action="append", choices=GROUPS, help="a group; may be repeated")
     parser.add_argument("--every", type=int, default=1, help="take every so many cases of each group only")
     parser.add_argument("--done", action="store_true", help="only write the page of what has been done")
     parser.add_argument("--workers", type=int, default=2)

@@ -26,7 +26,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="hidden_in_measured", description=__doc__)
     parser.add_argument("folder", type=Path, help="the recordings, in folders by manoeuvre")
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of results, one JSON line a case")
-    parser.add_argument("--only", action="append", choices=list(KINDS), help="a kind; may be given several times")
+    parser.add_argument("--only", action="append", choices=list(KINDS), help="a kind; may be repeated")
     parser.add_argument("--parts", type=int, default=3, help="into so many the recordings are dealt")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--done", action="store_true", help="only print the tables of what has been done")

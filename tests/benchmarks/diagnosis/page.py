@@ -62,7 +62,7 @@ def write_page(results: Sequence[Result], none: Mapping[str, str], size: Size, p
             catalogue=VERSION,
             effects=len(CATALOGUE),
         ),
-        _table(("score", "result", "asked for"), _scores(results)),
+        _table(("score", "result", "target"), _scores(results)),
         ABOUT,
     ]
     if path is not None:

@@ -31,18 +31,22 @@ def scores(results: Sequence[Result]) -> list[Row]:
     return [
         ("the right name, or a group with it", str(Share(said.count("right"), len(said))), "85 %"),
         (
-            "the right name, and none besides that is not always said",
+            "the right name, and no other beyond those always named",
             str(Share(alone, len(said))),
             "",
         ),
-        ("a wrong name outright", str(Share(said.count("wrong"), len(said))), "at most 5 %"),
+        ("a wrong name", str(Share(said.count("wrong"), len(said))), "at most 5 %"),
         ("rightly named: share of the gap, median", f"{np.median(shares):.2f}" if shares else "-", "0.8"),
         (
             "rightly named: at least 0.8 of the gap",
             str(Share(sum(each >= 0.8 for each in shares), len(shares))),
             "",
         ),
-        ("nothing taken out: nothing named, or it helps elsewhere", str(Share(sum(better), len(none))), "11 of 13"),
+        (
+            "nothing removed: nothing named, or it improves the other parts",
+            str(Share(sum(better), len(none))),
+            "11 of 13",
+        ),
         ("another ship's hull: at most 1.2 of the good model's error", str(Share(sum(good), len(ships))), ""),
     ]
 
@@ -81,5 +85,5 @@ def table(head: Row, rows: Sequence[Row]) -> str:
 
 def page(results: Sequence[Result]) -> str:
     """Scores and cases as they stand on the page."""
-    columns = ("hidden", "recordings", "said", "", "as it is", "own return", "as diagnosed", "closed")
-    return f"{table(('score', 'result', 'asked for'), scores(results))}\n\n{table(columns, cases(results))}\n"
+    columns = ("hidden", "recordings", "diagnosis", "", "altered", "restored", "as diagnosed", "closed")
+    return f"{table(('score', 'result', 'target'), scores(results))}\n\n{table(columns, cases(results))}\n"
