@@ -61,7 +61,7 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The initial state: ``mean`` [states] and ``covariance`` [states, states]."""
+    """The initial state: ``mean`` [states], or [stretches, states], and ``covariance`` [states, states]."""
 
     mean: Floats
     covariance: Floats

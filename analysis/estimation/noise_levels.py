@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
 from analysis.estimation.likelihood import ScoringSettings, most_likely, robust_cost
 from analysis.estimation.motion_model import (
@@ -41,7 +40,7 @@ LEAST = {"position_m": 1e-4, "heading_rad": 1e-5, "speed_mps": 1e-4, "yaw_rate_r
 LEAST_JERK, MOST_JERK = 1e-7, 1e2
 _CALM, _WAVY = 3, 6  # parameters without waves, and with waves but without direction
 _LONGEST_WAVE_S, _DAMPINGS = 20.0, (0.02, 0.6)
-_STARTS, _MOST_VIEWS = 2, 12
+_STARTS = 2
 _JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 _WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # starts of the search for waves, m/s and rad/s
@@ -135,14 +134,16 @@ def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevel
     parts = _stretches(data)
     first = _first_levels(data)
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
-    alone = [(heading_steps(part, 1.0, 1.0), first_state(part)) for part in parts]
-    turning = Search(alone, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
+    start = Start(np.array([first_state(part).mean for part in parts]), first_state(data).covariance)
+    edges = np.cumsum([0, *(part.time_s.size for part in parts)])
+    alone = _joined([heading_steps(part, 1.0, 1.0) for part in parts])
+    turning = Search(alone, edges, start, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
                       (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), rules, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
-    given = [_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts]
-    moving = Search([(steps, start) for steps, start, _ in given], (1, 2), np.array([0, 0, 1, 1]), noise,
-                     (LEAST["position_m"], LEAST["speed_mps"]), rules, [added for *_, added in given])  # fmt: skip
+    given, added = zip(*(_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts), strict=True)
+    moving = Search(_joined(given), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
+                     (LEAST["position_m"], LEAST["speed_mps"]), rules, np.concatenate(added))  # fmt: skip
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
@@ -173,6 +174,14 @@ def _stretches(data: MotionSamples) -> list[MotionSamples]:
     return [data.part(start, start + STEPS_OF_STRETCH) for start in first]
 
 
+def _joined(parts: Sequence[Steps]) -> Steps:
+    """The steps of all stretches, one after the other."""
+    time_s, value, row, variance = (
+        np.concatenate([getattr(each, name) for each in parts]) for name in ("time_s", "value", "row", "variance")
+    )
+    return Steps(time_s, value, row, variance, parts[0].turn, parts[0].jumps)
+
+
 def _first_levels(data: MotionSamples) -> Floats:
     """An initial estimate of each channel's noise [channels], from second differences."""
     levels = []
@@ -197,15 +206,14 @@ def noise_of(values: Floats, apart: int = 1) -> float:
     return float(noise)
 
 
-def _given_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Start, Floats]:
-    """The horizontal steps of a part with unit noise, their start, and the variance that the heading adds."""
+def _given_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Floats]:
+    """The horizontal steps of a part with unit noise, and the variance that the heading adds."""
     model = yaw.heading_model
     steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)
     track = smooth_steps(steps, first_state(part).for_model(model), model, gate, "compiled")
     heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
     everything = motion_steps(part, heading[:, 0], np.ones(6))
-    plain = horizontal_steps(everything, heading)
-    return plain, first_state(part), everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0]
+    return horizontal_steps(everything, heading), everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0]
 
 
 def _calm(search: Search) -> tuple[Floats, float]:
@@ -238,23 +246,23 @@ def _with_direction(search: Search, wavy: Floats) -> Floats:
     return found if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
 
 
-Parts = Sequence[tuple[Steps, Start]]
-
-
 @dataclass(frozen=True)
 class Search:
-    """The search for two noise levels, a jerk and waves, for steps given with unit noise.
+    """The search for two noise levels, a jerk and waves, for ``steps`` given with unit noise.
 
-    ``level_of`` [channels] assigns levels to channels, ``added`` is additional variance, by part.
+    The stretches begin and end at ``edges`` [stretches + 1] and start at the means of ``start`` [stretches, 9].
+    ``level_of`` [channels] assigns levels to channels, ``added`` [steps, channels] is additional variance.
     """
 
-    parts: Parts
+    steps: Steps
+    edges: Ints
+    start: Start
     quantities: tuple[int, ...]
     level_of: NDArray[np.int64]
     first: Floats
     least: tuple[float, float]
     gate: Gate
-    added: Sequence[Floats] = ()
+    added: Floats | float = 0.0
     order: int = 2
 
     def cost(self, logs: Floats) -> float:
@@ -275,54 +283,16 @@ class Search:
         laws = [law for some in each for law in some]
         quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
         model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
-        steps, starts = self._view(model)
-        steps = replace(steps, variance=self._joined.variance * levels[self.level_of] ** 2 + self._added)
-        covariance = self.parts[0][1].for_model(model).covariance
-        innovation, variance = innovations_of(steps, starts, covariance, self._edges, model, self.gate)
-        return innovation[self._there], variance[self._there]
-
-    def _view(self, model: Model) -> tuple[Steps, Floats]:
-        """Steps and starts in a model's states, which depend only on its number of processes and its direction."""
-        key = len(model.laws), model.direction_rad
-        if key not in self._views:
-            if len(self._views) > _MOST_VIEWS:
-                self._views.clear()
-            starts = np.array([start.for_model(model).mean for _, start in self.parts])
-            self._views[key] = self._joined.for_model(model), starts
-        return self._views[key]
-
-    @cached_property
-    def _views(self) -> dict[tuple[int, float], tuple[Steps, Floats]]:
-        """The cache of :meth:`_view`."""
-        return {}
-
-    @cached_property
-    def _joined(self) -> Steps:
-        """The steps of all parts in one."""
-        every = [steps for steps, _ in self.parts]
-        time_s, value, row, variance = (
-            np.concatenate([getattr(each, name) for each in every])
-            for name in ("time_s", "value", "row", "variance")
-        )
-        return Steps(time_s, value, row, variance, every[0].turn, every[0].jumps)
-
-    @cached_property
-    def _there(self) -> NDArray[np.bool_]:
-        return np.isfinite(self._joined.value)
-
-    @cached_property
-    def _edges(self) -> NDArray[np.int64]:
-        """Where parts begin, and the end [parts + 1]."""
-        return np.cumsum([0, *(steps.time_s.size for steps, _ in self.parts)])
-
-    @cached_property
-    def _added(self) -> Floats | float:
-        return np.concatenate(list(self.added)) if self.added else 0.0
+        steps, start = self.steps.for_model(model), self.start.for_model(model)
+        steps = replace(steps, variance=steps.variance * levels[self.level_of] ** 2 + self.added)
+        innovation, variance = innovations_of(steps, start.mean, start.covariance, self.edges, model, self.gate)
+        there = np.isfinite(steps.value)
+        return innovation[there], variance[there]
 
     @property
     def count(self) -> int:
         """How many values there are."""
-        return int(self._there.sum())
+        return int(np.isfinite(self.steps.value).sum())
 
     @property
     def first_logs(self) -> Floats:
@@ -332,7 +302,8 @@ class Search:
     @property
     def shortest_wave_s(self) -> float:
         """The shortest wave period that the steps can separate from noise: three steps."""
-        return 3.0 * float(np.median(np.diff(self.parts[0][0].time_s))) if self.parts[0][0].time_s.size > 1 else 3.0
+        time_s = self.steps.time_s[: self.edges[1]]
+        return 3.0 * float(np.median(np.diff(time_s))) if time_s.size > 1 else 3.0
 
     @property
     def wave_bounds(self) -> Floats:
