@@ -26,10 +26,10 @@ from analysis.quality.findings import (
     Finding,
     clock_jump_finding,
     findings_of,
-    initial_flags,
     merge_flags,
     other_convention_finding,
     time_outlier_finding,
+    uniform_flags,
 )
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.motion.checks import check_motion
@@ -301,9 +301,8 @@ def own_check(name: str) -> Check:
             with own_code(name, file_of(function)):
                 return _result(function(table.copy()), table)
         except OwnCodeError as error:
-            return CheckResult(
-                initial_flags(table), (Finding("check_failed", "", index[0], index[-1], str(error)),)
-            )
+            failed = Finding("check_failed", "", index[0], index[-1], str(error))
+            return CheckResult(uniform_flags(table), (failed,))
 
     return check
 
@@ -314,4 +313,4 @@ def _result(found: object, table: pd.DataFrame) -> CheckResult:
     findings = tuple(found) if isinstance(found, Iterable) else (found,)
     if not all(isinstance(each, Finding) for each in findings):
         raise TypeError(f"it returned a {type(found).__name__}, not a list of analysis.quality.findings.Finding")
-    return CheckResult(initial_flags(table), findings)
+    return CheckResult(uniform_flags(table), findings)

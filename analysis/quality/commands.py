@@ -18,7 +18,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from analysis.quality.findings import CheckResult, Finding, initial_flags
+from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from analysis.quality.samples import (
     Samples,
     jackknife_error,
@@ -27,7 +27,6 @@ from analysis.quality.samples import (
     runs,
     runs_of_equal,
     samples_of,
-    set_flags,
 )
 from analysis.tables.table import table_actuators, table_controls, utc_index
 
@@ -62,12 +61,12 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
     ``ramps``. The values within a ramp, its first excepted, are flagged suspect.
     """
     names = tuple(name for name in table_controls(table) if name in table)
-    flags, index, findings = initial_flags(table, names), utc_index(table), []
+    flags, index, findings = uniform_flags(table, names), utc_index(table), []
     for name in names:
         series = samples_of(table, name)
         ramps = order_ramps(table, name, series)
         inside = mask_of_runs(ramps.first + 1, ramps.last, series.rows.size)
-        set_flags(flags, name, series.rows, series.rows[inside], Quality.SUSPECT)
+        mark(flags, name, series.rows[inside], Quality.SUSPECT)
         if ramps.first.size:
             findings.append(_order_finding(name, index, series, ramps))
     return CheckResult(flags, tuple(findings))
@@ -174,16 +173,14 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
     per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft gives it.
     """
     names = tuple(name for name in table_controls(table) if name in table)
-    flags, findings = initial_flags(table, names), []
+    flags, findings = uniform_flags(table, names), []
     scaled = {finding.channel: finding for finding in _percent_scaled(table)}
     for name in names:
         series = samples_of(table, name)
         first, stop = frozen_stretches(table, name, series)
-        rows = _inside(series, first, stop)
-        set_flags(flags, name, series.rows, series.rows, Quality.SUSPECT if name in scaled else Quality.GOOD)
-        column = flags[name].to_numpy(copy=True)
-        column[rows] = Quality.BAD
-        flags[name] = column
+        if name in scaled:
+            mark(flags, name, series.rows, Quality.SUSPECT)
+        mark(flags, name, _inside(series, first, stop), Quality.BAD)
         if first.size:
             findings.append(_frozen_finding(table, name, series, first, stop))
     return CheckResult(flags, (*findings, *scaled.values()))
@@ -324,10 +321,9 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
     said.
     """
     judged = [each for each in table_actuators(table) if _is_judged(each, table)]
-    flags = initial_flags(table, ())
     if not all(name in table and table[name].notna().any() for name in _NEEDED):
-        return CheckResult(flags)
-    return CheckResult(flags, tuple(filter(None, (_finding(table, each) for each in judged))))
+        judged = []
+    return CheckResult(uniform_flags(table), tuple(filter(None, (_finding(table, each) for each in judged))))
 
 
 def _is_judged(actuator: Actuator, table: pd.DataFrame) -> bool:

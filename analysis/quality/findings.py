@@ -7,7 +7,7 @@ single channels found stands in one finding a channel and code, or in one for al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Series
+from acquisition.core.arrays import Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality
 from analysis.quality.samples import Stretch
@@ -74,13 +74,17 @@ Check = Callable[[pd.DataFrame], CheckResult]
 """A check across channels: from the joined table of raw samples, in the order of measured time."""
 
 
-def initial_flags(table: pd.DataFrame, names: tuple[str, ...] = ()) -> pd.DataFrame:
-    """Flags before a check: missing where ``table`` has no value, else not evaluated."""
-    columns = {
-        name: np.where(table[name].isna(), Quality.MISSING, Quality.NOT_EVALUATED).astype(np.uint8)
-        for name in names
-    }
+def uniform_flags(table: pd.DataFrame, names: Iterable[str] = (), flag: Quality = Quality.GOOD) -> pd.DataFrame:
+    """Flags of some channels: missing where ``table`` has no value, else all the same."""
+    columns = {name: np.where(table[name].isna(), Quality.MISSING, flag).astype(np.uint8) for name in names}
     return pd.DataFrame(columns, index=table.index)
+
+
+def mark(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None:
+    """Give some rows of a channel a flag, in place."""
+    column = flags[name].to_numpy(copy=True)
+    column[rows] = flag
+    flags[name] = column
 
 
 _PRECEDENCE = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD, Quality.MISSING)

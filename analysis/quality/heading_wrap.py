@@ -16,7 +16,8 @@ from scipy import special
 from acquisition.core.angles import difference, wrap_360
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import BY_NAME, is_circular
-from analysis.quality.findings import CheckResult, Finding, initial_flags
+from acquisition.core.frames import Quality
+from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from analysis.quality.samples import (
     Samples,
     median_step_s,
@@ -24,7 +25,6 @@ from analysis.quality.samples import (
     runs,
     runs_of_equal,
     samples_of,
-    set_flags,
 )
 from analysis.tables.table import table_controls, utc_index
 
@@ -55,13 +55,13 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     """
     judged = (name for name in (*_ALWAYS_JUDGED, *table_controls(table)) if is_judged(table, name))
     names = tuple(name for name in judged if name in table)
-    flags, index, findings = initial_flags(table, names), utc_index(table), []
+    flags, index, findings = uniform_flags(table, names), utc_index(table), []
     for name in names:
         series = _possible(table, name)
         wrong, places = _wrong_samples(table, name, series)
-        set_flags(flags, name, series.rows, series.rows[wrong])
+        rows = series.rows[wrong]
+        mark(flags, name, rows, Quality.BAD)
         if places:
-            rows = series.rows[wrong]
             findings.append(_finding(name, index[rows[0]], index[rows[-1]], rows.size, places))
     return CheckResult(flags, tuple(findings))
 

@@ -1,4 +1,4 @@
-"""The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps, flags.
+"""The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps.
 
 Checks of one channel work on its samples in the order of receipt (:class:`acquisition.core.arrays.Series`), checks
 across channels on its samples in the rows of the joined table (:class:`Samples`).
@@ -17,7 +17,6 @@ from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import is_setting
-from acquisition.core.frames import Quality
 from analysis.tables.table import NANO, seconds_of, times_ns
 
 ASSUMED = "assumed"
@@ -174,11 +173,3 @@ def ratios_without_each(numerators: NDArray[Any], denominators: NDArray[Any]) ->
     """The ratio of the sums of n parts, each part left out in turn: [n], as a jackknife wants it."""
     left = np.maximum(denominators.sum() - denominators, 1e-12)
     return np.asarray((numerators.sum() - numerators) / left)
-
-
-def set_flags(flags: pd.DataFrame, name: str, judged: Ints, wrong: Ints, flag: Quality = Quality.BAD) -> None:
-    """Write into a check's ``flags``: the ``judged`` rows of a channel are good, the ``wrong`` get ``flag``."""
-    column = flags[name].to_numpy(copy=True)
-    column[judged] = Quality.GOOD
-    column[wrong] = flag
-    flags[name] = column

@@ -17,7 +17,7 @@ from scipy import special
 from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.frames import Quality
-from analysis.quality.findings import CheckResult, Finding, initial_flags
+from analysis.quality.findings import CheckResult, Finding, uniform_flags
 from analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
 from analysis.tables.table import NANO, seconds_of, utc_index
 
@@ -48,16 +48,13 @@ def check_wind(table: pd.DataFrame) -> CheckResult:
     Wind that was assumed, not measured, is passed over.
     """
     names = tuple(name for name in JUDGED if name in table)
-    flags = initial_flags(table, names)
     blocks = _blocks(table)
     if blocks is None:
-        return CheckResult(flags)
+        return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
     finding = _apparent(table, blocks) or _offset(table, blocks)
-    for name in names:
-        column = flags[name].to_numpy(copy=True)
-        column[table[name].notna().to_numpy()] = Quality.SUSPECT if finding else Quality.GOOD
-        flags[name] = column
-    return CheckResult(flags, (finding,) if finding else ())
+    if finding is None:
+        return CheckResult(uniform_flags(table, names))
+    return CheckResult(uniform_flags(table, names, Quality.SUSPECT), (finding,))
 
 
 def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:

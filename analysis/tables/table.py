@@ -280,6 +280,16 @@ def times_ns(table: pd.DataFrame) -> NDArray[np.int64]:
     return utc_index(table).asi8
 
 
+Span = tuple[pd.Timestamp, pd.Timestamp]
+"""Beginning and end, in UTC."""
+
+
+def span_of(table: pd.DataFrame) -> Span:
+    """The first and the last time of a table."""
+    index = utc_index(table)
+    return index.min(), index.max()
+
+
 def seconds_of(table: pd.DataFrame) -> Floats:
     """The table's times [s] after its first row, in the order of its rows."""
     time_ns = times_ns(table)

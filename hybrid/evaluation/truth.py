@@ -27,7 +27,7 @@ from acquisition.core.progress import Progress
 from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
 from analysis.kinematics import integrate, to_earth
-from analysis.quality.motion.checks import SMALLEST
+from analysis.quality.motion.checks import LIMITS
 from hybrid.prediction.kalman_filter import LEAP_M
 from hybrid.prediction.prediction_windows import PredictionWindows, row_numbers
 from hybrid.prediction.scores import Interval, LegBootstrap, distances
@@ -35,7 +35,7 @@ from hybrid.vessel.channels import STATE_UNITS
 
 TRUTHS = ("position", "dead_reckoning", "joined")
 
-UNSEEN_SHARE = float(np.hypot(SMALLEST["speed_factor"], SMALLEST["heading_offset_rad"]))
+UNSEEN_SHARE = float(np.hypot(LIMITS["speed_factor"].least, LIMITS["heading_offset_rad"].least))
 """Errors of speed and heading, as a share of the distance sailed, that ``seatrial check`` would not find."""
 
 

@@ -27,7 +27,7 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
-from analysis.quality.findings import CheckResult, Finding, initial_flags
+from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from analysis.quality.motion.coarse import coarse_fit, contradiction_finding
 from analysis.quality.motion.jitter import (
     SMALLEST_POSITION_JITTER_S,
@@ -36,7 +36,7 @@ from analysis.quality.motion.jitter import (
     position_jitter_finding,
     stamp_jitter,
 )
-from analysis.quality.motion.jumps import PositionJump, flag_displaced, jump_finding, position_jumps
+from analysis.quality.motion.jumps import PositionJump, displaced, jump_finding, position_jumps
 from analysis.quality.motion.kinematics import (
     CHANCE,
     NAMES,
@@ -47,7 +47,7 @@ from analysis.quality.motion.kinematics import (
     widen_by_parts,
 )
 from analysis.quality.motion.series import GROUPS, MOTION
-from analysis.tables.table import utc_index
+from analysis.tables.table import Span, span_of
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_ARM_M = 0.5
@@ -72,37 +72,36 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     positions that jumped and returned. Where a motion channel is missing or the trial is too short for 5 blocks of
     40 s, nothing is evaluated and nothing found.
     """
-    flags = initial_flags(table, tuple(name for name in MOTION if name in table))
+    names = [name for name in MOTION if name in table]
     try:
         coarse = coarse_fit(table)
         if coarse.contradiction:
-            return _with_flags(flags, table, (contradiction_finding(table, coarse),), ())
+            return _flagged(table, (contradiction_finding(table, coarse),))
         fit = fit_kinematics(table, coarse)
     except (DataShortageError, InputError):
-        return CheckResult(flags)
+        return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
     if not fit.converged:
-        return _with_flags(flags, table, (_diverged_finding(table),), ())
-    return _with_flags(flags, table, findings_of(table, fit), position_jumps(table, fit))
+        return _flagged(table, (_diverged_finding(table),))
+    return _flagged(table, findings_of(table, fit), position_jumps(table, fit))
 
 
 def _diverged_finding(table: pd.DataFrame) -> Finding:
     """The finding for a fit that ran against its bounds."""
-    index = utc_index(table)
     return Finding(
-        "motion_contradiction", "north_m", index.min(), index.max(),
+        "motion_contradiction", "north_m", *span_of(table),
         "Positions, heading, speeds and yaw rate tell of no one motion, and nothing that was tried explains it",
         "Check signs, units and axes of the motion channels.",
     )  # fmt: skip
 
 
-def _with_flags(
-    flags: pd.DataFrame, table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...]
+def _flagged(
+    table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
 ) -> CheckResult:
-    flags = flags.where(flags != Quality.NOT_EVALUATED, int(Quality.GOOD)).astype(np.uint8)
-    for finding in findings:
-        for name in _stamped_with(finding.channel):
-            flags[name] = flags[name].where(flags[name] != Quality.GOOD, int(Quality.SUSPECT)).astype(np.uint8)
-    flag_displaced(flags, table, jumps)
+    flags = uniform_flags(table, MOTION)
+    suspect = {name for finding in findings for name in _stamped_with(finding.channel)}
+    flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
+    for name in GROUPS["north_m"]:
+        mark(flags, name, np.flatnonzero(displaced(table, jumps) & table[name].notna().to_numpy()), Quality.BAD)
     return CheckResult(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
 
 
@@ -119,19 +118,17 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
 
 
 def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
-    index = utc_index(table)
-    start, end = index.min(), index.max()
-    jitter = stamp_jitter(table, fit)
+    span, jitter = span_of(table), stamp_jitter(table, fit)
     explanation = explain_delays(fit, jitter.variance_s2 if jitter.beyond(SMALLEST_POSITION_JITTER_S) else 0.0)
     found = [
-        speed_scale(fit, start, end),
-        yaw_rate_scale(fit, start, end),
-        yaw_rate_bias(fit, start, end),
-        heading_offset(fit, start, end),
-        *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
-        _arm(explanation, fit, start, end),
-        position_jitter_finding(jitter, start, end),
-        heading_jitter_finding(heading_jitter(table, fit), start, end),
+        speed_scale(fit, span),
+        yaw_rate_scale(fit, span),
+        yaw_rate_bias(fit, span),
+        heading_offset(fit, span),
+        *(_delay(explanation, cause, fit, span) for cause in explanation.causes if cause in GROUPS),
+        _arm(explanation, fit, span),
+        position_jitter_finding(jitter, span),
+        heading_jitter_finding(heading_jitter(table, fit), span),
     ]
     return tuple(each for each in found if each is not None)
 
@@ -159,9 +156,7 @@ def _with_positions(table: pd.DataFrame) -> list[str]:
     return [name for name in (*_GEOGRAPHIC, *same) if name in table]
 
 
-def _delay(
-    explanation: Explanation, cause: str, fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp
-) -> Finding | None:
+def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span) -> Finding | None:
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
@@ -179,7 +174,7 @@ def _delay(
     if not steady:
         text += "; it is not the same throughout the recording"
     found = Finding(
-        "channel_delay", cause, start, end, text, "`--repair` takes it off the stamps.",
+        "channel_delay", cause, *span, text, "`--repair` takes it off the stamps.",
         {"seconds": seconds, "low": low, "high": high}, certain=steady and not explanation.rivals,
     )  # fmt: skip
     return _in_band(found, _band_of_cause(explanation, cause, fit))
@@ -222,7 +217,7 @@ _SIDES = {"forward": ("forward", "aft"), "starboard": ("to starboard", "to port"
 """Where something is measured whose size is above zero, and below."""
 
 
-def _arm(explanation: Explanation, fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | None:
     sizes = {cause: explanation.size(cause) for cause in ("forward", "starboard") if cause in explanation.causes}
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
@@ -234,7 +229,7 @@ def _arm(explanation: Explanation, fit: Kinematics, start: pd.Timestamp, end: pd
     )
     metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in _SIDES}
     found = Finding(
-        "position_offset", "north_m", start, end, f"The positions are measured {where} of the speeds",
+        "position_offset", "north_m", *span, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
     return _in_band(found, _band_of_cause(explanation, main, fit))
@@ -309,57 +304,56 @@ def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Ex
     return Explanation(causes, sizes, errors, float(left @ inverse @ left))
 
 
-SMALLEST = {
-    "speed_factor": 0.005,
-    "yaw_rate_factor": 0.01,
-    "yaw_rate_bias_radps": np.deg2rad(0.02),
-    "heading_offset_rad": np.deg2rad(0.3),
-}
-_SYSTEMATIC = {
-    "speed_factor": 2e-4,
-    "yaw_rate_factor": 5e-4,
-    "yaw_rate_bias_radps": np.deg2rad(5e-4),
-    "heading_offset_rad": np.deg2rad(0.01),
-}
-"""What sampling and interpolation may do, as standard deviations: no interval is narrower."""
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When a figure is reported: its ``neutral`` value, the ``least`` difference from it that matters, and what
+    sampling and interpolation may do, as a standard deviation (of a factor in proportion): no interval is narrower.
+    """
 
+    neutral: float
+    least: float
+    systematic: float
+
+
+LIMITS = {
+    "speed_factor": Limits(1.0, 0.005, 2e-4),
+    "yaw_rate_factor": Limits(1.0, 0.01, 5e-4),
+    "yaw_rate_bias_radps": Limits(0.0, np.deg2rad(0.02), np.deg2rad(5e-4)),
+    "heading_offset_rad": Limits(0.0, np.deg2rad(0.3), np.deg2rad(0.01)),
+}
 _CERTAIN_HALF_WIDTH = 0.005
 
 
-def _interval(fit: Kinematics, name: str) -> tuple[float, float]:
+def _reported(fit: Kinematics, name: str) -> tuple[float, float, float] | None:
+    """A figure and its 95 % interval; None where it does not differ from its neutral value significantly, or not by
+    enough to matter."""
+    value, limits = fit.value(name), LIMITS[name]
+    systematic = limits.systematic * (abs(value) if limits.neutral else 1.0)
+    critical = quantile(1.0 - 0.5 * CHANCE, fit.believed.informative[NAMES.index(name)])
+    error = float(np.hypot(fit.standard_error(name), systematic))
+    if abs(value - limits.neutral) <= max(limits.least, critical * error):
+        return None
     low, high = fit.interval(name)
-    half = float(np.hypot(0.5 * (high - low), 1.96 * _systematic(fit, name)))
-    return fit.value(name) - half, fit.value(name) + half
+    half = float(np.hypot(0.5 * (high - low), 1.96 * systematic))
+    return value, value - half, value + half
 
 
-def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
-    """Whether a figure differs from its neutral value significantly, and by enough to matter."""
-    away = abs(fit.value(name) - neutral)
-    critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
-    return bool(away > max(SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
-
-
-def _systematic(fit: Kinematics, name: str) -> float:
-    """The systematic standard deviation of a figure; of a factor in proportion to it."""
-    return float(_SYSTEMATIC[name] * (abs(fit.value(name)) if name.endswith("factor") else 1.0))
-
-
-def speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def speed_scale(fit: Kinematics, span: Span) -> Finding | None:
     """The factor of surge and sway against the rate of the positions."""
     factor = fit.value("speed_factor")
     how = (
         f"are {_percent_off(factor)} too {'low' if factor > 1.0 else 'high'} for" if factor > 0.0 else "run against"
     )
-    found = Finding("speed_scale", "surge_mps", start, end, f"Surge and sway {how} the rate of the positions")
+    found = Finding("speed_scale", "surge_mps", *span, f"Surge and sway {how} the rate of the positions")
     return _with_factor(found, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
-def yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
     """The factor of the yaw rate against the turns of the heading."""
     factor = fit.value("yaw_rate_factor")
     how = f"{_percent_off(factor)} {'less' if factor > 1.0 else 'more'} than the heading turns"
     text = f"The yaw rate reads {how if factor > 0.0 else 'against the turns of the heading'}"
-    found = Finding("yaw_rate_scale", "yaw_rate_dps", start, end, text)
+    found = Finding("yaw_rate_scale", "yaw_rate_dps", *span, text)
     return _with_factor(found, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
 
 
@@ -374,14 +368,15 @@ def _with_factor(
 
     A factor whose interval holds that nothing is wrong is not applied.
     """
-    if not _clear(fit, name, 1.0):
+    reported = _reported(fit, name)
+    if reported is None:
         return None
-    factor, (low, high) = fit.value(name), _interval(fit, name)
+    factor, low, high = reported
     unit = unit_of(factor, units, low, high)
     text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
-    if fit.half_between[NAMES.index(name)] > max(SMALLEST[name], 2.0 * fit.standard_error(name)):
+    if fit.half_between[NAMES.index(name)] > max(LIMITS[name].least, 2.0 * fit.standard_error(name)):
         text += "; it is not the same throughout the recording"
     remedy = f"Multiply {what} by {factor:.4f}."
     if unit is not None and not unit.sure:
@@ -396,38 +391,35 @@ def _with_factor(
     return _in_band(found, fit.band_hz(name, 1.0))
 
 
-def yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def yaw_rate_bias(fit: Kinematics, span: Span) -> Finding | None:
     """What the yaw rate reads while the heading stays [deg/s]."""
-    name = "yaw_rate_bias_radps"
-    if not _clear(fit, name):
+    reported = _reported(fit, "yaw_rate_bias_radps")
+    if reported is None:
         return None
-    figures = np.array([fit.value(name), *_interval(fit, name)])
-    bias, high, low = (-180.0 / np.pi / fit.value("yaw_rate_factor") * figures).tolist()
-    text = f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})"
+    bias, high, low = (-180.0 / np.pi / fit.value("yaw_rate_factor") * np.array(reported)).tolist()
     found = Finding(
-        "yaw_rate_bias", "yaw_rate_dps", start, end, text, "Subtract it, and set the gyro's zero.",
-        {"bias_dps": bias, "low": low, "high": high},
+        "yaw_rate_bias", "yaw_rate_dps", *span,
+        f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})",
+        "Subtract it, and set the gyro's zero.", {"bias_dps": bias, "low": low, "high": high},
     )  # fmt: skip
-    return _in_band(found, fit.band_hz(name))
+    return _in_band(found, fit.band_hz("yaw_rate_bias_radps"))
 
 
-def heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def heading_offset(fit: Kinematics, span: Span) -> Finding | None:
     """The heading against course and drift angle [deg]."""
-    name = "heading_offset_rad"
-    if not _clear(fit, name):
+    reported = _reported(fit, "heading_offset_rad")
+    if reported is None:
         return None
-    angle, low, high = np.rad2deg([fit.value(name), *_interval(fit, name)]).tolist()
+    angle, low, high = np.rad2deg(reported).tolist()
     astern = ", unless surge and sway have the wrong sign" if abs(angle) > 175.0 else ""
-    text = (
-        f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
-        f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}"
-    )
     found = Finding(
-        "heading_offset", "heading_deg", start, end, text,
+        "heading_offset", "heading_deg", *span,
+        f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
+        f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}",
         "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
         {"angle_deg": angle, "low": low, "high": high},
     )  # fmt: skip
-    return _in_band(found, fit.band_hz(name))
+    return _in_band(found, fit.band_hz("heading_offset_rad"))
 
 
 _MATCHES = 0.005

@@ -20,7 +20,7 @@ from acquisition.core.arrays import Complexes, Floats
 from analysis.kinematics import integrate
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
-from analysis.tables.table import require, utc_index
+from analysis.tables.table import require, span_of
 
 _WINDOW_S = 10.0
 _LONG_S = 60.0
@@ -82,10 +82,9 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
 
 def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
     """The contradiction that a coarse fit found; ``estimate`` has the share of the moves left unexplained."""
-    index = utc_index(table)
     text = f"Positions, heading and speeds tell of no one motion: {coarse.left:.0%} of the way is left over;"
     return Finding(
-        "motion_contradiction", coarse.channel, index.min(), index.max(), f"{text} {coarse.contradiction}",
+        "motion_contradiction", coarse.channel, *span_of(table), f"{text} {coarse.contradiction}",
         "Mend signs and units where the channels are recorded; nothing else can be told of them until then.",
         {"left": coarse.left},
     )  # fmt: skip

@@ -25,6 +25,7 @@ from analysis.quality.motion.jumps import PositionErrors, position_errors
 from analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile
 from analysis.quality.motion.series import GROUPS, group_samples, rotate, turn_model
 from analysis.quality.samples import jackknife_error, ratios_without_each
+from analysis.tables.table import Span
 
 SMALLEST_POSITION_JITTER_S = 0.15
 _SHORT_S = 30.0
@@ -147,21 +148,19 @@ def _about_straight_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
     return np.asarray((values - slope[stretch] * place) * np.sqrt(some / np.maximum(count - 2, 1))[stretch])
 
 
-def position_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def position_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
     """The finding of positions whose stamps jitter, None where they do not by enough to matter."""
     if not jitter.beyond(SMALLEST_POSITION_JITTER_S):
         return None
     how = f"The positions err along the way, with {jitter.ratio:.0f} times the variance across: their stamps"
     remedy = "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile."
-    return _finding("position_time_jitter", "north_m", jitter, how, remedy, start, end)
+    return _finding("position_time_jitter", "north_m", jitter, how, remedy, span)
 
 
-def _finding(
-    code: str, channel: str, jitter: Jitter, how: str, remedy: str, start: pd.Timestamp, end: pd.Timestamp
-) -> Finding:
+def _finding(code: str, channel: str, jitter: Jitter, how: str, remedy: str, span: Span) -> Finding:
     low, high = jitter.interval()
     text = f"{how} jitter by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
-    return Finding(code, channel, start, end, text, remedy, {"seconds": jitter.seconds, "low": low, "high": high})
+    return Finding(code, channel, *span, text, remedy, {"seconds": jitter.seconds, "low": low, "high": high})
 
 
 _SMALLEST_S = 0.1
@@ -228,7 +227,7 @@ def integrated_yaw_rate_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Flo
     """
     from scipy.interpolate import CubicSpline
 
-    rate, parameters = fit.motion.yaw_rate, fit.parameters[6:]
+    rate, parameters = fit.motion.yaw_rate, fit.believed.parameters[6:]
     grid_s = np.arange(rate.time_s[0], rate.time_s[-1], fit.motion.step_s)
     turned, slopes = turn_model(fit.motion, grid_s)(parameters)
     times = np.clip(heading_time_s - parameters[2], grid_s[0], grid_s[-1])
@@ -353,7 +352,7 @@ def _slopes(sums: Floats, least: float) -> Floats:
     return np.asarray(np.where(still < least, through, slope))
 
 
-def heading_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def heading_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
     """The finding of headings whose stamps jitter, None where they do not by enough to matter."""
     if not is_certain(jitter):
         return None
@@ -365,4 +364,4 @@ def heading_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timestam
         "Take the compass's own times; the integrated yaw rate is the better guide to the shape of a turn until"
         " then, and --rebuild-positions takes it."
     )
-    return _finding("heading_time_jitter", "heading_deg", jitter, how, remedy, start, end)
+    return _finding("heading_time_jitter", "heading_deg", jitter, how, remedy, span)

@@ -18,7 +18,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
-from acquisition.core.frames import Quality
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import (
     GROUPS,
@@ -155,7 +154,7 @@ class PositionErrors:
 
 def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     """Errors of the raw positions about the fitted path, without outliers."""
-    motion, parameters = fit.motion, fit.parameters[:6]
+    motion, parameters = fit.motion, fit.believed.parameters[:6]
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
     path, slopes = path_model(motion, grid_s)(parameters)
     raw = group_samples(table, GROUPS["north_m"])
@@ -213,7 +212,7 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
     smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
     jumps = [
-        (float(time_s[place] + fit.parameters[2]), size)
+        (float(time_s[place] + fit.believed.parameters[2]), size)
         for place, size in _lasting_steps(error, width, interval_s, smallest_m)
         if _recorded_throughout(time_s, place, width, interval_s, fit)
     ]
@@ -296,11 +295,9 @@ def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
     )  # fmt: skip
 
 
-def flag_displaced(flags: pd.DataFrame, table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> None:
-    """Mark positions bad, in place, from a jump until they return."""
-    time_s = seconds_of(table)
+def displaced(table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> Bools:
+    """Which rows lie between a jump and its return."""
+    time_s, away = seconds_of(table), np.zeros(len(table), dtype=bool)
     for jump in jumps:
-        if jump.returns:
-            away = (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
-            for name in ("north_m", "east_m"):
-                flags.loc[away & (flags[name] != Quality.MISSING).to_numpy(), name] = int(Quality.BAD)
+        away |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
+    return away

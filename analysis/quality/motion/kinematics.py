@@ -113,29 +113,12 @@ class Kinematics:
             np.where(self.slowly, slow.informative, every.informative),
         )
 
-    @property
-    def parameters(self) -> Floats:
-        return self.believed.parameters
-
-    @property
-    def covariance(self) -> Floats:
-        return self.believed.covariance
-
-    @property
-    def informative(self) -> Floats:
-        """The effective number of blocks for each parameter [9]."""
-        return self.believed.informative
-
     @cached_property
     def standard_errors(self) -> Floats:
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def correlation(self) -> Floats:
-        return self.covariance / np.outer(self.standard_errors, self.standard_errors)
+        return np.sqrt(np.diag(self.believed.covariance))
 
     def value(self, name: str) -> float:
-        return float(self.parameters[NAMES.index(name)])
+        return float(self.believed.parameters[NAMES.index(name)])
 
     def standard_error(self, name: str) -> float:
         return float(self.standard_errors[NAMES.index(name)])
@@ -151,7 +134,7 @@ class Kinematics:
 
     def interval(self, name: str) -> tuple[float, float]:
         """The 95 % interval, by Student's t for its effective number of blocks, or for parts that differ."""
-        half = quantile(0.975, self.informative[NAMES.index(name)]) * self.standard_error(name)
+        half = quantile(0.975, self.believed.informative[NAMES.index(name)]) * self.standard_error(name)
         half = max(half, float(self.half_between[NAMES.index(name)]))
         return self.value(name) - half, self.value(name) + half
 
@@ -246,7 +229,7 @@ def _slow_is_better(slow: Solution, every: Solution, alike: Floats) -> bool:
 def _within_bounds(fit: Kinematics) -> bool:
     """Whether factors, angle and bias are within the range in which the linearised fit is valid, or may be."""
     places = [0, 1, 6, 7]
-    away = np.abs(fit.parameters - [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])[places]
+    away = np.abs(fit.believed.parameters - [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])[places]
     return bool((away < np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])).all())
 
 
@@ -357,7 +340,7 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
     if len(parts) < _FEWEST_PARTS:
         return fit
     half = _half_between(
-        np.array([part.parameters for part in parts]), np.array([_variance(part) for part in parts])
+        np.array([part.believed.parameters for part in parts]), np.array([_variance(part) for part in parts])
     )
     half[0] *= abs(coarse.speed_factor)
     half[6] *= abs(coarse.yaw_rate_factor)
@@ -380,7 +363,7 @@ def _half_between(values: Floats, variance: Floats) -> Floats:
 
 def _variance(part: Kinematics) -> Floats:
     """Variances of a part's parameters, widened for few blocks as Student's t is at 95 %."""
-    wider = np.array([quantile(0.975, each) / 1.96 for each in part.informative])
+    wider = np.array([quantile(0.975, each) / 1.96 for each in part.believed.informative])
     return np.asarray((part.standard_errors * wider) ** 2 + _ALIKE**2)
 
 
