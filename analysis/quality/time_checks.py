@@ -17,7 +17,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints, Series
 from acquisition.core.channels import POSE_AND_VELOCITY
 from analysis.kinematics import to_earth
-from analysis.quality.samples import white_noise
+from analysis.quality.samples import interval_ns, white_noise
 from analysis.tables.table import NANO, times_ns
 
 _IRREGULAR, _MOST_PLACES = 0.3, 200
@@ -193,9 +193,7 @@ def _offset_steps(measured: Ints, received: Ints, half: int = 20) -> list[ClockJ
     offset = (measured - received) / NANO
     if offset.size < 4 * half:
         return []
-    interval = (
-        float(np.median(np.diff(received)[np.diff(received) > 0])) / NANO if np.any(np.diff(received)) else 0.0
-    )
+    interval = interval_ns(received) / NANO
     windows = np.lib.stride_tricks.sliding_window_view(offset, half)
     low, middle, high = (np.quantile(windows, share, axis=1) for share in (0.1, 0.5, 0.9))
     step = middle[half:] - middle[:-half]
