@@ -22,7 +22,7 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.units import scale_to
 from acquisition.tables import unit_evidence as evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
-from acquisition.tables.column_map import from_text
+from acquisition.tables.column_map import from_text, is_south_or_west
 from acquisition.tables.derived_columns import heading_of_quaternion, rate
 from acquisition.tables.draft import SKIP, Candidate, Draft
 from acquisition.tables.motion_evidence import Fit, agreement, fit, increments, integrals, means, restlessness
@@ -170,11 +170,11 @@ def _take_position(
 ) -> None:
     draft = known.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": told[0]}
-    for place, name, word in ((0, "north_south", "S"), (1, "east_west", "W")):
+    for place, name in ((0, "north_south"), (1, "east_west")):
         for letters in draft.of(name)[:1]:
             entry[name] = letters.column
             said = draft.raw.columns[letters.column].astype("str").str.strip().str.upper()
-            degrees[place] = np.where(said.eq(word), -degrees[place], degrees[place])
+            degrees[place] = np.where(is_south_or_west(said), -degrees[place], degrees[place])
             draft.note(letters.column, f"{name} of the position", "", "letters")
     numbers = draft.numbers(latitude.column)
     if missing := [each for each in (91.0, 181.0) if np.any(numbers == each)]:
@@ -206,6 +206,18 @@ def _read_plane(known: Known) -> None:
     if north and east:
         for name, each in zip(_POSITION, (north, east), strict=True):
             _take(known, name, each, (each.units or ("m",))[0], why)
+            _count_from_start(known, name)
+
+
+def _count_from_start(known: Known, name: str) -> None:
+    """Positions of a grid such as UTM, millions of metres, count from about where they begin."""
+    values = known.series[name]
+    first = next(iter(values[np.isfinite(values)]), 0.0)
+    if abs(first) > BY_NAME[name].high:
+        known.channels[name]["offset"] = -1000.0 * round(first / 1000.0)
+        known.series[name] = values + known.channels[name]["offset"]
+        column = known.channels[name]["column"]
+        known.draft.warnings.append(f"{column!r} counts from {1000 * round(first / 1000.0):,} m, as grids do (UTM)")
 
 
 def _is_x_east(known: Known, x: Candidate, y: Candidate) -> bool | None:

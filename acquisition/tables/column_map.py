@@ -26,7 +26,7 @@ from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channel import Channel
 from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
@@ -413,16 +413,28 @@ def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> F
     column = (
         asked.raw.columns[asked.known(letters, ("position", "north_south"))].astype("str").str.strip().str.upper()
     )
-    return np.where(column.isin(["S", "W"]), -values, values)
+    return np.where(is_south_or_west(column), -values, values)
+
+
+def is_south_or_west(letters: pd.Series[Any]) -> Bools:
+    """Which letters of hemispheres are south or west. O is west beside E (oeste, ouest, ovest), in the letters or
+    in the name of their column, and east beside W (Ost). Raises :class:`InputError` where neither is there."""
+    beside = set(letters) | set(re.findall(r"(?<![A-Z])[EW](?![A-Z])", str(letters.name).upper()))
+    if "O" in beside and not beside & {"E", "W"}:
+        raise InputError(
+            f"column {letters.name!r} has the letter O, which is east in some languages and west in others",
+            fix="write E and W",
+        )
+    return np.asarray(letters.isin(["S", "W"] if "W" in beside else ["S", "W", "O"]))
 
 
 def from_text(column: pd.Series[Any]) -> Floats:
     """Degrees of text such as 62°28.146'N, 62 28 08.8 N, N62.469 or -62.469. NaN for what is none."""
     text = column.astype("str").str.strip().str.upper().str.replace(",", ".", regex=False)
-    letter = text.str.extract(r"([NSEW])", expand=False)
+    letter = text.str.extract(r"([NSEWO])", expand=False)
     parts = text.str.extract(r"(-?\d+(?:\.\d+)?)(?:\D+?(\d+(?:\.\d+)?))?(?:\D+?(\d+(?:\.\d+)?))?").astype(float)
     size = parts[0].abs() + parts[1].fillna(0.0) / 60.0 + parts[2].fillna(0.0) / 3600.0
-    negative = letter.isin(["S", "W"]) ^ text.str.contains(r"^\D*-\d")
+    negative = is_south_or_west(letter.rename(str(column.name))) ^ text.str.contains(r"^\D*-\d")
     return np.asarray(np.where(negative, -size, size), dtype=float)
 
 

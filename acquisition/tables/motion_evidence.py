@@ -108,5 +108,6 @@ def restlessness(seconds: Floats, vector: np.ndarray, grid: Floats) -> float:
 
 def _usable(seconds: Floats, values: Floats) -> Bools:
     there = np.isfinite(seconds) & np.isfinite(values)
-    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(np.where(there, seconds, -np.inf))) > 0.0])
+    latest = np.maximum.accumulate(np.where(there, seconds, -np.inf))
+    forward = np.concatenate([[True], latest[1:] > latest[:-1]])
     return np.asarray(there & forward)

@@ -21,6 +21,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.tables.unit_names import is_unit_cell
+from acquisition.tables.vocabulary import LETTERS
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -32,6 +33,7 @@ NOT_AVAILABLE = (
 _DELIMITERS = (";", "\t", "|", ",")
 _PROBE_LINES = 60
 _COMMENT = "#%"
+_CODE_PAGES, _PROBE_LETTERS = ("cp1252", "cp932", "gb18030"), 4000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
@@ -50,14 +52,16 @@ class Layout:
 
 
 def decode(content: bytes) -> str:
-    """The text of a file: by its byte order mark, else UTF-8, else the code page of western Windows."""
+    """The text of a file: by its byte order mark, else UTF-8, else the code page by which it holds most letters of
+    known names: that of western Windows, Japan or China."""
     for mark, encoding in ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16")):
         if content.startswith(mark):
             return content.decode(encoding)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace")
+        texts = [content.decode(page, errors="replace") for page in _CODE_PAGES]
+        return max(texts, key=lambda text: sum(letter in LETTERS for letter in text[:_PROBE_LETTERS]))
 
 
 def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:

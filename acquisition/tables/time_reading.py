@@ -27,6 +27,7 @@ _COMPACT = re.compile(r"(?P<d>(19|20)\d{6})(?P<gap>[T_ -]?)(?P<t>\d{6})?([.,]\d+
 _MUCH = 10.0  # a month in the place of a day makes a day a month
 _LONGEST_TRIAL_D = 15.0
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
+_OFFSET = re.compile(r"(?:UTC|GMT)\s*(?P<sign>[+-])\s*(?P<h>\d{1,2})(?::?00)?(?![\d:])", re.IGNORECASE)
 _LOCAL_WORDS = frozenset(["local", "lt", "localtime", "lokal", "lokalzeit", "ortszeit", "bordzeit", "locale"])
 _NAME_FORMS = (
     "%Y-%m-%d_%H-%M-%S", "%Y-%m-%d_%H_%M_%S", "%Y-%m-%dT%H-%M-%S", "%Y-%m-%d_%H%M%S", "%Y%m%d_%H%M%S",
@@ -237,7 +238,12 @@ def _put(
         words = frozenset(
             re.findall(r"[a-z]+", f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}".lower())
         )
-        if words & _UTC_WORDS and "zone" not in draft.answers:
+        offset = _OFFSET.search(f"{column} {draft.raw.units.get(column, '')}")
+        if offset and int(offset["h"]) and "zone" not in draft.answers:
+            # Etc/GMT-2 is two hours ahead of UTC (POSIX)
+            entry["zone"] = f"Etc/GMT{'-' if offset['sign'] == '+' else '+'}{int(offset['h'])}"
+            why = f"{why}; {offset[0]} by its name"
+        elif words & _UTC_WORDS and "zone" not in draft.answers:
             entry["zone"], why = "UTC", f"{why}; UTC by its name"
         else:
             default = None if words & _LOCAL_WORDS else "UTC"

@@ -9,20 +9,22 @@ from typing import NamedTuple
 _NAMES: dict[str, str] = {
     "deg": "deg degs degree degrees ° º deg. grad degrees_true degrees_north degrees_east degree_north degree_east"
     " degrees_n degrees_e degt deg_t °t deg(t) deg_true deg_rel deg_mag °_true °_rel gradi grados graus"
-    " grader degrees_t °true dd decimal_degrees decdeg",
+    " grader degrees_t 度 °true dd decimal_degrees decdeg",
     "rad": "rad rads radian radians radianer",
     "degE7": "dege7 1e-7deg deg*1e7",
     "ddmm": "dmm ddm ddmm ddmm.mmmm dddmm.mmmm ddmm.mmm dddmm.mmm ddmm.mm ddmmm deg_min deg-min degmin °'",
-    "m/s": "m/s mps ms-1 m.s-1 m*s-1 m_s m_s-1 m·s-1 m/sec meter/s metre/s m/sek mtr/s m_per_s",
+    "m/s": "m/s 米/秒 mps ms-1 m.s-1 m*s-1 m_s m_s-1 m·s-1 m/sec meter/s metre/s m/sek mtr/s m_per_s",
     "knots": "kn kt kts knot knots knoten knop knots. noeud noeuds nd nds nudo nudos nodo nodi no nos"
     " sm/h nmi/h nm/h",
     "km/h": "km/h kmh kph km/t kmt km/hr",
     "cm/s": "cm/s",
     "mm/s": "mm/s",
-    "deg/s": "deg/s °/s deg/sec dps deg_s-1 deg.s-1 grad/s °/sec deg_s º/s grader/s degrees/s degree/s degree_s-1",
-    "deg/min": "deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min",
+    "deg/s": "deg/s °/s deg/sec dps deg_s-1 deg.s-1 grad/s °/sec deg_s º/s grader/s degrees/s degree/s degree_s-1"
+    " 度/秒",
+    "deg/min": "度/分 deg/min °/min deg/m dpm °/m grad/min deg_min-1 °/minute deg/minute º/min degrees/min",
     "rad/s": "rad/s rad/sec rads-1 rad.s-1 rad_s rad_s-1 radians/s",
-    "rpm": "rpm 1/min min-1 /min u/min r/min upm o/min tr/min omdr/min rev/min giri/min min^-1 r.p.m. rpm. omw/min",
+    "rpm": "rpm 1/min min-1 /min u/min r/min upm o/min tr/min omdr/min rev/min giri/min min^-1 r.p.m. rpm. omw/min"
+    " 转/分 回転/分",
     "rps": "rps 1/s s-1 r/s hz rev/s u/s tr/s s^-1 n/s",
     "percent": "% pct percent prosent prozent procent pourcent per_cent %_max pc porcentaje por_ciento",
     "m": "m meter meters metre metres mtr mts metros metri",

@@ -705,3 +705,116 @@ def test_published_recordings_are_understood_as_their_maps_have_them(
         np.testing.assert_allclose(ours[name].to_numpy(), theirs[name].to_numpy(), atol=1e-9, err_msg=name)
     steps = [np.diff(pd.DatetimeIndex(table.index).as_unit("ns").asi8) for table in (ours, theirs)]
     np.testing.assert_array_equal(*steps)
+
+
+HEADS = {
+    "cp932": "日時(UTC),緯度[deg],経度[deg],船首方位[deg],対地速力[knot],対地針路[deg],回頭角速度[deg/min],"
+    "舵角[deg],プロペラ回転数[rpm]",
+    "gb18030": "时间(UTC),纬度,经度,艏向(°),对地航速(kn),对地航向(°),转艏角速度(°/min),舵角(°),主轴转速(r/min)",
+    "utf-16": "时间(UTC),纬度,经度,艏向(°),对地航速(节),对地航向(°),转艏角速度(度/分),舵角(度),螺旋桨转速(转/分)",
+    "cp1252": "Zeitstempel (UTC),Breitengrad,Längengrad,Steuerkurs [°],Geschw. ü. G. [kn],Kurs ü. G. [°],"
+    "Wendegeschw. [°/min],Ruderlage [°],Wellendrehz. [1/min]",
+    "utf-8": "Horodatage UTC,Latitude,Longitude,Cap vrai (°),Vitesse fond (nds),Route fond (°),"
+    "Taux de giration (°/mn),Angle de barre (°),Régime arbre (tr/min)",
+}
+
+
+@pytest.mark.parametrize("encoding", HEADS)
+def test_heads_of_yards_in_their_languages_and_code_pages(tmp_path: Path, encoding: str) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "time": truth.local().strftime("%Y/%m/%d %H:%M:%S"), "lat": truth.latitude_deg,
+            "lon": truth.longitude_deg, "hdg": truth.heading_deg, "sog": truth.speed_over_ground_mps / KNOT,
+            "cog": truth.course_over_ground_deg, "rot": 60.0 * truth.yaw_rate_dps, "rudder": truth.rudder,
+            "rpm": truth.rpm,
+        }
+    )  # fmt: skip
+    frame.columns = pd.Index(HEADS[encoding].split(","))
+    path = text(tmp_path / "table.csv", frame, float_format="%.7f", encoding=encoding)
+    _, found = imported(path)
+    assert_true(found, truth, f"{PLACES} {MOTION} {CONTROLS} speed_over_ground_mps", 2e-3)
+
+
+@pytest.mark.parametrize(("head", "east", "west"), [("E/O", "E", "O"), ("O/W", "O", "W"), ("E/W", "E", "W")])
+@pytest.mark.parametrize("longitude", [73.1, -73.1])
+def test_o_is_west_beside_e_and_east_beside_w(
+    tmp_path: Path, head: str, east: str, west: str, longitude: float
+) -> None:
+    """Oeste, ouest and ovest are west, Ost is east: a hemisphere read wrongly mirrors the track."""
+    truth = Truth(place=(-36.8, longitude))
+    frame = pd.DataFrame(
+        {
+            "UTC": truth.local().strftime("%Y-%m-%d %H:%M:%S"), "Lat": np.abs(truth.latitude_deg), "N/S": "S",
+            "Lon": np.abs(truth.longitude_deg), head: east if longitude > 0.0 else west,
+            "Heading": truth.heading_deg,
+        }
+    )  # fmt: skip
+    proposal, found = imported(text(tmp_path / "table.csv", frame, float_format="%.8f"))
+    assert_true(found, truth, f"{PLACES} heading_deg", 2e-3)
+    assert not proposal.warnings
+
+
+def test_an_o_that_may_be_east_or_west_is_not_guessed(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame({"UTC": truth.local().strftime("%Y-%m-%d %H:%M:%S"), "Lat": [f"{x:.6f} N" for x in
+                          truth.latitude_deg], "Lon": [f"{x:.6f} O" for x in truth.longitude_deg]})  # fmt: skip
+    with pytest.raises(InputError, match="east in some languages and west in others"):
+        imported(text(tmp_path / "table.csv", frame))
+
+
+@pytest.mark.parametrize(("said", "hours"), [("UTC+2", 2), ("UTC -03:00", -3), ("GMT+1", 1), ("UTC+0", 0)])
+def test_an_offset_from_utc_in_the_head_is_taken_off(tmp_path: Path, said: str, hours: int) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            f"Time ({said})": (truth.local() + pd.Timedelta(hours=hours)).strftime("%Y-%m-%d %H:%M:%S"),
+            "Lat": truth.latitude_deg, "Lon": truth.longitude_deg, "Heading": truth.heading_deg,
+        }
+    )  # fmt: skip
+    proposal, found = imported(text(tmp_path / "table.csv", frame, float_format="%.8f"))
+    assert_true(found, truth, f"{PLACES} heading_deg", 2e-3)
+    assert not proposal.warnings
+
+
+def test_positions_of_a_grid_count_from_where_they_begin(tmp_path: Path) -> None:
+    """Six million metres of a northing in UTM are no position out of range."""
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "Time (UTC)": truth.local().strftime("%Y-%m-%d %H:%M:%S"), "Easting (m)": 400_000.0 + truth.east_m,
+            "Northing (m)": 6_384_400.0 + truth.north_m, "Heading (rad)": np.deg2rad(truth.heading_deg),
+            "Prop (rps)": truth.rpm / 60.0,
+        }
+    )  # fmt: skip
+    proposal, found = imported(text(tmp_path / "table.csv", frame, float_format="%.6f"))
+    assert any("UTM" in each for each in proposal.warnings)
+    assert_true(found, truth, "heading_deg propeller_rpm=rpm", 1e-2)
+    for name in ("north_m", "east_m"):
+        moved = found[name] - found[name].iloc[0]
+        assert float(np.max(np.abs(moved - truth.table[name].to_numpy()))) < 1e-3
+
+
+def test_a_long_table_of_name_value_and_time(tmp_path: Path) -> None:
+    truth = Truth()
+    wide = {"GPS.Latitude": truth.latitude_deg, "GPS.Longitude": truth.longitude_deg, "Shaft.RPM": truth.rpm,
+            "Gyro.Heading": truth.heading_deg, "Rudder.Angle": truth.rudder}  # fmt: skip
+    seconds = pd.DatetimeIndex(truth.table.index).as_unit("ns").asi8 / 1e9
+    frame = pd.DataFrame({"name": np.repeat(list(wide), truth.rows), "value": np.concatenate(list(wide.values())),
+                          "time": np.tile(seconds, len(wide))})  # fmt: skip
+    _, found = imported(text(tmp_path / "table.csv", frame))
+    assert_true(found, truth, f"{PLACES} heading_deg {CONTROLS}", 2e-3)
+
+
+def test_a_time_that_is_said_to_be_local_is_asked_of_which_zone(tmp_path: Path) -> None:
+    truth = Truth()
+    frame = pd.DataFrame(
+        {
+            "Zeit (Ortszeit)": truth.local("Europe/Berlin").strftime("%d.%m.%Y %H:%M:%S"),
+            "Breite [°]": truth.latitude_deg, "Länge [°]": truth.longitude_deg, "Heading [°]": truth.heading_deg,
+        }
+    )  # fmt: skip
+    path = text(tmp_path / "table.csv", frame, float_format="%.8f")
+    assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["zone"]
+    _, found = imported(path, zone="Europe/Berlin")
+    assert_true(found, truth, f"{PLACES} heading_deg", 2e-3)
