@@ -393,6 +393,16 @@ def _tried_together(evidence: Evidence, one: str, other: str) -> bool:
     )
 
 
+def makers(evidence: Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
+    """Pairs of effects outside ``names``, confused with ``name``, that together have its signature.
+
+    For example a skeg damps turning and reduces the moment of drift.
+    """
+    relatives = evidence.equations.model.catalogue[name].confused_with
+    known = [each for each in relatives if each in evidence.names and each not in names]
+    return [pair for pair in combinations(known, 2) if _explained(evidence, name, pair) > _MADE]
+
+
 def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
     own, others = np.array(evidence.columns([name])), np.array(evidence.columns(by))
@@ -404,17 +414,18 @@ def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
 class Acceptance:
     """The result of the fifth stage: the effects that pass all tests, and what they leave unexplained.
 
-    ``names`` are the effects, ``tests`` their test results; ``evidence`` is linearised about them and holds
-    every leg. ``rival_deficits`` is, by name and rival, the log evidence that the rival lacks when linearised
-    about it; ``lack_of_fit`` the families of the nuisance basis that are significant and matter, the most
-    significant first. ``beside_remainder`` means that the effects stay named in spite of the remainder
-    (:mod:`.coarse_model`).
+    ``names`` are the effects, ``tests`` their test results; ``evidence`` is linearised about them and holds every
+    leg. ``rival_deficits`` is, by name and rival, the log evidence that the rival lacks when linearised about it;
+    ``halves`` has a name with two effects that together predict as well in its place; ``lack_of_fit`` the families
+    of the nuisance basis that are significant and matter, the most significant first. ``beside_remainder`` means
+    that the effects stay named in spite of the remainder (:mod:`.coarse_model`).
     """
 
     names: tuple[str, ...]
     tests: Mapping[str, AcceptanceTests]
     evidence: Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    halves: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
     beside_remainder: bool = False
 

@@ -30,9 +30,17 @@ from hybrid.diagnosis.acceptance import (
     chance_of_gains,
     lack_of_fit,
     lack_of_fit_that_matters,
+    makers,
 )
 from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, marginalise
-from hybrid.diagnosis.gap import LinearTracks, UnseenWindows, evidence_within, evidence_without, linear_tracks
+from hybrid.diagnosis.gap import (
+    LinearTracks,
+    UnseenWindows,
+    closest_alone,
+    evidence_within,
+    evidence_without,
+    linear_tracks,
+)
 from hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import Replication
 from hybrid.diagnosis.select_effects import (
@@ -126,16 +134,22 @@ def name_of_coarse_model(
     known = {
         name: [each for each in some if each in catalogue[name].confused_with] for name, some in rivals.items()
     }
-    tied = dict.fromkeys([*alike(unseen.off_m, names, known), *alike(tracks.by_leg_m, names, rivals)], 0.0)
-    accepted = Acceptance(names, tests, evidence, rival_deficits=tied, beside_remainder=True)
+    close = alike(unseen.off_m, names, known)
+    tied = dict.fromkeys([*close, *alike(tracks.by_leg_m, names, rivals)], 0.0)
+    pairs = {
+        name: [pair for pair in makers(evidence, names, name) if not any((name, each) in close for each in pair)]
+        for name in names
+    }
+    halves = tuple(alike_in_pairs(unseen.off_m, names, pairs))
+    accepted = Acceptance(names, tests, evidence, rival_deficits=tied, halves=halves, beside_remainder=True)
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
 def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
     """Candidate sets: the best single effect; the best set about the posterior mode of all effects; then,
-    repeatedly, the best set about the last one.
+    repeatedly until it stays the same, the best set about the last one.
 
-    Each comes with the tracks that it was chosen by. The sets do not converge, and later ones are not always
+    Each comes with the tracks that it was chosen by. Not all sets converge, and later ones are not always
     better.
     """
     yield _alone(evidence, windows)
@@ -143,10 +157,12 @@ def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidenc
     for _ in range(_ROUNDS):
         evidence = about_likeliest(evidence, names)
         choice = _Choice.of(evidence, windows)
-        names = choice.best_set(names)
+        before, names = names, choice.best_set(names)
         yield evidence, names, choice.tracks
         evidence = linear_about(evidence, fitted_coordinates(evidence, names))
         yield evidence, names, choice.tracks
+        if set(names) == set(before):
+            return
 
 
 def one_is_enough(before_m: Floats, alone_m: Floats, best_m: Floats, tried: int) -> bool:
@@ -155,19 +171,39 @@ def one_is_enough(before_m: Floats, alone_m: Floats, best_m: Floats, tried: int)
     It predicts held-out legs better than no effect, allowing for the number tried (5 %, Sidak 1967), and not
     significantly worse than the best set (cf. the one-standard-error rule, Breiman et al. 1984).
     """
-    chance = -np.expm1(tried * np.log1p(-min(chance_of_gains(before_m - alone_m), 1.0 - _CERTAIN)))
+    chance = -np.expm1(tried * np.log1p(-min(chance_of_closer(before_m, alone_m), 1.0 - _CERTAIN)))
     return bool(chance < UNSEEN and not worth_it(alone_m, best_m))
 
 
 def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
-    """The single effect that predicts held-out legs best, linearised about itself; none if it does not
-    replicate."""
-    tracks = linear_tracks(windows, evidence)
-    names: tuple[str, ...] = (min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean())),)
+    """The single effect that predicts held-out legs best, linearised about itself; none if it does not replicate.
+
+    It is the best by the slopes at zero, or the best of some sizes by simulation: where residuals are large, the
+    slope at zero says little about an effect that is far from it (Nocedal and Wright 2006, chapter 10.3), such as
+    a wind vane that is off by a right angle.
+    """
+    tracks, far = linear_tracks(windows, evidence), closest_alone(windows, evidence)
+    near = min(evidence.names, key=lambda name: float(tracks.by_leg_m((name,)).mean()))
+    starts: dict[str, Coordinates] = {near: {}, **dict.fromkeys(far, far)}
+    views: dict[tuple[str, ...], Evidence] = {
+        (name,): _about_itself(evidence, name, at) for name, at in starts.items()
+    }
+
+    def off_m(names: tuple[str, ...]) -> float:
+        return float(_Unseen(windows, evidence_without(windows, views[names])).off_m(names).mean())
+
+    names = min(views, key=off_m)
+    found = replications(views[names], names, evidence_within(windows, views[names]).values())
+    kept = tuple(name for name in names if found[name].found >= MOST_PARTS * found[name].parts)
+    return views[names], kept, linear_tracks(windows, views[names])
+
+
+def _about_itself(evidence: Evidence, name: str, at: Coordinates) -> Evidence:
+    """The evidence linearised about one effect, starting from a given size."""
+    evidence = linear_about(evidence, at) if at else evidence
     for _ in range(_ABOUT_ITSELF):
-        evidence = linear_about(evidence, fitted_coordinates(evidence, names))
-    found = replications(evidence, names, evidence_within(windows, evidence).values())
-    return evidence, tuple(name for name in names if found[name].found >= MOST_PARTS * found[name].parts), tracks
+        evidence = linear_about(evidence, fitted_coordinates(evidence, (name,)))
+    return evidence
 
 
 def _expecting_few(evidence: Evidence) -> Evidence:
@@ -259,6 +295,20 @@ def alike(
     return found
 
 
+def alike_in_pairs(
+    off_m: Callable[[tuple[str, ...]], Floats],
+    names: tuple[str, ...],
+    pairs: Mapping[str, Collection[tuple[str, str]]],
+) -> list[tuple[str, str, str]]:
+    """Named effects with two others that together predict as well in their place, of the ``pairs`` of each."""
+    whole_m, found = off_m(names), []
+    for name in (each for each in names if pairs[each]):
+        others = tuple(each for each in names if each != name)
+        lacking_m = off_m(others)
+        found += [(name, *pair) for pair in pairs[name] if stands_in(lacking_m, off_m((*others, *pair)), whole_m)]
+    return found
+
+
 def stands_in(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
     """Whether a rival would be worth naming in place of a name, and predicts not significantly worse.
 
@@ -269,8 +319,18 @@ def stands_in(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
 
 def worth_it(without_m: Floats, with_m: Floats) -> bool:
     """Whether the second of two distances by leg is smaller, by enough and consistently over legs."""
-    gains = without_m - with_m
-    return bool(gains.mean() > WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
+    gain_m = float((without_m - with_m).mean())
+    return bool(gain_m > WORTH * without_m.mean() and chance_of_closer(without_m, with_m) < UNSEEN)
+
+
+def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
+    """The chance of such distances by leg if the second are not really smaller.
+
+    The test is of their ratios: what a leg gains or loses by chance grows with its distance, and differences would
+    be dominated by the leg with the largest error (Box and Cox 1964, J. R. Statist. Soc. B 26, 211: the
+    logarithm stabilises the variance of errors in proportion to the value).
+    """
+    return chance_of_gains(np.log(without_m / with_m))
 
 
 def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:

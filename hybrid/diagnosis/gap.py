@@ -279,6 +279,7 @@ DEALS = (2, 3, 4)
 """Numbers of folds, used in turn: a single division into folds has a best set of its own."""
 
 _STEP = 0.2  # of an effect's typical size
+_MULTIPLES = (1.0, 2.0, 4.0)  # of a typical size: with a normal prior one effect in 16,000 is larger than the last
 _FAR = 1e9  # outside any bounds, in any unit
 
 
@@ -403,6 +404,22 @@ def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates
     free = list(model.at.get(name, (0.0,) * len(evidence.columns([name]))))
     free[number] += by
     return model.bounded({**model.at, name: tuple(free)})
+
+
+def closest_alone(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
+    """The single effect, at one of some sizes, with which simulated tracks are closest to the measured ones."""
+    tried = [
+        _moved(evidence, name, number, side * times * _typical(evidence, name, number))
+        for name, number in _coordinates(evidence)
+        for times in _MULTIPLES
+        for side in (1.0, -1.0)
+    ]
+    return min(tried, key=lambda at: float(windows.by_leg_m(windows.predicted(at)).mean()))
+
+
+def _typical(evidence: Evidence, name: str, number: int) -> float:
+    """A typical size of one free coordinate of an effect."""
+    return float(evidence.equations.model.catalogue[name].free_scale[number])
 
 
 def _slope(windows: UnseenWindows, evidence: Evidence, name: str, number: int) -> Floats:

@@ -101,7 +101,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     replicated = _replicated(accepted, windows)
     unknown = bool(withdrawn) or _is_unknown(accepted, found, replicated)
     composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
-    tied = [] if unknown else [*groups(accepted.names, rivals), *composites]
+    tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.halves]
     progress(0.6)
     return Conclusion(
         verdict=verdict_of(accepted.names, tied, unknown),

@@ -446,6 +446,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
+    remarks += [_made_by(name, pair) for name, *pair in conclusion.accepted.halves]
     if effects and gap.gap.closed < 0.0:
         remarks.append(
             "predictions are no better with the named effects: other errors of the model are larger and mask them"
@@ -460,6 +461,16 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
         if vessel is not None and each.name in vessel.effects and each.in_vessel:
             remarks.append(f"{each.name} is already in the vessel file: the value here replaces the one there")
     return tuple(remarks)
+
+
+def _made_by(name: str, pair: Sequence[str]) -> str:
+    """That two effects may stand for one that is named.
+
+    >>> _made_by("skeg", ("drift_moment", "yaw_damping"))
+    'drift moment and yaw damping together would do what skeg does, and predict as well in its place'
+    """
+    both = join_words([plain(each) for each in pair])
+    return f"{both} together would do what {plain(name)} does, and predict as well in its place"
 
 
 def _about_settings(log: Log) -> list[str]:

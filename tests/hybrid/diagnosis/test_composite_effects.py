@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import composite_effects
+from hybrid.diagnosis.acceptance import composite_effects, makers
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.effects import CATALOGUE
@@ -81,6 +81,12 @@ def test_factors_on_the_wind_may_be_the_one_on_what_is_left(design: Design) -> N
 def test_what_hangs_together_is_one_group_in_the_order_of_names(design: Design) -> None:
     names = ("sway_added_mass", "ocean_current", "loading", "surge_added_mass")
     assert composite_effects(seen(design, *names), names) == [("sway_added_mass", "loading", "surge_added_mass")]
+
+
+def test_a_loss_at_both_pods_is_made_by_one_at_either(design: Design) -> None:
+    evidence = seen(design, *BOTH, "thrust_loss_both", "wake_fraction")
+    assert makers(evidence, ("thrust_loss_both",), "thrust_loss_both") == [BOTH]
+    assert makers(evidence, ("thrust_loss_both", BOTH[0]), "thrust_loss_both") == []
 
 
 def test_a_view_of_data_has_what_it_takes(design: Design) -> None:

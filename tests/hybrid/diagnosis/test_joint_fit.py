@@ -9,7 +9,7 @@ import pytest
 
 from hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.gap import LinearTracks, UnseenWindows, linear_tracks, unseen_windows
+from hybrid.diagnosis.gap import LinearTracks, UnseenWindows, closest_alone, linear_tracks, unseen_windows
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import fitted_coordinates
@@ -89,3 +89,14 @@ def test_the_best_set_on_unseen_legs_has_what_is_there_and_little_else(tracks: L
     assert tracks.by_leg_m(best).mean() <= 1.05 * tracks.by_leg_m(NAMES).mean()
     assert "yaw_inertia" not in tracks.best_set((), 0.01, len(NAMES), {"yaw_inertia"})
     assert len(tracks.best_set(NAMES, 0.0, 2, ())) == 2
+
+
+def test_a_vane_that_is_off_by_a_right_angle_is_found_by_simulated_tracks(plant: Plant) -> None:
+    """What the wind does there is nothing like its slope at no error."""
+    windy = apply_effects(plant, {"wind_direction_bias": {"angle_deg": 90.0}, "wind_load": {"factor": 3.0}})
+    log = noisy_log(windy, 83)
+    base = apply_effects(plant, {"wind_load": {"factor": 3.0}})
+    names = ("wind_direction_bias", "wind_load", "wave_drift", "hull_fouling", "sway_asymmetry")
+    model = Model(base, {name: CATALOGUE[name] for name in names})
+    evidence = evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=FEW))
+    assert closest_alone(unseen_windows(log, model), evidence) == {"wind_direction_bias": (80.0,)}
