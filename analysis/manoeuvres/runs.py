@@ -51,6 +51,7 @@ _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
 RECIPROCAL_DEG, _SAME_SHARE, _LONGEST_BETWEEN_S = 12.0, 0.03, 2 * 3600.0
 REACHED_SHARE = 0.9
+_LONGEST_STEP_S = 16.0  # what a shaft may creep before and after a change from one held speed to the next
 _TRIED_STARTS = 9
 
 
@@ -226,7 +227,9 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
     steps = []
     for last, each in pairwise(held):
         if free[max(each.first - 1, 0)] and abs(each.level - last.level) > tolerance_of(along, 1.0):
-            start, _ = execute_s(motion.time_s, along, each, level_before(motion, along, each), last.first)
+            change_s = (each.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
+            before = level_before(motion, along, each, _LONGEST_STEP_S + change_s)
+            start, _ = execute_s(motion.time_s, along, each, before, last.first)
             steps.append((last, each, start))
     return steps
 
@@ -239,7 +242,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) 
     for last, each, start in shaft_steps(motion, free):
         rows = slice(each.first, each.end)
         long = (each.end - each.first) * motion.step_s >= LEAST_RUN_S
-        if not long or each.level - last.level < _STEP_SHARE * largest:
+        if not long or each.level < _IDLE_SHARE * largest or each.level - last.level < _STEP_SHARE * largest:
             continue
         settled = np.flatnonzero(steady[rows])
         if not settled.size:

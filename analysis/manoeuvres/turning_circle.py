@@ -10,6 +10,7 @@ what the wind adds to it (ITTC 7.5-04-02-01, correction for drift). All pairs of
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -64,7 +65,8 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
     width = half_width_s(part, quarter_s)
     times = np.array([start, half, end])
     unsure_s = executes_unsure_s(motion, helm, each.level, times)
-    found = bootstrap_indices(part, times, width, circle_indices, unsure_s)
+    current = current_of(smooth_motion(part, width), start, end)
+    found = _with_drift_error(bootstrap_indices(part, times, width, circle_indices, unsure_s), current)
     settings = {
         f"{motion.steering}_deg": each.level,
         "turned_deg": abs(turned),
@@ -82,7 +84,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
         side=side_of(turned),
         settings=settings,
         indices=indices,
-        current=current_of(smooth_motion(part, width), start, end),
+        current=current,
         notes=event_notes(motion),
     )
 
@@ -99,10 +101,30 @@ def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     if turned >= LEAST_TURN_DEG:
         north, east = drift_pairs(motion, start, end)
         if north.size:
-            water = remove_current(motion, float(north.mean()), float(east.mean()), start)
+            water = remove_current(motion, _settled_mean(north), _settled_mean(east), start)
             values |= {name + REMOVED: each for name, each in _indices_over_ground(water, start, count, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
+
+
+_COUNTED_FOR = {
+    "advance_m": "time_to_90_deg_s", "transfer_m": "time_to_90_deg_s",
+    "tactical_diameter_m": "time_to_180_deg_s",
+}  # fmt: skip
+"""Ways, and how long the drift has gone into them."""
+
+
+def _with_drift_error(
+    found: Mapping[str, tuple[float, float]], current: Current | None
+) -> dict[str, tuple[float, float]]:
+    """The indices with their intervals: a way less the drift is no better known than the drift over its time."""
+    wider = dict(found)
+    for name, seconds in _COUNTED_FOR.items():
+        if current is not None and name + REMOVED in found:
+            value, within = found[name + REMOVED]
+            drift_m = np.hypot(current.north_within_mps, current.east_within_mps) * found[seconds][0]
+            wider[name + REMOVED] = value, float(np.hypot(within, drift_m))
+    return wider
 
 
 def _indices_over_ground(motion: Motion, first: float, start: float, end: float) -> dict[str, float]:
@@ -181,7 +203,12 @@ def current_of(motion: Motion, start: float, end: float) -> Current | None:
     north, east = drift_pairs(motion, start, end)
     if north.size < _FEWEST_PAIRS:
         return None
-    return Current(float(north.mean()), float(east.mean()), _half_interval(north), _half_interval(east))
+    return Current(_settled_mean(north), _settled_mean(east), _half_interval(north), _half_interval(east))
+
+
+def _settled_mean(values: Floats) -> float:
+    """The mean of the later half of the pairs: in the first turn a large ship still loses way."""
+    return float(values[values.size // 2 :].mean())
 
 
 def _half_interval(values: Floats) -> float:

@@ -45,7 +45,7 @@ _STILL_DEG, _SPREAD_OF_NOISE = 0.3, 3.0  # the middle 80 % of white noise are 2.
 _LEAST_SHARE_OF_STEP = 0.25  # of the longest step: they are held alike
 _SETTLED_SHARE = 0.05  # of the rate of the turn, from the third quarter to the last
 _LEAST_HELD_S = 10.0
-_FEWEST_STEPS = 5
+_FEWEST_STEPS, _SETTLED_STEPS = 5, 0.75
 _LEAST_HELM_STEP_DEG = 1.0
 _BAND_SHARE, _BAND_OF_NOISE, _HELD_SHARE = 0.1, 6.0, 0.6  # of the largest rate; of a run's time
 _SEED, _DRAWS = 137, 200
@@ -121,13 +121,16 @@ def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
 
 
 def spiral_steps(motion: Motion, held: Sequence[Plateau]) -> list[list[Plateau]]:
-    """At least five helms held one after the other from one side to the other, or there and back, each until
-    the rate of turn has settled."""
+    """Five and more helms held one after the other from one side to the other, or there and back, until the rate of
+    turn has settled: three quarters of them at least, as a ship that does not keep her course lingers near none."""
 
     def next_helm(last: Plateau, each: Plateau) -> bool:
         return _at_once(motion, last, each) and abs(each.level - last.level) > _LEAST_HELM_STEP_DEG
 
-    return _stairs(held, next_helm, lambda run: all(_has_settled(motion, run, each) for each in run))
+    def has_settled(run: list[Plateau]) -> bool:
+        return sum(_has_settled(motion, run, each) for each in run) >= max(_FEWEST_STEPS, _SETTLED_STEPS * len(run))
+
+    return _stairs(held, next_helm, has_settled)
 
 
 def _stairs(
@@ -173,14 +176,18 @@ def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
     sign = -1.0 if motion.steers_by_thrust else 1.0
     levels = sign * np.array([helm[(each.first + each.end) // 2 : each.end].mean() for each in steps])
 
+    settled = np.array([_has_settled(motion, steps, each) for each in steps])
+
     def measure(part: Motion, spans: Floats) -> dict[str, float]:
-        return spiral_indices(part, levels, spans[1:].reshape(-1, 2))
+        return spiral_indices(part, levels, spans[1:].reshape(-1, 2), settled)
 
     largest = max(steps, key=lambda each: abs(each.level)).level
     name = f"direct spiral {nominal_deg(largest):.0f} deg"
     found = _test(motion, helm, "spiral", name, float(levels[0]), largest, times, measure)
     helm_error = noise_of(helm) / np.sqrt(0.5 * min(each.end - each.first for each in steps))
-    return replace(found, indices=_with_helm_error(found.indices, 1.96 * float(helm_error)))
+    left_out = [f"step {number} at {levels[number - 1]:.1f} deg" for number in np.flatnonzero(~settled) + 1]
+    notes = (f"the rate of turn had not settled, left out: {', '.join(left_out)}",) if left_out else ()
+    return replace(found, indices=_with_helm_error(found.indices, 1.96 * float(helm_error)), notes=notes)
 
 
 def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[str, Index]:
@@ -194,14 +201,17 @@ def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[st
     return wider
 
 
-def spiral_indices(motion: Motion, levels: Floats, spans: Floats) -> dict[str, float]:
+def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: NDArray[np.bool_]) -> dict[str, float]:
     """The settled rate of turn of each step, the helm at which she would go straight, and how steep the curve is
     there; of a spiral there and back the height of its loop at no helm.
 
-    ``levels`` [steps] are the helms [deg], positive to starboard, ``spans`` [steps, 2] begin and end of each [s].
+    ``levels`` [steps] are the helms [deg], positive to starboard, ``spans`` [steps, 2] begin and end of each [s];
+    those that have not ``settled`` [steps] are left out.
     """
+    levels, spans = levels[settled], spans[settled]
     rates = np.array([motion.between(0.5 * (begin + end), end).yaw_rate_dps.mean() for begin, end in spans])
-    values = {f"yaw_rate_step_{number}_dps": float(rate) for number, rate in enumerate(rates, start=1)}
+    numbers = np.flatnonzero(settled) + 1
+    values = {f"yaw_rate_step_{number}_dps": float(rate) for number, rate in zip(numbers, rates, strict=True)}
     turn = 1 + int(np.argmax(np.append(np.diff(np.sign(np.diff(levels))) != 0, True)))  # where it goes back
     legs = [slice(0, turn + 1), *([slice(turn, None)] if turn + 1 < levels.size else [])]
     values["neutral_helm_deg"] = float(np.mean([_at_zero(rates[leg], levels[leg]) for leg in legs]))

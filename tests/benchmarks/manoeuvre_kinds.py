@@ -150,7 +150,12 @@ def truths(sailed: Sailed, motion: Motion) -> Iterator[tuple[int, str, float, di
         if each.kind == "spiral":
             legs = pairwise(sailed.begun_s[steps : steps + len(HELMS) + 1])
             spans = np.array([(start + _reached_s(motion, start, stop), stop) for start, stop in legs])
-            yield place, each.kind, float(spans[0, 0]), spiral_indices(motion, np.array(HELMS), spans)
+            yield (
+                place,
+                each.kind,
+                float(spans[0, 0]),
+                spiral_indices(motion, np.array(HELMS), spans, np.ones(len(HELMS), bool)),
+            )
         if each.kind in ("speed_run", "thruster_test", "crabbing"):
             yield place, each.kind, begin, {}
 

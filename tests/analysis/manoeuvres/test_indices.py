@@ -62,6 +62,34 @@ def test_a_current_is_found_and_taken_off(north_mps: float, east_mps: float) -> 
     assert values["tactical_diameter_m"] == pytest.approx(160.0 + 60.0 * east_mps, abs=1.0)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("lasting_s", [60.0, 150.0])
+def test_the_interval_of_a_circle_less_the_current_holds_what_she_did_in_still_water(
+    side: float, lasting_s: float
+) -> None:
+    """A large ship still loses way in her first turn: what lies between points one turn apart is not all drift."""
+    fine_s, drift = np.arange(0.0, 1500.0, 0.1), np.array([0.35, -0.3])
+    since = np.clip(fine_s - 300.5, 0.0, 1150.0)  # the helm goes over between two rows
+    turned = np.cumsum(0.1 * side * 0.48 * (1.0 - np.exp(-since / 15.0)))
+    way = np.cumsum(0.1 * (1.8 + 3.2 * np.exp(-since / lasting_s)) * np.exp(1j * np.deg2rad(turned)))
+    truth = way - way[3005]
+    time_s, heading, still, since = (values[::10] for values in (fine_s, turned, way, since))
+    noise = np.random.default_rng(2).standard_normal((3, time_s.size))
+    table = table_at(time_s, {
+        "north_m": still.real + drift[0] * time_s + 0.3 * noise[0],
+        "east_m": still.imag + drift[1] * time_s + 0.3 * noise[1],
+        "heading_deg": wrap_360(heading + 0.05 * noise[2]),
+        "rudder_angle_deg": np.where((since > 0.0) & (since < 1150.0), 35.0 * side, 0.0),
+    })  # fmt: skip
+    (found,) = (each for each in find_manoeuvres(table, 180.0) if each.kind == "turning_circle")
+    quarter, half = (int(np.argmax(np.abs(turned) >= angle)) for angle in (90.0, 180.0))
+    for name, way in (("advance_m", truth[quarter].real), ("transfer_m", side * truth[quarter].imag),
+                      ("tactical_diameter_m", side * truth[half].imag)):  # fmt: skip
+        index = found.indices[f"{name}_current_removed"]
+        assert index.low <= way <= index.high
+        assert index.high - index.low < 0.1 * way
+
+
 def turned(motion: Motion, angle_deg: float, north_m: float, east_m: float) -> Motion:
     """The same motion in a plane turned and moved."""
     angle = np.deg2rad(angle_deg)

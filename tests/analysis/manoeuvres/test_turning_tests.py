@@ -65,6 +65,35 @@ def test_a_direct_spiral_has_the_settled_rates_of_its_steps(ship: str, rate_dps:
     assert (spiral.indices["loop_height_dps"].value < 0.05) == stable
 
 
+def test_a_spiral_with_steps_that_did_not_settle_is_one_without_them() -> None:
+    """A ship that does not keep her course lingers near no rate of turn, when the helm goes over to the other side:
+    that one step of the loop goes on turning is no reason to lose the whole test."""
+    helms = [15.0, 10.0, 5.0, 0.0, -3.0, -5.0, -10.0, -15.0]
+    wanted, rate, rows = np.repeat([0.0, *helms, 0.0], 420), 0.02, []
+    for order in wanted:
+        rate += (0.03 * order + 0.3 * rate - 3.0 * rate**3) / 50.0
+        rows.append(rate)
+    rates = np.array(rows)
+    heading, noise = np.cumsum(rates), np.random.default_rng(1).standard_normal((5, rates.size))
+    table = pd.DataFrame(
+        {
+            "north_m": np.cumsum(5.0 * np.cos(np.deg2rad(heading))) + 0.3 * noise[0],
+            "east_m": np.cumsum(5.0 * np.sin(np.deg2rad(heading))) + 0.3 * noise[1],
+            "heading_deg": (heading + 0.05 * noise[2]) % 360.0, "yaw_rate_dps": rates + 0.005 * noise[3],
+            "rudder_angle_deg": wanted + 0.1 * noise[4],
+        },
+        index=pd.date_range("2026-05-01", periods=rates.size, freq="1s", tz="UTC", name="time"),
+    )  # fmt: skip
+    (spiral,) = (each for each in find_manoeuvres(table, 180.0) if each.kind == "spiral")
+    settling = [abs(rates[420 * step + 419] - rates[420 * step + 300]) for step in range(1, 9)]
+    assert spiral.notes
+    for step, moving in enumerate(settling, start=1):
+        name = f"yaw_rate_step_{step}_dps"
+        assert (name in spiral.indices) == (f"step {step} at" not in spiral.notes[0]) == (moving < 0.05)
+        if name in spiral.indices:
+            assert spiral.indices[name].value == pytest.approx(rates[420 * step + 315], abs=0.02)
+
+
 @pytest.mark.parametrize(("ship", "rate_dps"), SHIPS)
 def test_a_williamson_turn_ends_on_the_reciprocal_course(ship: str, rate_dps: float) -> None:
     vessel = vessel_of(ship, rate_dps)
