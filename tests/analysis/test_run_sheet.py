@@ -48,7 +48,7 @@ def test_what_nobody_wrote_down_says_so(tmp_path: Path) -> None:
     sheet = sheet_of(tmp_path, Trial())
     for what in ("ship", "place", "loading", "water depth", "sea state", "crew notes"):
         assert sheet[what] == UNKNOWN
-    assert sheet["current"].startswith("not known")
+    assert sheet["current"].startswith("unknown")
 
 
 def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
