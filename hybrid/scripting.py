@@ -48,18 +48,22 @@ def write(
 ) -> Path:
     """A table of channels as a recording; ``trial`` is what :class:`acquisition.core.trial.Trial` holds.
 
-    The table has a UTC index and the columns of the conventions. Others have to be ``declared``
-    (:func:`acquisition.core.declared.declare`), unless the table was read from a recording that declares them.
+    The table has a UTC index and the columns of the conventions; a ship's actuators are as their columns are named,
+    unless ``trial`` lists them. Other columns have to be ``declared`` (:func:`acquisition.core.declared.declare`),
+    unless the table was read from a recording that declares them.
     Raises :class:`InputError` for what is no channel, :class:`StorageError`.
     """
+    from acquisition.core.actuators import as_text as actuators_as_text
     from acquisition.core.channels import declared_in
     from acquisition.core.declared import as_text
     from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
+    from acquisition.tables.import_table import actuators_in_columns
 
     target, channels = Path(path), {each.name: each for each in (*declared_in(table.attrs), *declared)}
     said = {"name": target.stem, "vessel": vessel, "channels": as_text(channels.values()), **trial}
-    write_table(table, target, Trial(**said), source="table")
+    hers = actuators_in_columns(map(str, table), Trial(channels=said["channels"]))
+    write_table(table, target, Trial(**{"actuators": actuators_as_text(hers), **said}), source="table")
     return target
 
 

@@ -43,6 +43,14 @@ def test_a_table_goes_into_a_recording_and_comes_back(tmp_path: Path) -> None:
     assert st.info(tmp_path / "again.mcap")["trial"]["vessel"] == "gunnerus_short"
 
 
+def test_a_table_of_a_ship_with_a_rudder_goes_into_a_recording_too(tmp_path: Path) -> None:
+    index = pd.date_range("2026-05-17", periods=60, freq="1s", tz="UTC", name="time", unit="ns")
+    columns = ("north_m", "heading_deg", "propeller_rpm", "rudder_angle_deg")
+    table = pd.DataFrame({name: float(place) for place, name in enumerate(columns)}, index=index)
+    again = st.read(st.write(table, tmp_path / "again.mcap"))
+    pd.testing.assert_frame_equal(again[[*columns]], table, check_freq=False, check_names=False)
+
+
 def test_a_script_from_recording_to_prediction(small_folder: Path, unseen: Path) -> None:
     assert st.check(unseen).as_json()["channels"]
     one_hz = st.prepare(unseen, rate_hz=1.0)
