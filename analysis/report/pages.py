@@ -267,7 +267,9 @@ def wind_words(table: pd.DataFrame) -> str:
 
 
 def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
-    """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself."""
+    """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
+    of two turns half of their range.
+    """
     found = [each.current for each in manoeuvres if each.current is not None]
     if not found:
         return "unknown: no turn of one and a half circles"
@@ -279,8 +281,9 @@ def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
     towards = np.arctan2(east.index.value, north.index.value)
     within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
     turns = f"{len(found)} turn{'' if len(found) == 1 else 's'}"
+    interval = "the range of both" if len(found) == 2 else "95 % interval"
     return (
-        f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 (95 % interval), "
+        f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 ({interval}), "
         f"from {turns}, wind drift included"
     )
 

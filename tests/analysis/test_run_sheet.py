@@ -55,7 +55,10 @@ def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
     start = pd.Timestamp("2026-01-01", tz="UTC")
     turns = [Manoeuvre("turning_circle", "circle", start, start, "port", {}, {}, current=each)
              for each in (Current(0.0, 0.3, 0.01, 0.01), Current(0.0, 0.5, 0.01, 0.01))]  # fmt: skip
-    assert sheet_of(tmp_path, Trial(), turns)["current"].startswith("0.40 \u00b1 1.27 m/s towards 90\u00b0")
+    said = sheet_of(tmp_path, Trial(), turns)["current"]
+    assert said.startswith("0.40 \u00b1 0.11 m/s towards 90\u00b0 (the range of both)")
+    more = sheet_of(tmp_path, Trial(), [*turns, turns[0]])["current"]
+    assert more.startswith("0.37 \u00b1 0.29 m/s towards 90\u00b0 (95 % interval)")
 
 
 @pytest.mark.parametrize("force", range(1, 13))

@@ -143,13 +143,13 @@ function seriesLayout() {
   return layout;
 }
 
-const STEPS = [1, 2, 5, 10, 30, 45, 90, 180, 360, 720];  // of angles between ticks
+const STEPS = [1, 2, 5, 10, 30, 45, 90, 180];  // of angles between ticks: whole turns would all be called alike
 const MOST_TICKS = 5;
 
 function ticksOf(names, [low, high]) {  // of angles the round ones, as they are called within the turn
   const angle = names.find(name => name in page.angles);
   if (angle === undefined || !(low <= high)) return {tickmode: "auto"};
-  const step = STEPS.find(each => (high - low) / each <= MOST_TICKS) || 3600, least = page.angles[angle];
+  const step = STEPS.find(each => (high - low) / each <= MOST_TICKS) || 180, least = page.angles[angle];
   const first = Math.floor(low / step) - 1, count = Math.ceil(high / step) + 2 - first;
   const tickvals = Array.from({length: count}, (_, number) => (first + number) * step);
   return {tickmode: "array", tickvals, ticktext: tickvals.map(each => String((((each - least) % 360) + 360) % 360 + least))};

@@ -148,7 +148,7 @@ def test_no_page_is_wider_than_a_window_or_a_phone(circles: Path) -> None:
 def test_a_model_that_is_not_hers_is_said_in_the_headline(circles: Path) -> None:
     page = reported(circles, "--vessel", "esso_osaka_3m")
     text = keeps_its_promises(page, names_in(circles))
-    said = text.index("by the model esso_osaka_3m, not the ship that the recording names (kvlcc2_7m)")
+    said = text.index("use the model esso_osaka_3m, not the ship that the recording names (kvlcc2_7m)")
     assert said < text.index("dimensions")
 
 
