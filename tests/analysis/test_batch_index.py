@@ -174,7 +174,7 @@ def test_failed_ones_come_first_by_status_and_bad_before_good(browser: Browser) 
 
 def test_the_filter_shows_the_rows_that_have_all_its_words(browser: Browser) -> None:
     write = "const f=document.getElementById('filter');f.value=%s;f.dispatchEvent(new Event('input'));"
-    shown = browser.evaluate(f"(()=>{{{write % json.dumps('EMPTY file')}return {NAMES}}})()")
+    shown = browser.evaluate(f"(()=>{{{write % json.dumps('EMPTY is')}return {NAMES}}})()")
     assert set(shown) == {"x", "y"}
     assert browser.evaluate("document.getElementById('shown').textContent") == "2 of 11 recordings"
     browser.evaluate(f"(()=>{{{write % json.dumps('')}}})()")
