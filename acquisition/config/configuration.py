@@ -62,7 +62,7 @@ from acquisition.core.actuators import (
     thruster_numbers,
 )
 from acquisition.core.channel import Channel
-from acquisition.core.channels import MOTION, ChannelsByName, trial_names, with_declared
+from acquisition.core.channels import AUXILIARY, MOTION, ChannelsByName, is_setting, trial_names, with_declared
 from acquisition.core.declared import as_text as declared_as_text
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
@@ -227,12 +227,14 @@ def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path:
     """Refuse a channel that no message of the source can carry: it would never have a value."""
     for number, source in enumerate(sources):
         possible = possible_channels(source, ship.actuators, ship.declared)
+        known = with_declared(tuple(each.channel for each in ship.declared))
         for channel in source.channels:
             if channel not in possible:
+                otherwise = _SENTENCES_HINT if is_setting(known[channel]) else _DECLARATION_HINT
                 raise ConfigurationError(
                     f"no message on source {source.name!r} carries {channel}",
                     where=f"{path}, line {line_of(text, ['source', number, 'channels'])}",
-                    fix=_MAPPING_HINT.get(source.type.partition("_")[0], _SENTENCES_HINT),
+                    fix=_MAPPING_HINT.get(source.type.partition("_")[0], otherwise),
                 )
 
 
@@ -292,6 +294,10 @@ _MAPPING_HINT = {
     " source's channels",
     "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
 }
+_DECLARATION_HINT = (
+    "say in a [[channel]] of this name, under `from`, which message of the source carries it, or take it off the"
+    " source's channels"
+)
 _SENTENCES_HINT = (
     "take it off the source's channels: NMEA 0183 tells of two rudders (RSA, ROR), three shafts (RPM, PRC), azimuth"
     " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may, or NMEA 2000 by a"
@@ -301,10 +307,8 @@ _MOTION = frozenset(MOTION) | {
     "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
 }  # fmt: skip
 _ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
-_NAUTICAL = frozenset({
-    "speed_through_water_mps", "heading_magnetic_deg", "magnetic_variation_deg",
-    "apparent_wind_angle_deg", "apparent_wind_speed_mps",
-})  # fmt: skip
+_NAUTICAL = frozenset(each.name for each in AUXILIARY if not is_setting(each)) - _ATTITUDE - {"heave_m"}
+"""What both NMEA protocols are read for besides the motion: every auxiliary channel but these."""
 
 
 def possible_channels(source: AnySource, actuators: Actuators, declared: Declarations = ()) -> frozenset[str]:

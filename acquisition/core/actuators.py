@@ -1,8 +1,8 @@
 """A ship's actuators as a list of names and kinds, and the channels that follow from it.
 
 The control channels of a recording, the channels of their orders, their units and ranges are defined nowhere
-else: an actuator's kind gives its quantities (:data:`KINDS`), its name their names. The default list is R/V
-Gunnerus', read from her vessel file.
+else: an actuator's kind gives its controls (:data:`KINDS`), its name the names of their channels. The default
+list is R/V Gunnerus', read from her vessel file.
 """
 
 from __future__ import annotations
@@ -40,7 +40,12 @@ class Actuator:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The control channels of this actuator."""
-        return tuple(make(self.name) for make in KINDS[self.kind].channels)
+        return tuple(CONTROLS[each](self.name) for each in KINDS[self.kind].controls)
+
+    @property
+    def noun(self) -> str:
+        """The word for it: a thruster, a propeller, a rudder, a waterjet."""
+        return KINDS[self.kind].noun
 
     @property
     def drives(self) -> bool:
@@ -53,6 +58,11 @@ class Actuator:
         return next((each for each in self.channels if each.unit == "deg"), None)
 
     @property
+    def steers_by(self) -> str:
+        """The control that is its steering angle: azimuth, rudder or nozzle; empty if it has none."""
+        return next((each for each in KINDS[self.kind].controls if each in ANGLES), "")
+
+    @property
     def is_at_bow(self) -> bool:
         """Whether it is a tunnel thruster whose name does not place it aft."""
         return self.kind == "tunnel" and _end(self.name) == "bow"
@@ -61,11 +71,11 @@ class Actuator:
     def orders(self) -> tuple[Channel, ...]:
         """The auxiliary channels of the orders to this actuator."""
         place = "" if self.name == self.kind else f"{self.name.replace('_', ' ')} "
-        parts = zip(KINDS[self.kind].parts, self.channels, strict=True)
+        controls = zip(KINDS[self.kind].controls, self.channels, strict=True)
         return tuple(
             Channel(name_of_order(each.name), each.unit, each.low, each.high, "auxiliary",
-                    f"Order to the {place}{part}", each.circular)
-            for part, each in parts
+                    f"Order to the {place}{control}", each.circular)
+            for control, each in controls
         )  # fmt: skip
 
 
@@ -112,30 +122,44 @@ def _nozzle(name: str) -> Channel:
     return Channel(f"{name}_angle_deg", "deg", -90.0, 90.0, "command", meaning)
 
 
+CONTROLS: dict[str, Callable[[str], Channel]] = {
+    "shaft": _shaft,
+    "azimuth": _azimuth,
+    "tunnel thruster": _tunnel,
+    "rudder": _rudder,
+    "pitch": _pitch,
+    "nozzle": _nozzle,
+}
+"""The controls of actuators by name: how each makes its channel from the actuator's name."""
+
+ANGLES = ("azimuth", "rudder", "nozzle")
+"""The controls that are steering angles."""
+
+
 @dataclass(frozen=True, slots=True)
 class Kind:
     """What a kind of actuator means to a recording and to those who handle the ship.
 
-    ``channels`` make its control channels from its name, ``parts`` are what an order calls these. A kind that
-    ``drives`` propels the ship. ``turns`` is the direction in which a positive angle of one at the stern turns
-    the ship: 1 to starboard, -1 to port, 0 without an angle.
+    ``controls`` are the names of its controls in :data:`CONTROLS`, ``noun`` is the word for one of the kind. A kind
+    that ``drives`` propels the ship. ``turns`` is the direction in which a positive angle of one at the stern
+    turns the ship: 1 to starboard, -1 to port, 0 without an angle.
     """
 
-    channels: tuple[Callable[[str], Channel], ...]
-    parts: tuple[str, ...]
+    controls: tuple[str, ...]
+    noun: str
     drives: bool = False
     turns: float = 0.0
 
 
 KINDS: dict[str, Kind] = {
-    "azimuth": Kind((_shaft, _azimuth), ("shaft", "azimuth"), drives=True, turns=-1.0),
-    "tunnel": Kind((_tunnel,), ("tunnel thruster",)),
-    "propeller": Kind((_shaft,), ("shaft",), drives=True),
-    "controllable_propeller": Kind((_shaft, _pitch), ("shaft", "pitch"), drives=True),
-    "rudder": Kind((_rudder,), ("rudder",), turns=1.0),
-    "waterjet": Kind((_shaft, _nozzle), ("shaft", "nozzle"), drives=True, turns=-1.0),
+    "azimuth": Kind(("shaft", "azimuth"), "thruster", drives=True, turns=-1.0),
+    "tunnel": Kind(("tunnel thruster",), "thruster"),
+    "propeller": Kind(("shaft",), "propeller", drives=True),
+    "controllable_propeller": Kind(("shaft", "pitch"), "propeller", drives=True),
+    "rudder": Kind(("rudder",), "rudder", turns=1.0),
+    "waterjet": Kind(("shaft", "nozzle"), "waterjet", drives=True, turns=-1.0),
 }
-"""The kinds of actuators; their forces are in ``hybrid/vessel/actuators``."""
+"""The kinds of actuators; the force of each is in ``hybrid/vessel/actuators``, in a file of the kind's name."""
 
 _ENDINGS = ("_rpm", "_angle_deg", "_pitch_percent")
 """The endings of the names of control channels."""
@@ -278,8 +302,8 @@ def part_of_control(name: str, actuators: Actuators) -> str:
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
-    parts = {each.name: zip(KINDS[each.kind].parts, each.channels, strict=True) for each in actuators}
-    return {channel.name: part for pairs in parts.values() for part, channel in pairs}[name]
+    pairs = (pair for each in actuators for pair in zip(KINDS[each.kind].controls, each.channels, strict=True))
+    return {channel.name: control for control, channel in pairs}[name]
 
 
 @lru_cache(maxsize=64)

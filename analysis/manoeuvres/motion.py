@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import KINDS, RUDDER, Actuator, Actuators, name_of_order
+from acquisition.core.actuators import RUDDER, Actuator, Actuators, name_of_order
 from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
@@ -214,7 +214,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     drives, tunnels = (dict(shafts[each] for each in some) for some in (driving, sideways))
     words = {name: _called(each) for each, (name, _) in shafts.items()}
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    kind = KINDS[steering[0].kind].parts[-1] if steering else ""
+    kind = steering[0].steers_by if steering else ""
     return Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
@@ -383,9 +383,8 @@ def _pitch_of(actuator: Actuator) -> str | None:
 
 def _called(actuator: Actuator) -> str:
     """The name of a propulsor or tunnel thruster in text: the port thruster, the propeller."""
-    noun = {"azimuth": "thruster", "tunnel": "thruster", "waterjet": "waterjet"}.get(actuator.kind, "propeller")
     name = actuator.name.replace("_", " ")
-    return name if noun in name else f"{name} {noun}"
+    return name if actuator.noun in name else f"{name} {actuator.noun}"
 
 
 def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:

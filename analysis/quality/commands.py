@@ -328,7 +328,7 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
 
 def _is_judged(actuator: Actuator, table: pd.DataFrame) -> bool:
     angle = actuator.angle
-    return angle is not None and KINDS[actuator.kind].parts[-1] in ("rudder", "nozzle") and angle.name in table
+    return angle is not None and actuator.steers_by in ("rudder", "nozzle") and angle.name in table
 
 
 def _finding(table: pd.DataFrame, actuator: Actuator) -> Finding | None:

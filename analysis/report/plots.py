@@ -386,7 +386,7 @@ def _distinct(axes: Axes) -> tuple[list[Artist], list[str]]:
 
 def control_groups(actuators: Actuators) -> dict[str, list[str]]:
     """The control channels of a ship by what they are together: angles first, then shafts, then pitch."""
-    thrusters = all(each.kind in ("azimuth", "tunnel") for each in actuators)
+    thrusters = all(each.noun == "thruster" for each in actuators)
     shafts = "thrusters [rpm]" if thrusters else "shafts [rpm]"
     titles = {"azimuth": "azimuths [deg]", "rudder": "rudders [deg]", "nozzle": "nozzles [deg]", "shaft": shafts,
               "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
@@ -411,7 +411,7 @@ def declared_groups(table: pd.DataFrame) -> dict[str, list[str]]:
 
 def held_words(table: pd.DataFrame) -> str:
     """What is held in a held window: the thrusters, or whatever controls the ship has."""
-    return "thrusters" if all(each.kind in ("azimuth", "tunnel") for each in table_actuators(table)) else "controls"
+    return "thrusters" if all(each.noun == "thruster" for each in table_actuators(table)) else "controls"
 
 
 def windows_view(found: HeldWindows) -> Text:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from acquisition.core.actuators import KINDS, Actuators, control_names, names_of
+from acquisition.core.actuators import Actuators, control_names, names_of
 from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
@@ -26,7 +26,7 @@ from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
 from hybrid.diagnosis.result import FORCES, Map, Place
-from hybrid.effects.regime import ANGLES
+from hybrid.effects.regime import steering_angles
 from hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
@@ -106,13 +106,10 @@ def _drives(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Float
 def _angles(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Floats]:
     """The circular mean angle of each kind [deg]; of propulsors only while they run."""
     found = {}
-    for kind, quantity in ANGLES.items():
-        names = names_of(actuators, kind)
-        if not names:
-            continue
+    for quantity, names in steering_angles(actuators).items():
         turns = np.sum([np.exp(1j * np.deg2rad(mean[f"{name}_angle_deg"])) for name in names], axis=0)
         running = np.ones(len(turns), dtype=bool)
-        if KINDS[kind].drives:
+        if set(names) <= set(drives_in(actuators)):
             running = np.max([np.abs(mean[f"{name}_rpm"]) for name in names], axis=0) > _RUNNING_RPM
         found[quantity] = np.where(running, np.degrees(np.angle(turns)), np.nan)
     return found

@@ -85,7 +85,10 @@ def _alike_across_kinds(own: list[Effect]) -> list[tuple[str, str]]:
 def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: bool = True) -> None:
     """What an effect is confused with is told of that other, too; in order of names, or behind all others."""
     for rival in effect.confused_with:
-        other = effect_named(rival, catalogue)
+        try:
+            other = effect_named(rival, catalogue)
+        except ConfigurationError as error:
+            raise error.at(f"effect {effect.name}, confused_with") from error
         if effect.name not in other.confused_with:
             names = (*other.confused_with, effect.name)
             catalogue[rival] = replace(other, confused_with=tuple(sorted(names)) if in_order else names)

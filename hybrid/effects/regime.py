@@ -16,7 +16,7 @@ from math import atan2, cos, degrees, hypot, inf, nan, sin
 import numpy as np
 from numba import njit
 
-from acquisition.core.actuators import Actuators, control_names, names_of, shafts
+from acquisition.core.actuators import ANGLES, Actuators, control_names, names_of, shafts
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from analysis.compiling import compiled
@@ -34,9 +34,6 @@ MOST = 4
 """Regimes in one model."""
 
 _LINEAR, _ANGLE, _ALWAYS = float(len(MOTION)), float(len(MOTION) + 1), -1.0
-ANGLES = {"azimuth": "azimuth_deg", "rudder": "rudder_deg", "waterjet": "nozzle_deg"}
-"""What the mean angle of a kind of actuator is called."""
-
 _CONDITIONS = 2
 _MOVING_MPS, _WIND_MPS = 0.3, 1.0  # below, a drift angle and a direction of the wind mean nothing
 
@@ -55,6 +52,13 @@ class Regime:
     at: float = 1.0
 
 
+def steering_angles(actuators: Actuators) -> dict[str, tuple[str, ...]]:
+    """By what their mean angle is called, the names of the actuators that steer alike: ``azimuth_deg``,
+    ``rudder_deg``, ``nozzle_deg``."""
+    names = {each: tuple(one.name for one in actuators if one.steers_by == each) for each in ANGLES}
+    return {f"{each}_deg": some for each, some in names.items() if some}
+
+
 def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
     """Quantities of the actuators: the code of each, and what it is of their controls in SI, a weight for each.
 
@@ -64,7 +68,7 @@ def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
     names, units = list(control_names(actuators)), control_units(actuators)
     groups = {"rpm": ("rpm", shafts(actuators))}
     groups |= {f"{name}_rpm": ("rpm", (name,)) for name in names_of(actuators, "tunnel")}
-    groups |= {name: ("angle_deg", names_of(actuators, kind)) for kind, name in ANGLES.items()}
+    groups |= {quantity: ("angle_deg", names) for quantity, names in steering_angles(actuators).items()}
     result = {}
     for quantity, (control, members) in groups.items():
         weights = np.zeros(len(names))

@@ -9,14 +9,14 @@ one and needs no smoothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
 import numpy as np
 
-from acquisition.core.actuators import Actuator, Actuators, names_of
+from acquisition.core.actuators import Actuators, names_of
 from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
@@ -48,9 +48,7 @@ _IN_SECONDS_S = 100.0  # shorter times are given in seconds
 _SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
 _TUNNEL = 0.75  # of the tunnel thruster's limit
 _ROUND_RPM = 5.0
-_DRIVES = {"azimuth": "thruster", "propeller": "propeller", "controllable_propeller": "propeller",
-           "waterjet": "waterjet"}  # fmt: skip
-_STEERS = {"azimuth": "azimuth", "rudder": "rudder", "waterjet": "nozzle"}
+_MIXED = "helm"  # what steers a ship by more than one sort of angle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,23 +124,23 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     return Shafts(
         usual, half, slow, fast, round(_TUNNEL * aside / _ROUND_RPM) * _ROUND_RPM,
         drives_in(vessel.actuators), tuple(each.name for each in steering), names_of(vessel.actuators, "tunnel"),
-        _called(_DRIVES, [each for each in vessel.actuators if each.drives], "thruster"),
-        _called(_STEERS, steering, "helm"), pace_of(vessel).time, most, own_usual_rpm(vessel),
+        _common((each.noun for each in vessel.actuators if each.drives), "thruster"),
+        _common((each.steers_by for each in steering), _MIXED), pace_of(vessel).time, most, own_usual_rpm(vessel),
     )  # fmt: skip
 
 
-def _called(words: Mapping[str, str], actuators: Sequence[Actuator], otherwise: str) -> str:
-    """A common word for some actuators."""
-    found = {words[each.kind] for each in actuators}
+def _common(words: Iterable[str], otherwise: str) -> str:
+    """The word that all of ``words`` are."""
+    found = set(words)
     return found.pop() if len(found) == 1 else otherwise
 
 
 def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
     """All candidates that a ship with these thrusters can make."""
-    by_angle, alike = len(shafts.steering) > 0, shafts.steers in _STEERS.values()
+    by_angle, alike = len(shafts.steering) > 0, shafts.steers != _MIXED
     needed: dict[Callable[[Shafts], Candidate], bool] = {
         _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and alike,
-        _crash_stop: shafts.drive == _DRIVES["propeller"], _one_drive: len(shafts.drives) > 1,
+        _crash_stop: shafts.drive == "propeller", _one_drive: len(shafts.drives) > 1,
         _tunnel: len(shafts.tunnels) > 0,
     }  # fmt: skip
     return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from acquisition.core.actuators import Actuators, names_of
+from hybrid.vessel.actuators import KINDS
 
-_NOUNS = {"azimuth": "thruster", "tunnel": "thruster", "propeller": "propeller",
-          "controllable_propeller": "propeller", "rudder": "rudder", "waterjet": "jet"}  # fmt: skip
 _SEVERAL = {"both": "Both", "all": "All"}
 
 
@@ -46,19 +45,28 @@ def actuator_texts(name: str, actuators: Actuators) -> tuple[str, ...]:
     The second text, where there is one, is for less than neutral.
     """
     name = "thrust_loss_tunnel" if name == "tunnel_thrust_loss" else name
-    for stem, (kinds, texts) in _TEXTS.items():
+    for stem, texts in _TEXTS.items():
         if name.startswith(f"{stem}_"):
-            return texts(_subject(name.removeprefix(f"{stem}_"), actuators, kinds))
+            subject = _subject(name, name.removeprefix(f"{stem}_"), actuators)
+            return texts(subject) if subject else ()
     return ()
 
 
-def _subject(which: str, actuators: Actuators, kinds: tuple[str, ...]) -> _Subject:
+def _subject(effect: str, which: str, actuators: Actuators) -> _Subject | None:
+    """Whom an effect is about, by what follows its stem: an actuator, or all of a kind."""
+    one = next((each for each in actuators if each.name == which), None)
+    if one is not None:
+        return _Subject(f"The {which.replace('_', ' ')}", one.noun, False, one.kind)
     first, _, group = which.partition("_")
-    if first in _SEVERAL and which not in [each.name for each in actuators]:
-        kind = next((each for each in kinds if len(names_of(actuators, each)) > 1), kinds[0])
-        return _Subject(_SEVERAL[first], group or f"{_NOUNS[kind]}s", True, kind)
-    kind = next((each.kind for each in actuators if each.name == which), kinds[0])
-    return _Subject(f"The {which.replace('_', ' ')}", _NOUNS[kind], False, kind)
+    member = next((each for each in actuators if effect in _effects_of(each.kind, actuators)), None)
+    if first not in _SEVERAL or member is None:
+        return None
+    return _Subject(_SEVERAL[first], group or f"{member.noun}s", True, member.kind)
+
+
+def _effects_of(kind: str, actuators: Actuators) -> set[str]:
+    """The names of the effects of a ship's actuators of one kind."""
+    return {each.name for each in KINDS[kind].effects(names_of(actuators, kind))}
 
 
 def _loss(subject: _Subject) -> tuple[str, str]:
@@ -124,20 +132,19 @@ def _play(subject: _Subject) -> tuple[str]:
     return (f"{subject.does('has', 'have')} {{}} deg of backlash between {angles}",)
 
 
-_PROPELLERS = ("propeller", "controllable_propeller")
-_TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]] = {
-    "thrust_loss": (("azimuth", *_PROPELLERS, "waterjet"), _loss),
-    "azimuth_offset": (("azimuth",), _beyond("azimuth")),
-    "nozzle_offset": (("waterjet",), _beyond("nozzle")),
-    "rudder_loss": (("rudder",), _loss),
-    "rudder_offset": (("rudder",), _rudder_offset),
-    "wake": (_PROPELLERS, _wake),
-    "thrust_deduction": (_PROPELLERS, _more_or_less_of("loses", "lose", "{whose} thrust to the hull")),
-    "rudder_interaction": (("rudder",), _more_or_less_of("draws", "draw", "{whose} side force from the hull")),
-    "flow_straightening": (("rudder",), _more_or_less_of("meets", "meet", "the drift at the stern")),
-    "astern_thrust": (("azimuth", *_PROPELLERS), _astern),
-    "speed_loss": (("tunnel",), _speed_loss),
-    "backlash": (("azimuth", "rudder", "waterjet"), _play),
-    "lag": (("rudder", *_PROPELLERS, "waterjet"), _lag),
+_TEXTS: dict[str, Callable[[_Subject], tuple[str, ...]]] = {
+    "thrust_loss": _loss,
+    "azimuth_offset": _beyond("azimuth"),
+    "nozzle_offset": _beyond("nozzle"),
+    "rudder_loss": _loss,
+    "rudder_offset": _rudder_offset,
+    "wake": _wake,
+    "thrust_deduction": _more_or_less_of("loses", "lose", "{whose} thrust to the hull"),
+    "rudder_interaction": _more_or_less_of("draws", "draw", "{whose} side force from the hull"),
+    "flow_straightening": _more_or_less_of("meets", "meet", "the drift at the stern"),
+    "astern_thrust": _astern,
+    "speed_loss": _speed_loss,
+    "backlash": _play,
+    "lag": _lag,
 }
-"""By the effect's stem: the kinds that have it, and its texts."""
+"""Its texts by the effect's stem, which is followed by an actuator's name, ``both`` or ``all``."""

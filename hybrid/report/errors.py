@@ -19,13 +19,13 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from acquisition.core.actuators import Actuators, names_of
+from acquisition.core.actuators import ANGLES, Actuators
 from acquisition.core.angles import circular_mean, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
 from analysis.kinematics import to_ship
 from analysis.tables.table import NANO, index_of, trial_channels
-from hybrid.effects.regime import ANGLES
+from hybrid.effects.regime import steering_angles
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.prediction.regions import equal_area_radius, relative_distances
 from hybrid.prediction.scores import LegBootstrap, distances
@@ -245,16 +245,16 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
 def _angles(table: pd.DataFrame, actuators: Actuators) -> dict[str, Floats]:
     """The mean angle of each kind of actuator that has one, the short way round [deg]."""
     found = {}
-    for kind, quantity in ANGLES.items():
-        angles = [table[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names_of(actuators, kind)]
-        if angles:
-            found[quantity] = circular_mean(angles, axis=0)
+    for quantity, names in steering_angles(actuators).items():
+        found[quantity] = circular_mean(
+            [table[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names], axis=0
+        )
     return found
 
 
 def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:
     """:data:`PLANES` with the angle that the ship is steered by; without those of which a quantity is not known."""
-    angle = next((name for name in ANGLES.values() if name in residuals.quantities), "")
+    angle = next((f"{each}_deg" for each in ANGLES if f"{each}_deg" in residuals.quantities), "")
     wind = PLANES[-1][1]
     planes = (*PLANES[:-1], (angle, wind if wind in residuals.quantities else "yaw_rate_dps"))
     return tuple(plane for plane in planes if set(plane) <= set(residuals.quantities))

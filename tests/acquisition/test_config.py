@@ -68,7 +68,7 @@ def test_a_configuration_becomes_frozen_objects(tmp_path: Path) -> None:
         (config_text(SERIAL) + "[recording]\nsync_s = inf\n", 11, "recording.sync_s"),
         (config_text(SERIAL) + "[recording]\nqueue_frames = 0\n", 11, "recording.queue_frames"),
         (config_text(SERIAL + "thrusters = { port = 4 }\n"), 10, "two thrusters have the same number"),
-        (config_text(SERIAL, ("heave_m",)), 7, "no message on source 'line' carries heave_m"),
+        (config_text(SERIAL, ("heave_m",)), 7, "carries heave_m; say in a [[channel]] of this name, under `from`"),
         (config_text(CAN.split("[source.signals]")[0]), 7, "carries port_rpm; say which DBC signal does"),
         (
             config_text('type = "mavlink"\nport = 1\n[source.named_values]\n', ("tunnel_rpm",)),

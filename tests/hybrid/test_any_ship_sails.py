@@ -17,7 +17,7 @@ from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, h
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.simulation.trial import Noise, Voyage, sail_through, simulate_trial
 from hybrid.simulation.vessel_check import check_vessel
-from hybrid.vessel.actuators.propeller import ControllablePropeller
+from hybrid.vessel.actuators.controllable_propeller import ControllablePropeller
 from hybrid.vessel.actuators.waterjet import Waterjet
 from hybrid.vessel.estimate.new_vessel import new_vessel
 from hybrid.vessel.files import load_vessel

@@ -115,3 +115,13 @@ def test_a_user_file_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
     file.write_text(text)
     with pytest.raises(ConfigurationError, match=r"broken\.py"):
         catalogue_with([file])
+
+
+def test_an_unknown_rival_is_told_with_the_effect_that_names_it(tmp_path: Path) -> None:
+    text = EXAMPLE.read_text(encoding="utf-8").replace('"towed_load"', '"towed_lode"')
+    file = tmp_path / "mine.py"
+    file.write_text(text)
+    with pytest.raises(
+        ConfigurationError, match=r"effect drogue, confused_with: .*towed_lode.*did you mean towed_load"
+    ):
+        catalogue_with([file])

@@ -1,33 +1,24 @@
 """The kinds of actuators, one file each, and the compiled loop's way from a row's kind to its equations.
 
-To add a kind: a file like ``azimuth.py``, a line in :data:`KINDS`, and its channels in
-:data:`acquisition.core.actuators.KINDS`.
+To add a kind: its controls in :data:`acquisition.core.actuators.KINDS`, and a file of its name here, like
+``azimuth.py``, whose ``DEFINITION`` is a :class:`~hybrid.vessel.actuators.kind.Kind`.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Protocol
 
 import numpy as np
 
+from acquisition.core.actuators import KINDS as RECORDED_KINDS
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
 from analysis.compiling import by_code, compiled
-from hybrid.vessel.actuators.azimuth import AZIMUTH
 from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Kind
-from hybrid.vessel.actuators.propeller import CONTROLLABLE_PROPELLER, PROPELLER
-from hybrid.vessel.actuators.rudder import RUDDER
-from hybrid.vessel.actuators.tunnel import TUNNEL
-from hybrid.vessel.actuators.waterjet import WATERJET
 
-KINDS: dict[str, Kind] = {
-    "azimuth": AZIMUTH,
-    "tunnel": TUNNEL,
-    "propeller": PROPELLER,
-    "controllable_propeller": CONTROLLABLE_PROPELLER,
-    "rudder": RUDDER,
-    "waterjet": WATERJET,
-}
+KINDS: dict[str, Kind] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
+"""The kinds by name, each from the file of its name."""
 
 
 class Entry(Protocol):

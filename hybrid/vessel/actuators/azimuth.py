@@ -155,7 +155,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-AZIMUTH = Kind(
+DEFINITION = Kind(
     entry=Azimuth,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=4, hold=hold,

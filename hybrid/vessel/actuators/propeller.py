@@ -1,4 +1,4 @@
-"""A propeller on a fixed shaft, of fixed or of controllable pitch. Controls: shaft [rev/s], and pitch [full = 1].
+"""A propeller of fixed pitch on a fixed shaft, and what one of controllable pitch shares. Control: shaft [rev/s].
 
 Ahead, with the inflow ``u_a``: ``T = rho D^2 (k_0 P n^2 D^2 + k_1 n D u_a + k_2 u_a^2)``, which is rho n^2 D^4
 K_T(J) with the polynomial of J = u_a / (n D), P the share of the full pitch; (1 - t) of it drives the ship.
@@ -8,7 +8,7 @@ Sci Technol 20 (2015), 37-52; four quadrants after Miyauchi et al. (2022), doi 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import asin, exp, hypot
 from typing import Literal
 
@@ -32,7 +32,7 @@ from hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Blades:
+class Blades:
     """Place, blades and what the hull does to them; of ``wake_x_m``, ``pitch_m`` and the forces see the module.
 
     The wake is ``(wake_0 + wake_1 |b| + wake_2 b^2) exp(-wake_decay b^2)`` with ``b`` the drift at ``wake_x_m``:
@@ -67,18 +67,10 @@ class _Blades:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Propeller(_Blades):
+class Propeller(Blades):
     """A propeller of fixed pitch in a vessel file."""
 
     kind: Literal["propeller"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControllablePropeller(_Blades):
-    """A propeller of controllable pitch in a vessel file; the coefficients are those of its full pitch ahead."""
-
-    kind: Literal["controllable_propeller"]
-    pitch_lag_s: Number
 
 
 SIDE_TERMS = 8
@@ -116,12 +108,6 @@ def turning(n: float) -> float:
 def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a fixed propeller's shaft turns while ``control`` holds."""
     work[SHAFT_RPS], work[PITCH] = turning(control[first]), 1.0
-
-
-@compiled
-def hold_with_pitch(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
-    """How a controllable propeller's shaft turns, and its pitch, while ``control`` holds."""
-    work[SHAFT_RPS], work[PITCH] = turning(control[first]), control[first + 1]
 
 
 @compiled
@@ -194,16 +180,15 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, Y, N
 
 
-def numbers_of(entry: _Blades) -> dict[str, float]:
+def numbers_of(entry: Blades) -> dict[str, float]:
     """The entry's numbers that stand in tables."""
     both = {"side": entry.side, "turn": entry.turn}
     return {f"{name}_{term}": value for name, values in both.items() for term, value in enumerate(values)}
 
 
-def drives(entry: _Blades) -> tuple[Drive, ...]:
-    """How the shaft [rev/s] follows its order, and the pitch."""
-    shaft = Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS)
-    return (shaft, Drive(entry.pitch_lag_s, limit=1.0)) if isinstance(entry, ControllablePropeller) else (shaft,)
+def drives(entry: Blades) -> tuple[Drive]:
+    """How the shaft [rev/s] follows its order."""
+    return (Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),)
 
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
@@ -239,7 +224,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-PROPELLER = Kind(
+DEFINITION = Kind(
     entry=Propeller,
     numbers=NUMBERS,
     labels=("rps",), units=(1.0 / RPM_PER_RPS,), angles=(False,), work=2, hold=hold, force=force, still=(0.05,),
@@ -247,8 +232,4 @@ PROPELLER = Kind(
     drives=drives,
     effects=effects, slots=SLOTS, lag="lag_s", shared=frozenset(SHARED), keeps_sign=("k_0", "k_1", "astern_0"),
     adapted=("wake_0",), numbers_of=numbers_of, positive=("diameter_m", "limit_rpm"),
-)  # fmt: skip
-CONTROLLABLE_PROPELLER = replace(
-    PROPELLER, entry=ControllablePropeller, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
-    angles=(False, False), hold=hold_with_pitch, still=(0.05, 0.02), alike=(0.3, 0.05),
 )  # fmt: skip

@@ -192,7 +192,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-RUDDER = Kind(
+DEFINITION = Kind(
     entry=Rudder,
     numbers=NUMBERS,
     labels=("angle",), units=(pi / 180.0,), angles=(True,), work=3, hold=hold, force=force, still=(0.026,),

@@ -85,7 +85,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return tuple(effect(name) for name in names for effect in (loss, fading))
 
 
-TUNNEL = Kind(
+DEFINITION = Kind(
     entry=Tunnel,
     numbers=NUMBERS,
     labels=("rpm",), units=(1.0,), angles=(False,), work=1, hold=hold, force=force, still=(10.0,), alike=(10.0,),

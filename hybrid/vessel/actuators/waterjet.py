@@ -86,7 +86,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     )  # fmt: skip
 
 
-WATERJET = Kind(
+DEFINITION = Kind(
     entry=Waterjet,
     numbers=NUMBERS,
     labels=("rps", "angle"), units=(1.0 / RPM_PER_RPS, pi / 180.0), angles=(False, True), work=3, hold=hold,

@@ -1,0 +1,42 @@
+"""A propeller of controllable pitch on a fixed shaft. Controls: shaft [rev/s] and pitch [full ahead = 1].
+
+Its force is that of :mod:`.propeller`, where ``k_0`` goes with the pitch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from pydantic import StrictFloat as Number
+
+from acquisition.core.arrays import Floats
+from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators import propeller
+from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive
+from hybrid.vessel.actuators.propeller import PITCH, SHAFT_RPS, Blades, turning
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllablePropeller(Blades):
+    """A propeller of controllable pitch in a vessel file; the coefficients are those of its full pitch ahead."""
+
+    kind: Literal["controllable_propeller"]
+    pitch_lag_s: Number
+
+
+@compiled
+def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+    """How a controllable propeller's shaft turns, and its pitch, while ``control`` holds."""
+    work[SHAFT_RPS], work[PITCH] = turning(control[first]), control[first + 1]
+
+
+def drives(entry: ControllablePropeller) -> tuple[Drive, Drive]:
+    """How the shaft [rev/s] and the pitch [1] follow their orders."""
+    return (*propeller.drives(entry), Drive(entry.pitch_lag_s, limit=1.0))
+
+
+DEFINITION = replace(
+    propeller.DEFINITION, entry=ControllablePropeller, labels=("rps", "pitch"), units=(1.0 / RPM_PER_RPS, 0.01),
+    angles=(False, False), drives=drives, hold=hold, still=(0.05, 0.02), alike=(0.3, 0.05),
+)  # fmt: skip
