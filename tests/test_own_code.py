@@ -124,7 +124,7 @@ def test_a_saved_calibrator_knows_the_code_that_made_it(own: Path, earlier: list
     assert after.region_m is not None
     assert (after.region_m[1:] > 0.0).all()
     moved = file.rename(own / "moved.py")
-    with pytest.raises(InputError, match=r"gone.*mine\.py:MeanMiss.*--method FILE\.py:CLASS"):
+    with pytest.raises(InputError, match=r"no longer exists.*mine\.py:MeanMiss.*--method FILE\.py:CLASS"):
         load_calibrator(folder)
     again = st.predict(unseen, "+60", load_calibrator(folder, f"{moved}:MeanMiss"))
     np.testing.assert_allclose(again.track, before.track)

@@ -197,7 +197,7 @@ def delays_in_ns(delays: Mapping[str, float], known: ChannelsByName = BY_NAME) -
     for name, delay_s in delays.items():
         if find_channel(name, known) is None:
             raise InputError(
-                f"a delay of {name} was requested, but is not a channel", fix="name one of the channels"
+                f"a delay of {name} was requested, but there is no such channel", fix="name one of the channels"
             )
         if not abs(delay_s) <= _LONGEST_DELAY_S:
             raise InputError(f"a delay of {delay_s} s of {name} is not possible", fix="give at most an hour")

@@ -130,5 +130,5 @@ def test_copies_and_alarms_are_looked_at_too(tmp_path: Path) -> None:
     found = check_before_departure(away, 0.1, tmp_path)
     assert f"{tmp_path / 'away'} is not there to copy to" in found.obstacles
     wrong = replace(config, alarms=(AlarmSection(name="a", figure="heading", above=1.0),))
-    with pytest.raises(ConfigurationError, match="no figure 'heading'"):
+    with pytest.raises(ConfigurationError, match="unknown figure 'heading'"):
         check_before_departure(wrong, 0.1, tmp_path)

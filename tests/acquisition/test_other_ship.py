@@ -83,7 +83,7 @@ def test_what_is_sent_comes_back(tmp_path: Path, kind: str) -> None:
         (FILE, "", SHIP.replace("azimuth", "sail"), "no kind 'sail'"),
         (FILE, "", SHIP.replace('name = "bow"', 'name = "main"'), "two actuators are called 'main'"),
         (FILE, "", SHIP.replace('kind = "tunnel"', 'kind = "tunnel"\nx_m = 3'), "x_m: is not a known key"),
-        (FILE + "\nthrusters = { port = 2 }", "", SHIP, "no actuator port; hers are main, bow"),
+        (FILE + "\nthrusters = { port = 2 }", "", SHIP, "no thruster port; the thrusters are main, bow"),
         (FILE + "\nthrusters = { main = 1 }", "", SHIP, "two thrusters have the same number"),
     ],
 )

@@ -303,7 +303,7 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
 
 def test_without_room_a_recording_does_not_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(storage, "free_bytes", lambda folder: (1_000_000, 100_000_000))
-    with pytest.raises(StorageError, match=r"1\.0 MB free, less than the reserve of 5\.0 MB; make room"):
+    with pytest.raises(StorageError, match=r"1\.0 MB free, less than the reserve of 5\.0 MB; free space"):
         Recorded(tmp_path)
     assert list(tmp_path.iterdir()) == []
 

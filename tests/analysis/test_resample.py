@@ -251,7 +251,7 @@ def test_raw_samples_without_their_delay_are_joined_anew() -> None:
     found = remove_delays(table, {"north_m": 1.0})
     expected = {"north_m": [0.0, 1.0, 2.0, np.nan], "surge_mps": [np.nan, 5.0, np.nan, 7.0]}
     pd.testing.assert_frame_equal(found, table_at([-1.0, 0.0, 1.0, 2.0], expected))
-    with pytest.raises(InputError, match="no channel"):
+    with pytest.raises(InputError, match="no such channel"):
         remove_delays(table, {"speed": 1.0})
     with pytest.raises(InputError, match="not possible"):
         resample(table, delays={"north_m": np.nan})

@@ -106,7 +106,7 @@ def test_recordings_that_name_none_are_of_the_ship_that_all_were_of(tmp_path: Pa
 
 def test_a_ship_without_a_file_and_two_ships_are_refused_with_what_to_do(tmp_path: Path) -> None:
     unknown = recording_of("titanic", tmp_path / "a.mcap")
-    with pytest.raises(InputError, match=r"'titanic'.*--vessel.*gunnerus_long.*seatrial vessel new"):
+    with pytest.raises(InputError, match=r"'titanic'.*gunnerus_long.*--vessel.*seatrial vessel new"):
         model_of(unknown)
     with pytest.raises(InputError, match=r"esso_osaka_3m, titanic.*--vessel"):
         model_of(unknown, recording_of("esso_osaka_3m", tmp_path / "b.mcap", "esso_osaka_3m"))
