@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 from acquisition.core.errors import ConfigurationError
@@ -15,7 +17,8 @@ def write_pdf(page: Path) -> Path:
     Raises :class:`ConfigurationError` where WeasyPrint finds no Pango, which sets its lines; :class:`StorageError`.
     """
     try:
-        from weasyprint import HTML
+        with redirect_stdout(sys.stderr):  # it prints what it misses, amid what a command prints as JSON
+            from weasyprint import HTML
     except (ImportError, OSError) as error:
         raise ConfigurationError(
             "no PDF was written", where=str(page), why="WeasyPrint does not find the library Pango",

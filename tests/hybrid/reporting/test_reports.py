@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
-from weasyprint import HTML
 
 import seatrial
 from acquisition.core.channels import BY_NAME
@@ -28,6 +27,10 @@ from hybrid.report.folder import Choices, report
 from hybrid.reproduction.fidelity import SOURCES
 from tests.browser import running_browser
 
+try:
+    from weasyprint import HTML
+except OSError:  # without the library Pango: the command says so, and writes no PDF
+    HTML = None
 pytestmark = [pytest.mark.pages, pytest.mark.timeout(900)]
 MAPS = Path(__file__).resolve().parents[3] / "trials" / "columns"
 REAL = {
@@ -65,6 +68,8 @@ def names_in(recording: Path) -> set[str]:
 
 def pages_of(page: Path) -> int:
     """The number of sheets that a page takes."""
+    if HTML is None:
+        pytest.skip("no Pango to lay the page out with")
     return len(HTML(filename=str(page)).render().pages)
 
 
@@ -72,7 +77,8 @@ def reported(where: Path, *more: str) -> Path:
     """The page that the command makes, once as PDF."""
     done = CliRunner().invoke(seatrial.app, ["report", str(where), "--json", *more], catch_exceptions=False)
     found = json.loads(done.stdout)
-    assert [Path(each).read_bytes()[:5] for each in found["pdf"]] == [b"%PDF-"] * len(found["pages"])
+    sheets = found["pages"] if HTML else []
+    assert [Path(each).read_bytes()[:5] for each in found["pdf"]] == [b"%PDF-"] * len(sheets)
     return Path(found["report"])
 
 
