@@ -287,9 +287,9 @@ _FAR = 1e9  # outside any bounds, in any unit
 class _Fold:
     """n windows of some legs, and the evidence of the others.
 
-    ``inner`` [1+P, 1+P] are the inner products (:class:`.Evidence`) of the other legs; ``off`` [n, 2, H] the
-    predicted minus measured track at the linearisation [m], ``slope`` [n, 2, H, P] its derivative with respect
-    to each free coordinate; ``leg`` [n] numbers the legs that have windows.
+    ``inner`` [1+P, 1+P] are the inner products (:class:`.Evidence`) of the other legs; ``off`` [n, 2, H] is the
+    predicted minus measured track without effects [m], ``slope`` [P, n, 2, H] its derivative with respect to each
+    free coordinate, both as the linearisation has them; ``leg`` [n] numbers the legs that have windows.
     """
 
     inner: Floats
@@ -297,21 +297,20 @@ class _Fold:
     slope: Floats
     leg: Ints
 
-    def off_m(self, by: Floats) -> Floats:
-        """The mean distance of each window [n] after a change of the sizes ``by`` [P]."""
-        track = self.off + self.slope @ by
+    def off_m(self, places: Ints, sizes: Floats) -> Floats:
+        """The mean distance of each window [n] with the coordinates ``places`` at these sizes."""
+        track = self.off + np.tensordot(sizes, self.slope[places], axes=1)
         return np.asarray(np.hypot(track[:, 0], track[:, 1]).mean(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class LinearTracks:
-    """Sets of effects judged by tracks on held-out legs, linear about the sizes ``at`` [P].
+    """Sets of effects judged by linear tracks on held-out legs.
 
     ``low`` and ``high`` [P] are the bounds of the free coordinates; ``folds`` those of all :data:`DEALS`.
     """
 
     evidence: Evidence
-    at: Floats
     low: Floats
     high: Floats
     folds: tuple[_Fold, ...]
@@ -323,10 +322,8 @@ class LinearTracks:
         low, high = self.low[columns - 1], self.high[columns - 1]
         off_m, legs = [], np.concatenate([fold.leg for fold in self.folds])
         for fold in self.folds:
-            by = -self.at
             information = fold.inner[np.ix_(columns, columns)] + precision
-            by[columns - 1] += _within(information, fold.inner[columns, 0], low, high)
-            off_m.append(fold.off_m(by))
+            off_m.append(fold.off_m(columns - 1, _within(information, fold.inner[columns, 0], low, high)))
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
     def best_set(self, names: tuple[str, ...], worth: float, most: int, barred: Collection[str]) -> tuple[str, ...]:
@@ -369,15 +366,15 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
     equations = evidence.equations
     model, layout = equations.model, equations.layout
     track, steps = windows.predicted(model.at), list(_coordinates(evidence))
-    slope = np.stack([_slope(windows, evidence, *each) for each in steps], axis=-1)
-    off = (track - windows.measured)[:, 1:, :2]
-    known = np.asarray(np.isfinite(off).all(axis=(1, 2)) & np.isfinite(slope).all(axis=(1, 2, 3)))
-    off, slope = np.swapaxes(off, 1, 2), np.swapaxes(slope, 1, 2)
-    number = np.full(len(known), -1)
-    number[known] = np.unique(windows.log.leg[windows.starts[known]], return_inverse=True)[1]
+    slope = np.stack([_slope(windows, evidence, *each) for each in steps])
     at = np.zeros(len(layout.effect))
     for name, free in model.at.items():
         at[np.array(layout.of(name)) - 1] = free
+    off = (track - windows.measured)[:, 1:, :2] - np.tensordot(at, slope, axes=1)
+    known = np.asarray(np.isfinite(off).all(axis=(1, 2)))
+    off, slope = np.swapaxes(off, -1, -2), np.swapaxes(slope, -1, -2)
+    number = np.full(len(known), -1)
+    number[known] = np.unique(windows.log.leg[windows.starts[known]], return_inverse=True)[1]
     ends = [_moved(evidence, *each, side * _FAR)[each[0]][each[1]] for side in (-1.0, 1.0) for each in steps]
     low, high = np.sort(np.array(ends).reshape(2, -1), axis=0)
 
@@ -387,9 +384,9 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
                 others = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == each])
                 inner = evidence_of(replace(equations, gram=equations.gram[others])).inner
                 mine = known & (fold[windows.starts] == each)
-                yield _Fold(inner, off[mine], np.ascontiguousarray(slope[mine]), number[mine])
+                yield _Fold(inner, off[mine], np.ascontiguousarray(slope[:, mine]), number[mine])
 
-    return LinearTracks(evidence, at, low, high, tuple(folds()))
+    return LinearTracks(evidence, low, high, tuple(folds()))
 
 
 def _coordinates(evidence: Evidence) -> Iterator[tuple[str, int]]:

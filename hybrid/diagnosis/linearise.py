@@ -40,7 +40,7 @@ DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # finite-difference steps, in typical sizes of the effect
-_ROUNDS = 4
+_ROUNDS, _SAME = 4, 1e-9
 _RANGE = 1.69  # mean range of three normal readings, in standard deviations; a wider one misses slow reversals
 _MOST_STAGES = (
     8  # for effects that change in steps; drifts have more, and computing signatures takes most of the time
@@ -486,7 +486,10 @@ def true_states(log: Log, plant: Plant) -> Floats:
     """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
     states = log.nominal.copy()
     for _ in range(_ROUNDS):
-        states += log.nominal - sensor_readings(log, plant, states)
+        off = log.nominal - sensor_readings(log, plant, states)
+        states += off
+        if np.abs(off).max(initial=0.0) < _SAME:  # without delays of heading or speed after one round
+            break
     return states
 
 
