@@ -371,13 +371,15 @@ def diagnose(
     without: Sequence[str] = (),
     part: str = "0..100",
     repair: bool = False,
-    rebuild_positions: bool = False,
+    rebuild_positions: bool | None = None,
     identify: bool = False,
 ) -> DiagnosisRun:
     """What the model of ``vessel`` lacks, by recordings: the effects named, their sizes, the gap before and after.
 
     ``tolerance_percent`` of the force range is how far off the model may be anyway; ``effect_files`` add effects to
-    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before.
+    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before. Faults
+    of the record that no effect could be are repaired, with ``repair`` the scales and delays of sensors, too;
+    ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps jitter.
     """
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
@@ -399,7 +401,7 @@ def identify(
     horizon_s: int = 30,
     *,
     repair: bool = False,
-    rebuild_positions: bool = False,
+    rebuild_positions: bool | None = None,
     validation: bool = True,
     segment_s: float | None = None,
     part: str = "0..100",
@@ -407,10 +409,10 @@ def identify(
     """The coefficients of the model of ``vessel`` by recordings, with intervals, judged on what is left out.
 
     The vessel with them goes to ``output`` if that is named. Predictions are judged over ``horizon_s``, under the
-    commands as they were recorded; without ``validation`` they are not. ``repair`` puts right before what is
-    certainly wrong, ``rebuild_positions`` with the repairs the positions too. ``segment_s`` is how long each
-    stretch is that the fit simulates from a start of its own, without it about a ship length. Each recording is
-    checked before: values that stood still are set aside, and no stretch goes over a jump of the positions.
+    commands as they were recorded; without ``validation`` they are not. ``repair`` and ``rebuild_positions`` are
+    those of :func:`diagnose`. ``segment_s`` is how long each stretch is that the fit simulates from a start of its
+    own, without it about a ship length. Each recording is checked before: values that stood still are set aside,
+    and no stretch goes over a jump of the positions.
     """
     from analysis.tables.table import percent_of
     from analysis.windows.recordings import trial_names
@@ -422,7 +424,7 @@ def identify(
     ship, paths = chosen.vessel, as_paths(recordings)
     tables, set_aside = usable_tables(
         dict(zip(trial_names(paths), paths, strict=True)), percent_of(part),
-        repaired=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        repaired=repair or bool(rebuild_positions), rebuild_positions=rebuild_positions,
     )  # fmt: skip
     with bar("identifying") as progress:
         found, fitted, model = identify_tables(

@@ -9,14 +9,12 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
-from analysis.cli import RebuildPositions
 from hybrid.cli import (
     AllowSeenOption,
     EffectsOption,
     HorizonOption,
     PartOption,
     Recordings,
-    RepairOption,
     SeaStateOption,
     VesselOption,
     WorkersOption,
@@ -24,6 +22,17 @@ from hybrid.cli import (
 )
 
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder for the results.")]
+RepairSensors = Annotated[
+    bool, typer.Option("--repair", help="Also repair the scales and delays of sensors, instead of naming them.")
+]
+RebuildIfJitter = Annotated[
+    bool | None,
+    typer.Option(
+        "--rebuild-positions/--keep-positions",
+        help="Take positions by dead reckoning from speeds and heading, or as recorded; default: the first if the "
+        "time stamps jitter.",
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
 
 
@@ -68,8 +77,8 @@ def diagnose(
     without: Annotated[
         list[str] | None, typer.Option(help="An effect to leave out of the catalogue; may be repeated.")
     ] = None,
-    repair: RepairOption = False,
-    rebuild_positions: RebuildPositions = False,
+    repair: RepairSensors = False,
+    rebuild_positions: RebuildIfJitter = None,
     part: PartOption = "0..100",
     identify_first: Annotated[
         bool,
@@ -108,7 +117,7 @@ def diagnose(
         with bar("training") as progress:
             ladder = compare_calibrators(
                 diagnosed.conclusion, files, percent_of(part),
-                repair=repair, rebuild_positions=rebuild_positions, seed=seed, progress=progress,
+                repair=repair, rebuild_positions=bool(rebuild_positions), seed=seed, progress=progress,
             )  # fmt: skip
         diagnosed = replace(
             diagnosed,
@@ -125,7 +134,7 @@ def diagnose(
     from hybrid.report.diagnosis_words import model_line, summary
 
     typer.echo(model_line(diagnosis))
-    for name in ("left_out", "wind"):
+    for name in ("repaired", "left_out", "wind"):
         if name in diagnosis.provenance:
             typer.echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
     Console().print(summary(diagnosis, diagnosed.extras.ladder))
@@ -141,8 +150,8 @@ def identify(
     horizon: Annotated[
         int, typer.Option(min=2, help="The horizon of the predictions for validation, in seconds.")
     ] = 30,
-    repair: RepairOption = False,
-    rebuild_positions: RebuildPositions = False,
+    repair: RepairSensors = False,
+    rebuild_positions: RebuildIfJitter = None,
     part: PartOption = "0..100",
     validation: Annotated[bool, typer.Option(help="Validate on a held-out part; takes twice the time.")] = True,
     segment: Annotated[

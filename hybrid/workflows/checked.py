@@ -21,9 +21,10 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channels import ENVIRONMENT, VELOCITY
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, read_recording
-from analysis.prepare import checked_table
+from analysis.quality.check import check_recording
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS
+from analysis.quality.repairs import Repair, repair
 from analysis.tables.table import NANO, select, table_actuators, table_controls, table_of, times_ns, utc_index
 from hybrid.diagnosis.log import BLOCK_S
 from hybrid.effects import Catalogue
@@ -133,14 +134,19 @@ _AROUND = pd.Timedelta(seconds=2.5)
 """Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
 _FROZEN = ("stuck", "feedback_frozen", "position_jump")
 _MOST_FROZEN = 0.5
+_FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
+"""Errors of sensors that the catalogue has: a diagnosis names them."""
+JITTER = "position_time_jitter"
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """The tables that a diagnosis takes in, and in a sentence each what was left out of the recording."""
+    """The tables that a diagnosis takes in, and in a sentence each what was left out of the recording and what was
+    repaired in it."""
 
     tables: tuple[pd.DataFrame, ...]
     remarks: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
 
 
 def checked_tables(
@@ -148,20 +154,39 @@ def checked_tables(
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
-    rebuild_positions: bool = False,
+    rebuild_positions: bool | None = None,
 ) -> Checked:
     """The raw tables of a recording, or of a part of its time in percent, as its check says that they can be used.
 
-    ``repaired`` puts right before what is certainly wrong, delays too, ``rebuild_positions`` the positions with it.
+    Faults of the record that no effect could be (a heading interpolated through north, orders interpolated from
+    event to event, spikes) are put right. ``repaired`` has the errors put right as well that a diagnosis would
+    name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
+    for the positions; ``None`` does so where the check finds that their stamps jitter.
     """
-    table, flags, findings = checked_table(
-        recording, table_of(recording), repaired=repaired, rebuild_positions=rebuild_positions
-    )
+    table, flags, findings, repairs = _repaired(recording, repaired, rebuild_positions)
     table, remarks = without_frozen(select(table, part_percent), select(flags, part_percent), findings)
     dead = dead_sensors(table)
     parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
-    return Checked(parts, (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more))
+    return Checked(parts, (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more), repairs)
+
+
+def _repaired(
+    recording: Recording, repaired: bool, rebuild_positions: bool | None
+) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...], tuple[str, ...]]:
+    """The table, its flags, all findings of the check, and in a sentence each what was repaired."""
+    raw = table_of(recording)
+    quality = check_recording(recording, raw)
+    found = {each.code for each in quality.findings}
+    rebuild = JITTER in found if rebuild_positions is None else rebuild_positions
+    faults = [each for each in quality.findings if repaired or each.code not in _FOR_A_NAME]
+    done = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild)
+    flags = quality.flags if done.flags is None else done.flags
+    return done.table, flags, quality.findings, tuple(dict.fromkeys(map(_in_words, done.repairs)))
+
+
+def _in_words(done: Repair) -> str:
+    return done.text if done.channel in done.text else f"{done.channel}: {done.text}"
 
 
 def usable_tables(
@@ -169,7 +194,7 @@ def usable_tables(
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
-    rebuild_positions: bool = False,
+    rebuild_positions: bool | None = None,
 ) -> tuple[dict[str, pd.DataFrame], tuple[str, ...]]:
     """One raw table for each recording by name, with a gap where :func:`checked_tables` parts it, and remarks."""
     checked = {

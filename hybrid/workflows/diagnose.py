@@ -196,26 +196,27 @@ def diagnose_files(
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repair: bool = False,
-    rebuild_positions: bool = False,
+    rebuild_positions: bool | None = None,
     identify: bool = False,
     progress: Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
-    Each is checked before: it is parted where its positions jump, and what stood still is left out.
-    ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
-    What a repair puts right is not diagnosed any more. ``identify`` has the model's coefficients identified from
-    the recordings before (:func:`refit_model`).
+    Each is checked before (:func:`.checked_tables`): it is parted where its positions jump, what stood still is
+    left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
+    diagnosed any more; ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps
+    jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`refit_model`).
     """
     hashes = refuse_duplicates(files)
     said = reference_model(trials_of(files), vessel).said
-    tables, left_out = list[pd.DataFrame](), list[str]()
+    tables, left_out, repaired = list[pd.DataFrame](), list[str](), list[str]()
     for number, file in enumerate(files):
         found = checked_tables(
             read_recording(file), part_percent, repaired=repair, rebuild_positions=rebuild_positions
         )
         tables += found.tables
         left_out += [f"{Path(file).name}: {each}" for each in found.remarks]
+        repaired += [f"{Path(file).name}: {each}" for each in found.repairs]
         progress(0.1 * (number + 1) / len(files))
     provenance = {
         "software_version": software_version(),
@@ -223,8 +224,9 @@ def diagnose_files(
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "repair": repair,
-        "rebuild_positions": rebuild_positions,
+        "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
+        **({"repaired": "; ".join(repaired)} if repaired else {}),
         **({"left_out": "; ".join(left_out)} if left_out else {}),
     }
     whole, driven = driven_by_orders(tables, vessel)

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.angles import wrap_180
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
@@ -23,15 +24,15 @@ def sound() -> pd.DataFrame:
     return simulate_trial("gunnerus_short", "gentle", "voyage", 900.0, 2.0, 4)[0]
 
 
-def checked(table: pd.DataFrame, folder: Path, *, repaired: bool = False) -> Checked:
+def checked(table: pd.DataFrame, folder: Path, *, repaired: bool = False, rebuild: bool | None = None) -> Checked:
     path = folder / "trial.mcap"
     write_table(table, path, Trial("trial", "gunnerus_short"), source="simulated")
-    return checked_tables(read_recording(path), repaired=repaired)
+    return checked_tables(read_recording(path), repaired=repaired, rebuild_positions=rebuild)
 
 
 def test_a_sound_recording_is_taken_as_it_is(sound: pd.DataFrame, tmp_path: Path) -> None:
     found = checked(sound, tmp_path)
-    assert found.remarks == ()
+    assert found.remarks == found.repairs == ()
     (table,) = found.tables
     assert len(log_of([table])) > 850
 
@@ -59,7 +60,7 @@ def test_a_frozen_sensor_is_left_out_where_it_was(sound: pd.DataFrame, tmp_path:
     (table,) = found.tables
     assert table["sway_mps"].iloc[601:1000].isna().mean() > 0.99
     assert table["sway_mps"].notna().sum() > 1300
-    assert any("sway_mps" in each for each in found.remarks)
+    assert any("sway_mps" in each for each in (*found.remarks, *found.repairs))
 
 
 @pytest.mark.parametrize("name", ["yaw_rate_dps", "sway_mps", "surge_mps"])
@@ -80,6 +81,53 @@ def test_delays_that_are_certain_are_taken_off_before(sound: pd.DataFrame, tmp_p
                            for name in ("north_m", "east_m")})  # fmt: skip
     (table,) = checked(late, tmp_path, repaired=True).tables
     assert "channel_delay" not in {each.code for each in check_motion(table).findings}
+
+
+def test_errors_that_a_diagnosis_would_name_stay_and_faults_of_the_record_go(
+    sound: pd.DataFrame, tmp_path: Path
+) -> None:
+    """A scale of speeds is for the diagnosis to name; a heading interpolated through north is no motion."""
+    heading = sound["heading_deg"]
+    wraps = heading.diff().abs() > 300.0
+    spoilt = sound.assign(heading_deg=heading.where(~wraps, 0.5 * (heading + heading.shift())))
+    spoilt[["surge_mps", "sway_mps"]] *= 0.95
+    for repaired, factor in ((False, 0.95), (True, 1.0)):
+        found = checked(spoilt, tmp_path, repaired=repaired)
+        (table,) = found.tables
+        assert wraps.any()
+        assert np.abs(wrap_180(table["heading_deg"] - heading)).max() < 3.0
+        assert any("on the circle" in each for each in found.repairs)
+        ratio = float((table["surge_mps"] * sound["surge_mps"]).sum() / (sound["surge_mps"] ** 2).sum())
+        assert ratio == pytest.approx(factor, abs=0.005)
+
+
+@pytest.fixture(scope="module")
+def jittering(sound: pd.DataFrame) -> pd.DataFrame:
+    """Positions of up to a second earlier or later than their stamps say."""
+    seconds = np.arange(len(sound)) * 0.5
+    off = np.random.default_rng(4).uniform(-1.0, 1.0, len(sound))
+    return sound.assign(**{name: np.interp(seconds + off, seconds, sound[name]) for name in ("north_m", "east_m")})
+
+
+def test_positions_whose_stamps_jitter_are_rebuilt(
+    sound: pd.DataFrame, jittering: pd.DataFrame, tmp_path: Path
+) -> None:
+    """Tracks over a quarter of a minute are judged by them: their error would be that of the stamps."""
+    found = checked(jittering, tmp_path)
+    (table,) = found.tables
+    assert any("positions rebuilt" in each for each in found.repairs)
+    off_m = {name: _second_differences(each - sound) for name, each in (("as it is", jittering), ("mended", table))}
+    assert off_m["mended"] < 0.1 * off_m["as it is"]
+
+
+def test_positions_are_kept_on_request(jittering: pd.DataFrame, tmp_path: Path) -> None:
+    (table,) = checked(jittering, tmp_path, rebuild=False).tables
+    assert np.allclose(table["north_m"], jittering["north_m"], atol=1e-6)
+
+
+def _second_differences(table: pd.DataFrame) -> float:
+    """Root mean square of the second differences of the positions [m]."""
+    return float(np.sqrt((table[["north_m", "east_m"]].diff().diff() ** 2).mean().mean()))
 
 
 def test_without_wind_its_effects_are_not_looked_for(sound: pd.DataFrame) -> None:
