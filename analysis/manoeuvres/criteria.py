@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.manoeuvres.indices import Index, Manoeuvre
+from analysis.manoeuvres.indices import Index, Manoeuvre, from_order
 from analysis.manoeuvres.turning_circle import REMOVED
 
 LEAST_LENGTH_M = 100.0
@@ -26,7 +26,8 @@ CALM_BEAUFORT = 5
 CRITERIA = {
     "advance_m": "advance", "tactical_diameter_m": "tactical diameter",
     "initial_turning_m": "initial turning", "overshoot_1_deg": "first overshoot",
-    "overshoot_2_deg": "second overshoot", "track_reach_m": "track reach",
+    from_order(1): "first overshoot", "overshoot_2_deg": "second overshoot", from_order(2): "second overshoot",
+    "track_reach_m": "track reach",
 }  # fmt: skip
 """What the standards limit (MSC.137(76), 5.3), by the name of the index."""
 
@@ -41,6 +42,8 @@ _MAIN = {
     "thruster_test": ("last_yaw_rate_dps",),
 }
 """The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
+_FROM_ORDER = {f"overshoot_{number}_deg": from_order(number) for number in (1, 2)}
+"""The overshoots that IMO limits, and what they are called where the way of the helm makes a difference."""
 _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
 _IN_LENGTHS = ("advance_m", "tactical_diameter_m", "track_reach_m")
@@ -200,14 +203,24 @@ def _rows_of_test(test: Sequence[Manoeuvre], conditions: Conditions) -> list[Ind
             for side in ("port", "starboard", "")
             if (runs := [each for each in test if each.side == side and name in each.indices])
         }
-        rows.append(_judged(IndexRow(test_name(test), name, sides), against))
+        ordered = any(_shown_of(each, name) != name for each in test)
+        shown = _FROM_ORDER[name] if ordered else name
+        rows.append(_judged(IndexRow(test_name(test), shown, sides), against))
     return rows
 
 
 def _side_of(runs: Sequence[Manoeuvre], name: str) -> Mean:
     """The mean of an index over the runs to one side, with the current removed where all of them have that."""
     removed = all(name + REMOVED in each.indices for each in runs)
-    return replace(mean_of([each.indices[name + REMOVED * removed] for each in runs]), removed=removed)
+    return replace(
+        mean_of([each.indices[_shown_of(each, name) + REMOVED * removed] for each in runs]), removed=removed
+    )
+
+
+def _shown_of(manoeuvre: Manoeuvre, name: str) -> str:
+    """The index that stands for another: an overshoot from the order, as IMO counts it, where there is one."""
+    ordered = _FROM_ORDER.get(name, name)
+    return ordered if ordered in manoeuvre.indices else name
 
 
 def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
@@ -252,7 +265,7 @@ def criterion_of(name: str) -> str:
 def untested(rows: Iterable[IndexRow]) -> list[str]:
     """The criteria of the standards that no run of these is for."""
     shown = {criterion_of(row.name) for row in rows if row.result}
-    return [each for each in CRITERIA.values() if each not in shown]
+    return [each for each in dict.fromkeys(CRITERIA.values()) if each not in shown]
 
 
 def verdict(rows: Sequence[IndexRow]) -> str:

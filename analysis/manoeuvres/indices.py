@@ -9,7 +9,7 @@ the 10/10 and 20/20 zigzags.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
 from typing import Any
@@ -251,13 +251,14 @@ def overshoot_limit_deg(
 
 
 def overshoot_limits(
-    angle_deg: float, switch_deg: float, length_m: float | None, speed_mps: float
+    angle_deg: float, switch_deg: float, length_m: float | None, speed_mps: float, names: Collection[str]
 ) -> dict[str, float | None]:
-    """The limits of the first two overshoots of a zigzag by index, from half of the command and from the order."""
+    """The limits of the first two overshoots of a zigzag by index: of the ``names`` of her indices, the one from
+    the order where there is one, as IMO counts from there, and else the one from half of the command."""
     limits: dict[str, float | None] = {}
     for number in (1, 2):
         limit = overshoot_limit_deg(number, angle_deg, switch_deg, length_m, speed_mps)
-        limits |= {f"overshoot_{number}_deg": limit, from_order(number): limit}
+        limits[from_order(number) if from_order(number) in names else f"overshoot_{number}_deg"] = limit
     return limits
 
 
@@ -293,7 +294,7 @@ def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> 
     helm_deg, limits, notes = abs(each.helm_deg or 0.0), dict[str, float | None](), list[str]()
     if each.kind == "zigzag":
         test = (helm_deg, each.settings["switch_deg"], length_m, each.settings["approach_mps"])
-        limits |= overshoot_limits(*test)
+        limits |= overshoot_limits(*test, each.indices)
     if length_m and abs(helm_deg / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE:
         limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
     if length_m and each.kind == "turning_circle":

@@ -176,12 +176,12 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
 
 
 def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Index]) -> dict[str, Index]:
-    """The first two overshoots as IMO counts them, from the start of the helm's movement, if that adds more
-    than their uncertainty."""
+    """The overshoots as IMO counts them, from the start of the helm's movement, if that adds more than their
+    uncertainty."""
     if part.orders_are_events:
         return {}
     found = {}
-    for number in (1, 2):
+    for number in range(1, both.shape[1] - 1):
         index, (begun_s, half_s) = indices.get(f"overshoot_{number}_deg"), both[:, number]
         more = abs(float(np.diff(np.interp((begun_s, half_s), part.time_s, part.heading_deg))[0]))
         if index is not None and more > 0.5 * (index.high - index.low):

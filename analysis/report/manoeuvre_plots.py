@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.indices import Manoeuvre, from_order
 from analysis.manoeuvres.measures import (
     along_and_across,
     approach_of,
@@ -84,19 +84,24 @@ def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
 
 
 def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
-    """From the heading at each execute to its extreme: a bar with the overshoot beside it."""
+    """From the heading at each execute, or at its order, to its extreme: a bar with the overshoot beside it."""
     start, end = seconds_of(motion, manoeuvre)
     executes = np.array([(each.value - motion.origin_ns) / 1e9 for each in manoeuvre.executes])
     few = len(executes) <= 10
     axes.axvline(0.0, color=FAINT, linewidth=0.8)
     for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
         side = manoeuvre.sign if number % 2 else -manoeuvre.sign
-        index = manoeuvre.indices.get(f"overshoot_{number}_deg")
+        ordered = manoeuvre.indices.get(from_order(number))
+        index = ordered or manoeuvre.indices.get(f"overshoot_{number}_deg")
         axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":")
         if index is None:
             continue
         time_s, top = peak(motion.time_s, side * heading, execute, following)
         at_execute = float(np.interp(execute, motion.time_s, heading))
+        if ordered is not None:
+            at_execute = side * (top - ordered.value)
+            before = motion.time_s[(motion.time_s < execute) & (side * heading <= side * at_execute)]
+            execute = float(before[-1]) if before.size else execute
         where = time_s - start
         axes.vlines(where, at_execute, side * top, color=RED, linewidth=2.4)
         axes.hlines(at_execute, execute - start, where, color=RED, linewidth=0.8)

@@ -130,7 +130,8 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     A test without sides has its mean under ``""``.
     """
     unit = next(iter(row.sides.values())).index.unit
-    name = (CRITERIA.get(row.name) or plain_name(row.name)) + (f" [{unit}]" if unit else "")
+    name = CRITERIA.get(row.name) or plain_name(row.name)
+    name += " from the order" * ("from_order" in row.name) + (f" [{unit}]" if unit else "")
     limit = index_cells(row.limit)[3].replace(f" {unit}", "") if row.limit is not None else ""
     return {
         "name": name,

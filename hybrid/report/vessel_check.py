@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Index
+from analysis.manoeuvres.indices import Index, from_order
 from analysis.manoeuvres.measures import peak
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import plain_name
@@ -231,7 +231,11 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
             time_s, top = peak(motion.time_s, side * motion.heading_deg, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        _write(axes, test, ("overshoot_1_deg", "overshoot_2_deg", "initial_turning_m"), (0.02, 0.02))
+        overshoots = [
+            from_order(number) if from_order(number) in test.indices else f"overshoot_{number}_deg"
+            for number in (1, 2)
+        ]
+        _write(axes, test, (*overshoots, "initial_turning_m"), (0.02, 0.02))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set_xlabel("time since the execute [s]")

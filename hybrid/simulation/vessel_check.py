@@ -293,7 +293,7 @@ def _zigzag(vessel: Vessel, rpm: float, angle_deg: float) -> StandardTest:
         overshoot = values.get(f"overshoot_{number}_deg")
         if overshoot is not None and more > _LEAST_MORE_DEG:
             values[from_order(number)] = overshoot + more
-    limits = overshoot_limits(angle_deg, angle_deg, length_m, motion.at("surge_mps", start))
+    limits = overshoot_limits(angle_deg, angle_deg, length_m, motion.at("surge_mps", start), values)
     if angle_deg == 10.0:
         limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
     else:

@@ -120,3 +120,19 @@ def test_means_hold_the_truth_in_95_percent_of_trials() -> None:
     draws = random.normal(100.0, 5.0, (2000, 3))
     means = [mean_of([Index(x, x - 1.0, x + 1.0, "m") for x in draw]).index for draw in draws]
     assert 0.93 <= np.mean([each.low <= 100.0 <= each.high for each in means]) <= 0.97
+
+
+def test_an_overshoot_is_judged_from_the_order_where_the_helm_is_slow() -> None:
+    """As IMO counts it: 22 deg from half of the command may be 26 deg from the order, above the limit of 25."""
+    indices = {
+        "overshoot_1_deg": Index(22.0, 21.8, 22.2, "deg"),
+        "overshoot_1_from_order_deg": Index(26.0, 25.8, 26.2, "deg"),
+    }  # fmt: skip
+    settings = {"rudder_deg": 20.0, "switch_deg": 20.0, "approach_mps": 7.0}
+    (row,) = rows_of(Manoeuvre("zigzag", "zigzag 20/20", START, START, "port", settings, indices))
+    assert row.sides["port"].index.value == 26.0
+    assert (row.result, verdict([row])) == (
+        "fail", "The trial does not meet IMO MSC.137(76) in first overshoot (Zigzag 20/20 at 7.00 m/s).",
+    )  # fmt: skip
+    assert "first overshoot" not in untested([row])
+    assert untested([row]).count("second overshoot") == 1
