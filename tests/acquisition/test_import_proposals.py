@@ -21,6 +21,8 @@ from acquisition.tables.draft import Question
 from acquisition.tables.import_table import import_proposed, propose_for
 from acquisition.tables.propose import Proposal
 from acquisition.tables.table_files import read_raw
+from acquisition.tables.unit_names import headed
+from acquisition.tables.vocabulary import matches
 from analysis.tables.table import read_table
 from tests.conftest import Command
 
@@ -818,3 +820,15 @@ def test_a_time_that_is_said_to_be_local_is_asked_of_which_zone(tmp_path: Path) 
     assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["zone"]
     _, found = imported(path, zone="Europe/Berlin")
     assert_true(found, truth, f"{PLACES} heading_deg", 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "channel"),
+    [
+        ("Fahrt voraus [kn]", "surge_mps"), ("Fahrt quer [kn]", "sway_mps"), ("Speed long. (kn)", "surge_mps"),
+        ("Speed transv. (kn)", "sway_mps"), ("Speed to starboard [kn]", "sway_mps"),
+        ("Fahrt [kn]", "speed_over_ground_mps"),
+    ],
+)  # fmt: skip
+def test_the_two_parts_of_a_speed_are_not_taken_for_the_whole(name: str, channel: str) -> None:
+    assert matches(headed(name).name)[0].quantity.name == channel
