@@ -276,7 +276,7 @@ def verdict(rows: Sequence[IndexRow]) -> str:
         which = ", ".join(f"{criterion_of(row.name)} ({row.test})" for row in failed)
         return f"The trial does not meet IMO MSC.137(76) in {which}{others}."
     if passed:
-        every = "the one value" if len(passed) == 1 else f"all {len(passed)} values"
+        every = {1: "the one value", 2: "both values"}.get(len(passed), f"all {len(passed)} values")
         return f"The trial meets IMO MSC.137(76) in {every} judged{others}."
     if left:
         return _without_judgement(left)
@@ -291,7 +291,8 @@ def _without_judgement(left: Sequence[IndexRow]) -> str:
     """What was measured of limited values, none of which is judged, and why not."""
     values = [each.index for row in left for each in row.sides.values()]
     below = all(row.limit for row in left) and not any(_above(each, each.value) for each in values)
+    many = "Both" if len(left) == 2 else f"All {len(left)}"
     every = "The one value measured lies below its limit" if len(left) == 1 else (
-        f"All {len(left)} values measured lie below their limits"
+        f"{many} values measured lie below their limits"
     )  # fmt: skip
     return f"Not judged by IMO MSC.137(76): {left[0].why}." + (f" {every}." if below else "")

@@ -161,10 +161,10 @@ def circumstances(
     recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre] = (), ship: Ship | None = None
 ) -> list[tuple[str, str]]:
     """The ship, her loading, time, place and weather, as :func:`run_sheet` has them."""
-    trial = recording.trial
+    trial, manoeuvres = recording.trial, tuple(manoeuvres)
     return [
         ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
-        *_form(ship, one_hz),
+        *_form(ship, one_hz, manoeuvres),
         *_actuators(trial.actuators),
         ("trial", trial.name or UNKNOWN),
         *_when(one_hz),
@@ -288,15 +288,17 @@ def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
     )
 
 
-def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
-    """Dimensions and the ratios that the IMO's form asks for; the speed is the median of what the ship made
-    good."""
+def _form(ship: Ship | None, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]) -> list[tuple[str, str]]:
+    """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
+    manoeuvres the median of what the ship made good."""
     if ship is None:
         return [("dimensions", "unknown: no vessel file for the ship that the recording names")]
     both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
     speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
+    approaches = [each.settings["approach_mps"] for each in manoeuvres if "approach_mps" in each.settings]
+    speed, whose = (max(approaches), "fastest approach") if approaches else (speed, "median speed")
     length_m = ship.between_perpendiculars_m
-    per_speed = [f"L/V {length_m / speed:.1f} s at the median speed of {speed:.2f} m/s"] if speed > 0.1 else []
+    per_speed = [f"L/V {length_m / speed:.1f} s at the {whose}, {speed:.2f} m/s"] if speed > 0.1 else []
     words, ratios = f"{length_m:g} m between perpendiculars (L), given for this report", per_speed
     if ship.beam_m and ship.draught_m:
         words = (

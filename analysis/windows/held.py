@@ -288,10 +288,11 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
     """Return the windows. Raises :class:`DataShortageError` with the counts by reason if there are none."""
     if windows.kept:
         return windows
-    reasons = ", ".join(f"{times} {reason}" for reason, times in windows.dropped.items())
+    reasons = ", ".join(f"{times} {reason.replace('_', ' ')}" for reason, times in windows.dropped.items())
     sort, fix = ("whole", "longer") if "held" in windows.rows else ("held", "held")
     raise DataShortageError(
-        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window",
+        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window"
+        + " (steady controls)" * (sort == "held"),
         where=where,
         why=reasons or "shorter than the horizon",
         fix=f"lower --horizon, or give recordings with {fix} stretches",

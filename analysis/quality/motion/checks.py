@@ -183,10 +183,10 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span) ->
 def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
     """The finding with the band in which it shows; certain only where the slow motion shows it."""
     low, high = band_hz
-    text = f"{finding.text}; so it is with motion up to {high:.2g} Hz"
+    text = f"{finding.text}; the same holds for motion up to {high:.2g} Hz"
     if not low > 0.0:
         return replace(finding, text=text, band_hz=band_hz)
-    text = f"{finding.text}; so it is between {low:.2g} and {high:.2g} Hz, and slower motion does not tell"
+    text = f"{finding.text}; it shows between {low:.2g} and {high:.2g} Hz, and slower motion does not tell"
     remedy = "Look where antenna and speed sensor stand: in waves, rolling and pitching do the same."
     return replace(finding, text=text, remedy=remedy, band_hz=band_hz, certain=False)
 

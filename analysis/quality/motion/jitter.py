@@ -152,7 +152,10 @@ def position_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
     """The finding of positions whose stamps jitter, None where they do not by enough to matter."""
     if not jitter.beyond(SMALLEST_POSITION_JITTER_S):
         return None
-    how = f"The positions err along the way, with {jitter.ratio:.0f} times the variance across: their stamps"
+    how = (
+        f"The positions' errors along the track have {jitter.ratio:.0f} times the variance of those across it:"
+        " their stamps"
+    )
     remedy = "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile."
     return _finding("position_time_jitter", "north_m", jitter, how, remedy, span)
 
@@ -357,8 +360,8 @@ def heading_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
     if not is_certain(jitter):
         return None
     how = (
-        f"The heading errs as the ship turns, with {jitter.ratio:.0f} times the variance about the integrated yaw"
-        " rate that it has without turning: its stamps"
+        f"The heading's errors against the integrated yaw rate have {jitter.ratio:.0f} times the variance in turns"
+        " that they have on a straight course: its stamps"
     )
     remedy = (
         "Take the compass's own times; the integrated yaw rate is the better guide to the shape of a turn until"
