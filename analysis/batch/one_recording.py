@@ -27,6 +27,7 @@ from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import Recording, read_parts
 from analysis.manoeuvres import Manoeuvre, as_json
+from analysis.manoeuvres.indices import from_order
 from analysis.products import Options, Products, analyse
 from analysis.speed_power import power_columns, speed_power
 from analysis.speed_power.conditions import recorded_conditions
@@ -42,8 +43,8 @@ WAITING = "waiting"
 """The status of a recording that is not analysed yet."""
 GRADES = ("good", "suspect", "bad")
 KEY_INDICES = frozenset({
-    "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg", "advance_m", "transfer_m",
-    "tactical_diameter_m", "steady_diameter_m", "speed_over_ground_mps", "speed_through_water_mps",
+    "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg", from_order(1), from_order(2), "advance_m",
+    "transfer_m", "tactical_diameter_m", "steady_diameter_m", "speed_over_ground_mps", "speed_through_water_mps",
     "track_reach_m", "head_reach_m",
 })  # fmt: skip
 NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing with `seatrial recover`"

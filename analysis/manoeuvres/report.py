@@ -130,8 +130,9 @@ _LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own tab
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
-    """A manoeuvre's row in the table of all."""
+    """A manoeuvre's row in the table of all; overshoots from the order, which have the limits, stand first."""
     main = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _LATER)]
+    main.sort(key=lambda each: "from_order" not in each[0])
     indices = ", ".join(f"{plain_name(name)} {index_cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
     return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", indices]
