@@ -133,9 +133,10 @@ def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[st
         doubts = []
         if not channel.consistent and not _HARMLESS[0] <= channel.nis <= _HARMLESS[1]:
             bands = "too narrow" if channel.nis > channel.high else "too wide"
-            doubts.append(f"bands {bands}: NIS {channel.nis:.2f}, expected {channel.low:.2f} to {channel.high:.2f}")
+            expected = f"expected {channel.low:.2f} to {channel.high:.2f}"
+            doubts.append(f"bands {bands}: mean normalised squared error {channel.nis:.2f}, {expected}")
         ends = [level for level in at_bounds if name in _CHANNELS_OF[level]]
-        doubts += [f"no level found: {level} ends where the search does" for level in ends]
+        doubts += [f"the noise level {level} could not be determined" for level in ends]
         if doubts:
             lines.append(f"{name}: {'; '.join(doubts)}")
     return tuple(lines)

@@ -17,6 +17,7 @@ from acquisition.core.files import write_text
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.find import manoeuvres_and_left_out
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
+from analysis.manoeuvres.turning_circle import REMOVED
 from analysis.tables.table import provenance_of
 
 if TYPE_CHECKING:
@@ -130,10 +131,16 @@ _LATER = ("time_to_check", "initial_turning")  # left to the manoeuvre's own tab
 
 
 def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
-    """A manoeuvre's row in the table of all; overshoots from the order, which have the limits, stand first."""
-    main = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _LATER)]
-    main.sort(key=lambda each: "from_order" not in each[0])
-    indices = ", ".join(f"{plain_name(name)} {index_cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
+    """A manoeuvre's row in the table of all: overshoots from the order, which have the limits, stand first, and the
+    current is removed where it is known, as in the figure."""
+    found = manoeuvre.indices
+    main = [each for each in found if not any(part in each for part in _LATER) and not each.endswith(REMOVED)]
+    main.sort(key=lambda each: "from_order" not in each)
+    indices = ", ".join(
+        f"{plain_name(name)} {index_cells(found.get(name + REMOVED, found[name]))[0]}"
+        + " (current removed)" * (name + REMOVED in found)
+        for name in main[:_FIRST_INDICES]
+    )
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
     return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", indices]
 

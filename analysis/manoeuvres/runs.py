@@ -152,7 +152,7 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     found["distance_m"] = (distance_m(part, *span), float("nan"))
     return Manoeuvre(
         kind="speed_run",
-        name=f"speed run {part.main_rpm.mean():.0f} rpm on {heading:.0f} deg",
+        name=f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg",
         start=motion.utc(span[0]),
         end=motion.utc(span[1]),
         side="",

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
+import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
@@ -16,9 +17,9 @@ from acquisition.core.errors import StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.manoeuvres import find_manoeuvres
-from analysis.manoeuvres.indices import index_of
+from analysis.manoeuvres.indices import Index, Manoeuvre, index_of
 from analysis.manoeuvres.motion import motion_of
-from analysis.manoeuvres.report import index_cells, manoeuvres_of, subline, write_report
+from analysis.manoeuvres.report import index_cells, manoeuvre_line, manoeuvres_of, subline, write_report
 from analysis.report.manoeuvre_plots import draw
 from analysis.report.plots import STYLE
 from seatrial import app
@@ -120,3 +121,20 @@ def test_pictures_are_to_scale_and_mark_every_overshoot(sail: Sail) -> None:
         else:
             assert first.get_aspect() == 1.0
             assert sum("advance" in text for text in texts) == 1
+
+
+def test_the_line_of_a_manoeuvre_has_the_values_of_its_figure() -> None:
+    """The current removed where it is known, and overshoots from the order first."""
+    start = pd.Timestamp("2026-05-01 10:00", tz="UTC")
+    circle = {
+        "advance_m": Index(600.0, 599.0, 601.0, "m"),
+        "advance_m_current_removed": Index(580.0, 579.0, 581.0, "m"),
+    }
+    zigzag = {
+        "overshoot_1_deg": Index(7.0, 6.9, 7.1, "deg"),
+        "overshoot_1_from_order_deg": Index(12.0, 11.9, 12.1, "deg"),
+    }
+    line = manoeuvre_line(Manoeuvre("turning_circle", "turning circle 35 deg", start, start, "port", {}, circle))
+    assert line[-1] == f"advance {index_cells(circle['advance_m_current_removed'])[0]} (current removed)"
+    line = manoeuvre_line(Manoeuvre("zigzag", "zigzag 20/20", start, start, "port", {}, zigzag))
+    assert line[-1].startswith("overshoot 1 from order 12.0")
