@@ -187,9 +187,11 @@ def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
 
 
 def test_name(test: Sequence[Manoeuvre]) -> str:
-    """What like runs are: the name of the test and the mean speed of the approach."""
+    """What like runs are: the name of the test and the mean speed of the approach, of a single run the time."""
+    if test[0].kind in _SINGLE:
+        return f"{test[0].name[:1].upper()}{test[0].name[1:]}, {test[0].start:%H:%M:%S}"
     speeds = [each.settings["approach_mps"] for each in test if "approach_mps" in each.settings]
-    at = f" at {np.mean(speeds):.2f} m/s" if speeds and test[0].kind not in _SINGLE else ""
+    at = f" at {np.mean(speeds):.2f} m/s" if speeds else ""
     return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
 
 

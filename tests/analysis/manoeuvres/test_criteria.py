@@ -136,3 +136,12 @@ def test_an_overshoot_is_judged_from_the_order_where_the_helm_is_slow() -> None:
     )  # fmt: skip
     assert "first overshoot" not in untested([row])
     assert untested([row]).count("second overshoot") == 1
+
+
+def test_single_runs_of_one_name_are_told_apart_by_their_time() -> None:
+    indices = {"last_yaw_rate_dps": Index(-1.8, -1.9, -1.7, "deg/s")}
+    runs = [
+        Manoeuvre("thruster_test", "tunnel thruster", start, start, "port", {}, indices)
+        for start in (START, START + pd.Timedelta(minutes=5))
+    ]
+    assert [row.test for row in rows_of(*runs)] == ["Tunnel thruster, 10:00:00", "Tunnel thruster, 10:05:00"]
