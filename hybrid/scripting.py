@@ -372,14 +372,15 @@ def diagnose(
     part: str = "0..100",
     repair: bool = False,
     rebuild_positions: bool | None = None,
-    identify: bool = False,
+    identify: bool | None = None,
 ) -> DiagnosisRun:
     """What the model of ``vessel`` lacks, by recordings: the effects named, their sizes, the gap before and after.
 
     ``tolerance_percent`` of the force range is how far off the model may be anyway; ``effect_files`` add effects to
-    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before. Faults
-    of the record that no effect could be are repaired, with ``repair`` the scales and delays of sensors, too;
-    ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps jitter.
+    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before,
+    ``None`` where many of them prove wrong. Faults of the record that no effect could be are repaired, with
+    ``repair`` the scales and delays of sensors, too; ``rebuild_positions`` takes positions by dead reckoning,
+    ``None`` where their time stamps jitter.
     """
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with

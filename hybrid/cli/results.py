@@ -81,9 +81,12 @@ def diagnose(
     rebuild_positions: RebuildIfJitter = None,
     part: PartOption = "0..100",
     identify_first: Annotated[
-        bool,
-        typer.Option("--identify", help="First identify the model's coefficients, if many of them may be wrong."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--identify/--no-identify",
+            help="First identify the model's coefficients (default: if many of them prove wrong).",
+        ),
+    ] = None,
     calibrate: Annotated[
         bool,
         typer.Option(
@@ -117,7 +120,8 @@ def diagnose(
         with bar("training") as progress:
             ladder = compare_calibrators(
                 diagnosed.conclusion, files, percent_of(part),
-                repair=repair, rebuild_positions=bool(rebuild_positions), seed=seed, progress=progress,
+                repair=bool(diagnosed.diagnosis.provenance["repair"]), rebuild_positions=bool(rebuild_positions),
+                seed=seed, progress=progress,
             )  # fmt: skip
         diagnosed = replace(
             diagnosed,

@@ -142,11 +142,12 @@ JITTER = "position_time_jitter"
 @dataclass(frozen=True, slots=True)
 class Checked:
     """The tables that a diagnosis takes in, and in a sentence each what was left out of the recording and what was
-    repaired in it."""
+    repaired in it; ``repaired`` says whether scales and delays of sensors were."""
 
     tables: tuple[pd.DataFrame, ...]
     remarks: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
+    repaired: bool = False
 
 
 def checked_tables(
@@ -168,7 +169,26 @@ def checked_tables(
     dead = dead_sensors(table)
     parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
-    return Checked(parts, (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more), repairs)
+    remarks = (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more)
+    return Checked(parts, remarks, repairs, repaired)
+
+
+def checked_files(
+    files: Sequence[Path],
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repaired: bool = False,
+    rebuild_positions: bool | None = None,
+) -> Checked:
+    """The tables of all recordings by :func:`checked_tables`; each sentence begins with the name of its file."""
+    tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
+    for file in map(Path, files):
+        recording = read_recording(file)
+        found = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+        tables += found.tables
+        remarks += [f"{file.name}: {each}" for each in found.remarks]
+        repairs += [f"{file.name}: {each}" for each in found.repairs]
+    return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
 
 def _repaired(
