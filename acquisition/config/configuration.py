@@ -27,7 +27,6 @@ from acquisition.config.sections import (
     ActuatorSection,
     AlarmSection,
     AnySource,
-    CanFileSource,
     CanFrames,
     CanSource,
     Carried,
@@ -343,7 +342,7 @@ def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
 
 def _has_groups(source: CanFrames) -> bool:
     """Whether a source is configured to carry NMEA 2000: any line may be a gateway's, but most are not."""
-    if isinstance(source, CanSource | FileSource | CanFileSource):
+    if isinstance(source, CanSource | FileSource):
         return True
     return bool(source.form or source.devices or source.dbc)
 

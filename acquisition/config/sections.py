@@ -34,6 +34,7 @@ from acquisition.config.declarations import (
     ChannelSection,
     Conversion,
     Declarations,
+    Finite,
     PackFile,
     PackSection,
     declarations_of,
@@ -106,14 +107,6 @@ def _absolute(path: Path, info: ValidationInfo) -> Path:
 
 
 ChannelName = Annotated[str, AfterValidator(_own_channel)]
-ReductionRatios = dict[
-    Annotated[str, AfterValidator(_own_shaft)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]
-]
-"""Engine turns for one turn of the shaft, by actuator."""
-
-RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]]
-"""The rpm at 100 %, by actuator."""
-
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
 Form = Literal[
@@ -122,8 +115,11 @@ Form = Literal[
 ]  # fmt: skip
 """The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
-FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
+ReductionRatios = dict[Annotated[str, AfterValidator(_own_shaft)], FinitePositive]
+"""Engine turns for one turn of the shaft, by actuator."""
+RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], FinitePositive]
+"""The rpm at 100 %, by actuator."""
 Angle = Annotated[float, Field(ge=-180, le=360)]
 IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lower=True)]
 
@@ -265,8 +261,8 @@ class Mounting:
 
     heading_deg: Angle = 0.0
     wind_angle_deg: Angle = 0.0
-    forward_m: FiniteFloat = 0.0
-    starboard_m: FiniteFloat = 0.0
+    forward_m: Finite = 0.0
+    starboard_m: Finite = 0.0
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -398,17 +394,12 @@ class TcpSource(_Port, _Lines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class FileSource(_Lines):
-    """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end."""
+    """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end.
 
-    type: Literal["file"]
-    path: AbsolutePath
+    ``can_file`` is an older name of one with CAN frames.
+    """
 
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class CanFileSource(_Lines):
-    """An older name of a log file of CAN frames."""
-
-    type: Literal["can_file"]
+    type: Literal["file", "can_file"]
     path: AbsolutePath
 
 
@@ -608,12 +599,12 @@ class OwnSource(_Mqtt):
     )
 
 
-LineSource = SerialSource | UdpSource | TcpSource | FileSource | CanFileSource
+LineSource = SerialSource | UdpSource | TcpSource | FileSource
 CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
 MqttLinks = MqttSource | MqttFileSource | OwnSource
 AnySource = CanFrames | MavlinkLinks | MqttLinks
-FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource, MqttFileSource)
+FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource)
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -669,8 +660,8 @@ class AlarmSection:
 
     name: Annotated[str, Field(min_length=1, max_length=60)]
     figure: str
-    above: FiniteFloat | None = None
-    below: FiniteFloat | None = None
+    above: Finite | None = None
+    below: Finite | None = None
     for_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 2.0
     command: tuple[str, ...] = ()
 
@@ -702,9 +693,9 @@ class RunSheet:
     vessel: str = ""
     place: str = ""
     origin: Origin | None = None
-    water_depth_m: FiniteFloat | None = None
-    draught_m: FiniteFloat | None = None
-    trim_m: FiniteFloat | None = None
+    water_depth_m: Finite | None = None
+    draught_m: Finite | None = None
+    trim_m: Finite | None = None
     loading: str = ""
     sea_state: str = ""
     crew_notes: str = ""

@@ -20,7 +20,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from acquisition.config.sections import CanFileSource, FileSource
+from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame, iso, now_ns
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
 from acquisition.sources import LogReader
@@ -43,7 +43,7 @@ UNDERSTOOD = (
 class LogFile(LogReader):
     """One log; ``unreadable`` counts its lines and records that held nothing."""
 
-    def __init__(self, config: CanFileSource | FileSource) -> None:
+    def __init__(self, config: FileSource) -> None:
         super().__init__(config)
         self._log: _Log | LibraryLog | None = None
         self._entries: Iterator[Entry] = iter(())
