@@ -17,7 +17,6 @@ from acquisition.recording.tail import Tail
 
 _QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
 _ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end
-_OFFSET = "utc_minus_monotonic_ns"
 
 Tell = Callable[[str, str], None]
 """Somebody who wants to know whom we follow: level, text."""
@@ -73,10 +72,8 @@ class Follower:
     @property
     def utc_ns(self) -> int:
         """This moment by the clock of the recording [ns]: the host's clock as the part's beginning found it."""
-        clock = self._tail.metadata.get("clock", {}) if self._tail is not None else {}
-        with suppress(KeyError, ValueError):
-            return time.monotonic_ns() + int(clock[_OFFSET])
-        return time.time_ns()
+        offset_ns = None if self._tail is None else _offset_ns(self._tail)
+        return time.time_ns() if offset_ns is None else time.monotonic_ns() + offset_ns
 
     @property
     def path(self) -> Path | None:
@@ -152,11 +149,14 @@ class Follower:
 
 
 def _follows(part: Tail, before: Tail) -> bool:
-    """Whether a part goes on where another ended: the same recording and the same clock."""
+    """Whether a part goes on where another ended: the same recording and, as far as they tell, the same clock."""
     if part.metadata.get("part", {}).get("follows") != before.path.name:
         return False
-    try:
-        offsets = [int(each.metadata["clock"][_OFFSET]) for each in (part, before)]
-    except (KeyError, ValueError):
-        return True
-    return abs(offsets[0] - offsets[1]) < NEW_PART_NS
+    ours_ns, theirs_ns = _offset_ns(part), _offset_ns(before)
+    return ours_ns is None or theirs_ns is None or abs(ours_ns - theirs_ns) < NEW_PART_NS
+
+
+def _offset_ns(part: Tail) -> int | None:
+    with suppress(KeyError, ValueError):
+        return int(part.metadata["clock"]["utc_minus_monotonic_ns"])
+    return None

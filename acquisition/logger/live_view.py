@@ -6,7 +6,6 @@ the oldest for a viewer that is too slow. Raw input is not served: nobody looks 
 
 from __future__ import annotations
 
-from types import TracebackType
 from typing import Any
 
 from acquisition.config.sections import LiveSection
@@ -53,9 +52,7 @@ class LiveView:
             ) from error
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._server.stop()
 
     @property
@@ -73,12 +70,8 @@ class LiveView:
     def _open(self, topic: str) -> Any:
         kind = kind_of(topic)
         schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
-        channel = self._sdk.Channel(
-            topic,
-            schema=schema,
-            message_encoding=ENCODING,
-            metadata=channel_metadata(topic, self._known),
-            context=self._context,
+        metadata = channel_metadata(topic, self._known)
+        self._channels[topic] = self._sdk.Channel(
+            topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
         )
-        self._channels[topic] = channel
-        return channel
+        return self._channels[topic]

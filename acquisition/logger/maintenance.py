@@ -91,7 +91,7 @@ class Maintenance:
         self._settings, self._parts, self._health, self._scale, self._note = settings, parts, health, scale, note
         self._flushed_s = self._synced_s = self._reported_s = time.monotonic()
         self._silent: dict[str, int] = {}
-        self._written_bytes = 0.0
+        self._written_bytes = 0
 
     def due(self) -> None:
         """Do what is due now."""
@@ -122,20 +122,17 @@ class Maintenance:
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
-    def report_sources(self) -> None:
-        """Say the state of each source once more, when nothing more comes."""
-        self._tell_health(time.monotonic_ns())
-
     def _report(self, now_s: float) -> None:
-        now = time.monotonic_ns()
-        self._listen(now)
+        self._listen(time.monotonic_ns())
         self._watch_the_disk(now_s - self._reported_s)
         self._reported_s = now_s
-        self._tell_health(now)
+        self.report_sources()
 
-    def _tell_health(self, now: int) -> None:
+    def report_sources(self) -> None:
+        """Record the state of each source and of the computer's clock."""
         if self._parts.paused:
             return
+        now = time.monotonic_ns()
         for source in self._health.sources.values():
             self._parts.write_health(source.as_message(now), self._scale.utc_ns(now))
         if self._health.clock.state != "unknown":
@@ -154,13 +151,8 @@ class Maintenance:
                 self._note("warning", f"source {source.name!r} is heard again after {gap_s:.1f} s")
 
     def _watch_the_disk(self, since_s: float) -> None:
-        written = float(self._parts.written_bytes)
-        rate = (written - self._written_bytes) / max(since_s, 1e-3)
-        self._written_bytes = written
-        health = self._health
+        health, parts = self._health, self._parts
+        rate = (parts.written_bytes - self._written_bytes) / max(since_s, 1e-3)
+        self._written_bytes = parts.written_bytes
         health.bytes_per_s += _GROWTH_SHARE * (rate - health.bytes_per_s) if health.bytes_per_s else rate
-        health.free_bytes, health.trouble, health.part = (
-            self._parts.room_bytes,
-            self._parts.trouble,
-            self._parts.path.name,
-        )
+        health.free_bytes, health.trouble, health.part = parts.room_bytes, parts.trouble, parts.path.name

@@ -132,16 +132,10 @@ def why_missing(name: str, survey: Survey) -> str:
 
 def what_comes(name: str, survey: Survey) -> str:
     """What comes that a channel could be made of, and why it is not; empty where nothing does."""
-    return _not_listed(name, survey) or _not_derived(name, survey) or _refused(name, survey)
-
-
-def _not_listed(name: str, survey: Survey) -> str:
-    """It comes, on a line that is not to provide it."""
-    labels = survey.quantities.get(name, {})
-    if not labels:
-        return ""
-    line = label_parts(next(iter(labels)))[0]
-    return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
+    if labels := survey.quantities.get(name):  # on a line that is not to provide it
+        line = label_parts(next(iter(labels)))[0]
+        return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
+    return _not_derived(name, survey) or _refused(name, survey)
 
 
 def _not_derived(name: str, survey: Survey) -> str:
@@ -150,15 +144,13 @@ def _not_derived(name: str, survey: Survey) -> str:
         labels = survey.quantities.get(recipe.of, {})
         if name not in recipe.channels or not labels:
             continue
-        lacking = [each for each in recipe.needs if not _comes(each, survey)]
-        if lacking:
-            return f"{_messages(labels)} comes, but no {_words(lacking[0])}: {_remedy(lacking[0], survey)}"
+        lacking = next((each for each in recipe.needs if not _comes(each, survey)), None)
+        if lacking is not None:
+            return f"{_messages(labels)} comes, but no {_words(lacking)}: {_remedy(lacking, survey)}"
         slowest = max(recipe.needs, key=lambda each: _interval_s(each, survey))
-        if _interval_s(slowest, survey) > _FRESH_S:
-            return (
-                f"{_messages(labels)} comes, but {_words(slowest)} only every {_interval_s(slowest, survey):.0f} s:"
-                f" at most {_FRESH_S} s old it serves"
-            )
+        if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
+            every = f"{_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+            return f"{_messages(labels)} comes, but {every}"
     return ""
 
 
@@ -230,10 +222,9 @@ def sources_of(name: str, survey: Survey) -> set[str]:
 def _nothing(name: str, survey: Survey) -> str:
     """Nothing that comes could carry it, or nothing comes at all."""
     silent = [each.name for each in survey.health.sources.values() if not each.frames]
-    providers = [each.name for each in survey.config.sources if name in each.channels]
-    for provider in providers:
-        if provider in silent:
-            return f"nothing at all comes from {provider!r}"
+    for source in survey.config.sources:
+        if name in source.channels and source.name in silent:
+            return f"nothing at all comes from {source.name!r}"
     if topics := _topics(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
     carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
@@ -283,9 +274,5 @@ def _messages(labels: Iterable[str]) -> str:
 
 def _words(quantity: str) -> str:
     """A quantity for people: ``magnetic_variation_deg`` is the variation."""
-    known = {
-        "magnetic_variation_deg": "variation",
-        "surge_mps": "speed over ground",
-        "sway_mps": "speed over ground",
-    }
+    known = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
     return known.get(quantity, quantity.rpartition("_")[0].replace("_", " "))

@@ -76,23 +76,15 @@ class Recorder:
 
         Raises :class:`SourceError` if not a single one can be opened.
         """
+        shared = self._inbox, self._stopping, self.tell
         receivers = [
-            Receiver(
-                make_source(each),
-                self.health.sources[each.name],
-                self._inbox,
-                self._stopping,
-                self.tell,
-                each.budget_kb_s * 1e3,
-            )
+            Receiver(make_source(each), self.health.sources[each.name], *shared, each.budget_kb_s * 1e3)
             for each in self._config.sources
         ]
         for receiver in receivers:
-            thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
-            self._threads.append(thread)
-            thread.start()
-        error = _none_opened(receivers)
-        if error is not None:
+            self._threads.append(threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True))
+            self._threads[-1].start()
+        if (error := _none_opened(receivers)) is not None:
             self._stopping.set()
             raise error
         self._worker.start()

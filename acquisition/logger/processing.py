@@ -171,10 +171,8 @@ class FrameProcessor:
         """The fix for the map, from the source that the position channels come from."""
         latitude, longitude = samples.get("latitude_deg"), samples.get("longitude_deg")
         if latitude is not None and longitude is not None:
-            fix, times = (
-                self._fixes.get(sensor_of(latitude.source), Fix()),
-                (latitude.received_ns, latitude.measured_ns),
-            )
+            fix = self._fixes.get(sensor_of(latitude.source), Fix())
+            times = latitude.received_ns, latitude.measured_ns
             self._writer.write_position(latitude.value, longitude.value, *times, fix)
 
     def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:

@@ -181,15 +181,9 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     from rich.console import Console
     from rich.live import Live
 
-    with (
-        mark_on_keys(recorder.mark, picture.marks or {}),
-        Live(
-            picture,
-            console=Console(stderr=True),
-            refresh_per_second=_REDRAW_PER_S,
-            screen=True,  # a window that is resized leaves no ruins, and the terminal comes back as it was
-        ),
-    ):
+    # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
+    live = Live(picture, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 
 

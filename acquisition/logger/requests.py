@@ -99,9 +99,7 @@ class RequestServer:
             if folder.stat().st_uid != os.getuid():
                 raise PermissionError(f"{folder} belongs to another user")
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            unheard = self.path.with_suffix(
-                ".new"
-            )  # a socket that does not listen yet is taken for one left behind
+            unheard = self.path.with_suffix(".new")  # one that does not listen yet is taken for one left behind
             self._socket.bind(str(unheard))
             self._socket.listen()
             unheard.rename(self.path)
@@ -244,17 +242,10 @@ def running_recorders(folder: Path | None = None) -> list[tuple[Path, RecorderSt
     """The recorders that run here, each with its socket; those that do not answer in time are left out."""
     found = []
     for path in servers(folder):
-        running = _running(ask(path, _QUESTION, _SHORT_PATIENCE_S))
-        if running is not None:
-            found.append((path, running))
+        with suppress(ValueError, TypeError):  # of another version, or none
+            answer = ask(path, _QUESTION, _SHORT_PATIENCE_S)
+            found.append((path, RecorderState(**orjson.loads(answer or b""))))
     return found
-
-
-def _running(answer: bytes | None) -> RecorderState | None:
-    try:
-        return RecorderState(**orjson.loads(answer or b""))
-    except (ValueError, TypeError):  # of another version, or none
-        return None
 
 
 def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> str:

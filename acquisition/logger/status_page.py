@@ -14,7 +14,6 @@ from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from socketserver import TCPServer
-from types import TracebackType
 from typing import Any
 
 import orjson
@@ -55,21 +54,18 @@ def page(picture: Picture, title: str) -> str:
 def as_json(health: Health) -> bytes:
     """The same as an object: state, figures by name, sources, the alarms that are raised, the last events."""
     now_ns = time.monotonic_ns()
-    return orjson.dumps(
-        {
-            "recording": health.part,
-            "trouble": health.trouble,
-            "clock": str(health.clock),
-            "copies": health.copies.trouble,
-            "alarms": dict(health.alarms),
-            "figures": health.figures(now_ns),
-            "sources": [source.as_message(now_ns) for source in health.sources.values()],
-            "events": [
-                {"time": iso(time_ns), "level": level, "text": text}
-                for time_ns, level, text in tuple(health.events)
-            ],
-        }
-    )
+    events = [{"time": iso(at_ns), "level": level, "text": text} for at_ns, level, text in tuple(health.events)]
+    state = {
+        "recording": health.part,
+        "trouble": health.trouble,
+        "clock": str(health.clock),
+        "copies": health.copies.trouble,
+        "alarms": dict(health.alarms),
+        "figures": health.figures(now_ns),
+        "sources": [source.as_message(now_ns) for source in health.sources.values()],
+        "events": events,
+    }
+    return orjson.dumps(state)
 
 
 class _Server(TCPServer):
@@ -103,9 +99,7 @@ class StatusPage:
         ).start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._server.shutdown()
         self._server.server_close()
 

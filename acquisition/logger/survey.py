@@ -114,9 +114,8 @@ class Survey(FrameProcessor):
     def provided(self, source: str) -> list[str]:
         """The channels that a source could provide, chosen or not, as far as the configuration lists them."""
         listed = next(each.channels for each in self.config.sources if each.name == source)
-        return [
-            name for name in listed if any(label_parts(each)[0] == source for each in self.quantities.get(name, ()))
-        ]
+        lines = {name: {label_parts(each)[0] for each in labels} for name, labels in self.quantities.items()}
+        return [name for name in listed if source in lines.get(name, ())]
 
     def process(self, frame: Frame) -> None:
         self.first_ns = self.first_ns or frame.received_ns
