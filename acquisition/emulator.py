@@ -39,6 +39,7 @@ from acquisition.core.errors import InputError, SourceError, storage_error
 from acquisition.core.progress import Progress
 from acquisition.encoders import Encoder, Moment, Packet, make_encoder
 from acquisition.recording.reader import Recording, read_recording
+from acquisition.sources import source_error
 
 _WRITE_TIMEOUT_S = 5.0
 _WAIT_S = 30.0
@@ -165,7 +166,8 @@ class Transmitter:
         except SourceError:
             raise
         except self.errors as error:
-            raise _failure(self._config, "cannot be sent", error, "check the line and who listens on it") from error
+            fix = "check the line and who listens on it"
+            raise source_error(self._config, "cannot be sent", str(error), fix) from error
 
     def _write(self, packets: list[Packet]) -> None:
         self._link.write(_bytes_of(packets))
@@ -178,16 +180,9 @@ class Transmitter:
 def open_transmitter(config: AnySource) -> Transmitter:
     """Open the far end of a source. Raises :class:`SourceError`."""
     if config.type not in _TRANSMITTERS:
-        raise SourceError(
-            f"cannot play onto a {config.type} source",
-            where=f"source {config.name!r}",
-            fix="play onto can, serial, udp, tcp, file, mavlink or mqtt",
-        )
+        fix = "play onto can, serial, udp, tcp, file, mavlink or mqtt"
+        raise source_error(config, f"cannot play onto a {config.type} source", fix=fix)
     return _TRANSMITTERS[config.type](config)
-
-
-def _failure(config: AnySource, what: str, error: Exception, fix: str = "") -> SourceError:
-    return SourceError(what, where=f"source {config.name!r}", why=str(error), fix=fix)
 
 
 def _bytes_of(packets: list[Packet]) -> bytes:
@@ -245,7 +240,8 @@ class _TcpTransmitter(Transmitter):
         try:
             server = socket.create_server((config.address, config.port))
         except OSError as error:
-            raise _failure(config, f"TCP {config.address}:{config.port} cannot be served", error) from error
+            what = f"TCP {config.address}:{config.port} cannot be served"
+            raise source_error(config, what, str(error)) from error
         super().__init__(config, server)
         server.settimeout(_WAIT_S)
         self._client: socket.socket | None = None
@@ -258,7 +254,7 @@ class _TcpTransmitter(Transmitter):
             try:
                 self._client, _ = self._link.accept()
             except OSError as error:
-                raise _failure(self._config, "no logger connected", error, "start it") from error
+                raise source_error(self._config, "no logger connected", str(error), "start it") from error
         return self._client
 
     def _write(self, packets: list[Packet]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from datetime import UTC, datetime, timedelta
 from enum import IntEnum, IntFlag
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Literal, NamedTuple
 
 Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
@@ -40,6 +40,12 @@ class FrameFlag(IntFlag):
     """Stamped when the recorder could fetch it, after it had stood still: it came before."""
     RETAINED = 32
     """What an MQTT broker had kept of a topic, of an age that nobody knows."""
+
+
+@cache
+def can_flags(standard: bool, remote: bool = False, error: bool = False) -> FrameFlag:
+    """The flags of a CAN frame: with an identifier of 11 bits, without data, of an error."""
+    return FrameFlag(standard * FrameFlag.STANDARD_ID | remote * FrameFlag.REMOTE | error * FrameFlag.ERROR)
 
 
 class Frame(NamedTuple):

@@ -33,6 +33,11 @@ _CLASSES = {
 }
 
 
+def source_error(config: AnySource, what: str, why: str = "", fix: str = "") -> SourceError:
+    """An error of the source that a configuration section describes."""
+    return SourceError(what, where=f"source {config.name!r}", why=why, fix=fix)
+
+
 class Source(ABC):
     """One transport, as the pipeline asks for it; heirs say how it is opened and read.
 
@@ -81,7 +86,7 @@ class Source(ABC):
 
     def failure(self, what: str, why: str = "", fix: str = "") -> SourceError:
         """An error of this source."""
-        return SourceError(what, where=f"source {self.name!r}", why=why, fix=fix)
+        return source_error(self._config, what, why, fix)
 
 
 class LogReader(Source):

@@ -11,22 +11,26 @@ nobody does, it is received as fast as it is read.
 from __future__ import annotations
 
 import gzip
+import logging
+import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from io import BytesIO
+from io import BytesIO, TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO, cast
+
+import can
 
 from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame, iso, now_ns
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
 from acquisition.sources import LogReader
+from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
-from acquisition.sources.library_log import LibraryLog, library_form
-from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, LINE_FORMS, Entry, LineReader
 from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
 from acquisition.sources.looks import SQLITE, looks_like
 
@@ -38,6 +42,9 @@ UNDERSTOOD = (
     "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
+_LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
+Make = Callable[[BinaryIO], Iterable[can.Message]]
+_BLF: Make = can.BLFReader
 
 
 class LogFile(LogReader):
@@ -45,7 +52,7 @@ class LogFile(LogReader):
 
     def __init__(self, config: FileSource) -> None:
         super().__init__(config)
-        self._log: _Log | LibraryLog | None = None
+        self._log: _Log | _LibraryLog | None = None
         self._entries: Iterator[Entry] = iter(())
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
@@ -152,18 +159,98 @@ class _Log:
             self.damage = str(error)
 
 
-def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log | LibraryLog]:
+def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log | _LibraryLog]:
     """What begins to read a log: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
         read = next((each.read for each in FILE_FORMS.values() if each.begins(head)), None)
-    library = library_form(head)
+    library = _library_form(head)
     is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
-        return lambda: LibraryLog(library, open_file())
+        return lambda: _LibraryLog(library, open_file())
     return lambda: _Log(read or read_lines, open_file(), form)
 
 
 def _is_sound(entry: Entry) -> bool:
     """Whether it is a frame, a message, or a sentence with the right checksum."""
     return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None
+
+
+class _LibraryLog(logging.Filter):
+    """A log by one of python-can's readers; what it trips over ends the log, and is its ``damage``.
+
+    What a reader passes over it tells its logger only: that is counted, and not printed.
+    """
+
+    def __init__(self, make_reader: Make, file: BinaryIO) -> None:
+        """Read the beginning. Raises :class:`ValueError` for a broken one."""
+        super().__init__()
+        self.close = file.close
+        self.unreadable = 0
+        self.damage = ""
+        self._size_bytes = 0  # of BLF; 0 for text
+        if make_reader is _BLF:
+            self._size_bytes = file.seek(0, os.SEEK_END)
+            file.seek(0)
+        try:
+            self._reader = make_reader(file)
+        except Exception as error:  # the library promises no set of errors for a broken log
+            file.close()
+            raise ValueError(f"its beginning is broken: {error}") from error
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        self.unreadable += 1
+        return False
+
+    def __iter__(self) -> Iterator[Entry]:
+        cut = False
+        for logger in _LIBRARY_LOGGERS:
+            logger.addFilter(self)
+        try:
+            for message in self._reader:
+                cut = not self._size_bytes and _is_cut(message)
+                if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
+                    # no finer than the microsecond that a float of today holds
+                    time_ns = round(message.timestamp * 1e6) * 1000
+                    yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message))
+                else:
+                    self.unreadable += 1
+            self.damage = self._cut() or ("its last line is cut off" if cut else "")
+        except OSError:
+            raise
+        except Exception as error:
+            self.damage = self._cut() or f"{type(error).__name__}: {error}".rstrip(": ")
+        finally:
+            for logger in _LIBRARY_LOGGERS:
+                logger.removeFilter(self)
+
+    def _cut(self) -> str:
+        """What is missing at the end of a BLF log, as far as it can tell."""
+        once_bytes = getattr(self._reader, "file_size", 0)
+        if once_bytes > self._size_bytes:
+            return f"it was {once_bytes:,} bytes long, {self._size_bytes:,} are left"
+        if bytes(getattr(self._reader, "_tail", b"")).strip(b"\0"):
+            return "its last object is cut off"
+        return ""
+
+
+def _is_cut(message: can.Message) -> bool:
+    """Whether bytes are missing: the library fills nothing up where a line of ASC ends before its data."""
+    whole = min(message.dlc, 64 if message.is_fd else 8)
+    return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < whole
+
+
+def _library_form(head: bytes) -> Make | None:
+    """What reads a log, by its first bytes; None for what python-can does not read."""
+    first = next((line for line in head.decode("latin-1").lower().splitlines() if line.strip()), "").strip()
+    if head.startswith(b"LOGG"):
+        return _BLF
+    if first.startswith(";"):
+        return lambda file: can.TRCReader(_text(file))
+    if first.startswith(("date ", "base ")):
+        return lambda file: can.ASCReader(_text(file), relative_timestamp=False)
+    return None
+
+
+def _text(file: BinaryIO) -> TextIOWrapper:
+    return TextIOWrapper(file, encoding="utf-8", errors="replace")
