@@ -72,11 +72,8 @@ def moments_of(
     """
     present = [name for name in channels if name in recording.series]
     if {"north_m", "east_m"} & set(present) and origin is None:
-        raise InputError(
-            "has positions but no origin",
-            where=str(recording.path),
-            fix="give [trial] origin in the configuration",
-        )
+        fix = "give [trial] origin in the configuration"
+        raise InputError("has positions but no origin", where=str(recording.path), fix=fix)
     times = np.concatenate([recording.series[name].measured_ns for name in present] or [np.empty(0, np.int64)])
     values = np.concatenate([recording.series[name].value for name in present] or [np.empty(0)])
     which = np.repeat(np.arange(len(present)), [recording.series[name].value.size for name in present])
@@ -195,17 +192,14 @@ class _CanTransmitter(Transmitter):
 
         from acquisition.sources.can_bus import open_bus
 
-        self._make_message = can.Message
+        self._make = can.Message
         self.errors = (can.CanError, OSError)
         super().__init__(config, open_bus(config))
 
     def _write(self, packets: list[Packet]) -> None:
-        for packet in packets:
-            self._link.send(
-                self._make_message(
-                    arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
-                )
-            )
+        for each in packets:
+            message = self._make(arbitration_id=each.identifier, data=each.payload, is_extended_id=each.extended)
+            self._link.send(message)
 
     def close(self) -> None:
         with suppress(*self.errors):

@@ -236,7 +236,10 @@ def declarations_of(
 
     ``known`` are the ship's channels. Raises :class:`ConfigurationError` naming the file and the line.
     """
-    _refuse_twins(sections, text, path)
+    for name, count in Counter(each.name for each in sections).items():
+        if count > 1:
+            where, fix = f"{path}, line {line_of(text, ['channel'])}", "list all its origins in one `from`"
+            raise ConfigurationError(f"channel {name} is declared twice", where=where, fix=fix)
     said = [(each, path, text, number) for number, each in enumerate(sections)]
     for pack, file in zip(packs, files, strict=True):
         said += [(each, file.path, file.text, number) for each, number in _of_pack(pack, file)]
@@ -248,15 +251,6 @@ def declarations_of(
             except ConfigurationError as error:
                 raise error.at(f"{where}, line {line_of(of, ['channel', number, 'name'])}") from error
     return tuple(found.values())
-
-
-def _refuse_twins(sections: tuple[ChannelSection, ...], text: str, path: Path | str) -> None:
-    twice = [name for name, count in Counter(each.name for each in sections).items() if count > 1]
-    if twice:
-        raise ConfigurationError(
-            f"channel {twice[0]} is declared twice", where=f"{path}, line {line_of(text, ['channel'])}",
-            fix="list all its origins in one `from`",
-        )  # fmt: skip
 
 
 def _of_pack(pack: PackSection, file: PackFile) -> Iterator[tuple[ChannelSection, int]]:
@@ -284,15 +278,12 @@ def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> Declared
     name = section.name
     if name in known:
         if section.unit is not None or section.range is not None or section.state or section.meaning:
-            raise ConfigurationError(
-                f"{name} is already a channel of the ship",
-                fix="give only its name and `from`, or choose another name",
-            )
+            fix = "give only its name and `from`, or choose another name"
+            raise ConfigurationError(f"{name} is already a channel of the ship", fix=fix)
         channel = known[name]
     elif section.unit is None or section.range is None:
-        raise ConfigurationError(
-            f"channel {name} has no {'unit' if section.unit is None else 'range'}", fix="add it"
-        )
+        lacking = "unit" if section.unit is None else "range"
+        raise ConfigurationError(f"channel {name} has no {lacking}", fix="add it")
     else:
         channel = declare(name, section.unit, *section.range, section.meaning, section.state)
     for origin in section.origins:

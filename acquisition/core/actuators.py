@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
@@ -69,13 +69,11 @@ class Actuator:
     @property
     def orders(self) -> tuple[Channel, ...]:
         """The auxiliary channels of the orders to this actuator."""
-        place = "" if self.name == self.kind else f"{self.name.replace('_', ' ')} "
-        controls = zip(KINDS[self.kind].controls, self.channels, strict=True)
+        order = f"Order to the {'' if self.name == self.kind else self.name.replace('_', ' ') + ' '}"
         return tuple(
-            Channel(name_of_order(each.name), each.unit, each.low, each.high, "auxiliary",
-                    f"Order to the {place}{control}", each.circular)
-            for control, each in controls
-        )  # fmt: skip
+            replace(each, name=name_of_order(each.name), group="auxiliary", meaning=f"{order}{control}")
+            for control, each in zip(KINDS[self.kind].controls, self.channels, strict=True)
+        )
 
 
 Actuators = tuple[Actuator, ...]
@@ -178,7 +176,7 @@ def channel_by_rule(name: str) -> Channel | None:
             continue
         if stem.endswith(_ORDER):
             of = _by_rule(stem.removesuffix(_ORDER), ending)
-            return Channel(name, of.unit, of.low, of.high, "auxiliary", f"Order: {of.meaning}", of.circular)
+            return replace(of, name=name, group="auxiliary", meaning=f"Order: {of.meaning}")
         return _by_rule(stem, ending)
     return None
 
@@ -195,14 +193,11 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     names = [each.name for each in result]
     for each in result:
         if each.kind not in KINDS:
-            raise ConfigurationError(
-                f"actuator {each.name}: no kind {each.kind!r}", fix=f"write one of {', '.join(KINDS)}"
-            )
+            what = f"actuator {each.name}: no kind {each.kind!r}"
+            raise ConfigurationError(what, fix=f"write one of {', '.join(KINDS)}")
         if not NAME_PATTERN.fullmatch(each.name) or each.name.endswith(_ORDER):
-            raise ConfigurationError(
-                f"actuator name {each.name!r} cannot be part of a channel's name",
-                fix=f"use small letters, digits and _, beginning with a letter and not ending in {_ORDER}",
-            )
+            fix = f"use small letters, digits and _, beginning with a letter and not ending in {_ORDER}"
+            raise ConfigurationError(f"actuator name {each.name!r} cannot be part of a channel's name", fix=fix)
         if names.count(each.name) > 1:
             raise ConfigurationError(f"two actuators are called {each.name!r}", fix="give each its own name")
     return result

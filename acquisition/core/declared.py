@@ -35,14 +35,12 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     unit = canonical(unit)
     ending = ending_of(unit)
     if not _UNIT.fullmatch(unit):
-        raise ConfigurationError(
-            f"unit {unit!r} of channel {name} is not known", fix="write it like kW, m3/h or kg/m3"
-        )
+        what = f"unit {unit!r} of channel {name} is not known"
+        raise ConfigurationError(what, fix="write it like kW, m3/h or kg/m3")
     if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
-        raise ConfigurationError(
-            f"channel name {name!r} is not valid in a topic", why=f"it has other than small letters, digits and"
-            f" single _, or more than {_MOST_LETTERS} letters", fix="write it like fuel_rate_lph",
-        )  # fmt: skip
+        what = f"channel name {name!r} is not valid in a topic"
+        why = f"it has other than small letters, digits and single _, or more than {_MOST_LETTERS} letters"
+        raise ConfigurationError(what, why=why, fix="write it like fuel_rate_lph")
     if not name.endswith(ending):
         raise ConfigurationError(f"channel {name} is in {unit}", fix=f"let its name end in {ending}")
     if not (isfinite(low) and isfinite(high) and low < high):
@@ -53,11 +51,8 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
 
 def as_text(channels: Iterable[Channel]) -> str:
     """Declared channels as JSON for a recording's metadata; empty for none."""
-    said = [
-        {"name": each.name, "unit": each.unit, "low": each.low, "high": each.high, "meaning": each.meaning,
-         "state": each.state}
-        for each in channels
-    ]  # fmt: skip
+    keys = "name", "unit", "low", "high", "meaning", "state"
+    said = [{key: getattr(each, key) for key in keys} for each in channels]
     return json.dumps(said) if said else ""
 
 

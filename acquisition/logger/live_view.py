@@ -35,9 +35,8 @@ class LiveView:
         try:
             import foxglove
         except ImportError as error:
-            raise ConfigurationError(
-                "the live view needs the package foxglove-sdk", fix="pip install 'seatrial[live]'"
-            ) from error
+            fix = "pip install 'seatrial[live]'"
+            raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
         self._sdk, self._context = foxglove, foxglove.Context()
         address, port = self._settings.address, self._settings.port
         try:
@@ -45,11 +44,9 @@ class LiveView:
                 name=self._name, host=address, port=port, context=self._context, message_backlog_size=_BACKLOG
             )
         except Exception as error:  # the package promises no kind of error
-            raise SourceError(
-                f"the live view cannot be served on {address}:{port}",
-                why=str(error),
-                fix="stop the program that uses the port, or give another in [live]",
-            ) from error
+            what = f"the live view cannot be served on {address}:{port}"
+            fix = "stop the program that uses the port, or give another in [live]"
+            raise SourceError(what, why=str(error), fix=fix) from error
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -147,8 +147,6 @@ def _frame(entry: Entry, paths: list[Path]) -> Frame:
     try:
         return entry.frame()
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"topic {entry.topic} contains a message that is not a raw input of Seatrial",
-            where=", ".join(map(str, paths)),
-            why=f"{type(error).__name__} {error}",
-        ) from error
+        what = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
+        where, why = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
+        raise InputError(what, where=where, why=why) from error

@@ -230,11 +230,8 @@ def send_mark(text: str, folder: Path | None = None) -> int:
     message = json.dumps(mark, ensure_ascii=False).encode()
     heard = sum(ask(path, message) == b"ok" for path in servers(folder))
     if not heard:
-        raise SourceError(
-            "no recorder is running",
-            where=str(folder or runtime_folder()),
-            fix="start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses",
-        )
+        fix = "start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses"
+        raise SourceError("no recorder is running", where=str(folder or runtime_folder()), fix=fix)
     return heard
 
 

@@ -90,10 +90,9 @@ class StatusPage:
         try:
             self._server = _Server((ADDRESS, self._settings.port), _handler(self._answer))
         except OSError as error:
-            raise SourceError(
-                f"the status page cannot be served on {ADDRESS}:{self._settings.port}", why=str(error.strerror),
-                fix="stop the program that uses the port, or give another in [status]",
-            ) from error  # fmt: skip
+            what = f"the status page cannot be served on {ADDRESS}:{self._settings.port}"
+            fix = "stop the program that uses the port, or give another in [status]"
+            raise SourceError(what, why=str(error.strerror), fix=fix) from error
         threading.Thread(
             target=self._server.serve_forever, args=(_POLL_S,), name="status page", daemon=True
         ).start()
