@@ -35,8 +35,7 @@ _TAG = re.compile(r"[A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,}")
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Conversion:
-    """The conversion of a received number to a channel's value: ``scale * (number in the channel's unit) +
-    offset``.
+    """A received number as a channel's value: ``scale * (number in the channel's unit) + offset``.
 
     ``unit`` is the number's; by default the origin's own unit if the protocol defines one, else the channel's.
     With ``full_scale``, in the channel's unit, the number is a percentage of it.

@@ -119,8 +119,7 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
 
 
 def _merged(below: Tree, above: Tree) -> Tree:
-    """``below`` overridden by ``above``; a table with another ``model`` is replaced, actuators are matched by
-    name."""
+    """``below`` overridden by ``above``: tables of the same ``model`` key by key, actuators by name."""
     result = dict(below)
     for key, value in above.items():
         under = result.get(key)

@@ -273,11 +273,7 @@ def kind_of_control(name: str, actuators: Actuators) -> str:
 
 
 def part_of_control(name: str, actuators: Actuators) -> str:
-    """The part of its actuator that a control channel belongs to, as orders call it: a shaft, an azimuth, a
-    rudder ...
-
-    Raises :class:`KeyError` for a channel that is no control of the ship.
-    """
+    """The name of a control channel's control: a shaft, an azimuth ... Raises :class:`KeyError` for none."""
     pairs = (pair for each in actuators for pair in zip(KINDS[each.kind].controls, each.channels, strict=True))
     return {channel.name: control for control, channel in pairs}[name]
 

@@ -1,5 +1,4 @@
-"""Channels that a user declares in addition to those of every trial: their checks, and their text in a
-recording.
+"""Channels that a user declares in addition to those of every trial: their checks, their text in a recording.
 
 A declared channel is recorded, checked, resampled, exported and plotted like the others; its definition is
 stored in the recording, since nothing else knows it.
@@ -58,8 +57,7 @@ def as_text(channels: Iterable[Channel]) -> str:
 
 @lru_cache(maxsize=64)
 def declared_from_text(text: str) -> Declared:
-    """The inverse of :func:`as_text`; text that is no list of channels, such as another program's, declares
-    none."""
+    """The inverse of :func:`as_text`; text that is no list of channels (another program's) declares none."""
     try:
         return tuple(declare(**each) for each in json.loads(text)) if text else ()
     except (ValueError, TypeError):

@@ -53,8 +53,7 @@ class Frame(NamedTuple):
 
     ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line
     without its line end, one MAVLink datagram, or one MQTT message after its topic and a zero byte.
-    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is the
-    network address of the sender.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame; ``sender`` is a network address.
     """
 
     origin: str
@@ -102,11 +101,10 @@ def label_parts(source: str) -> tuple[str, str, list[str]]:
 
 @lru_cache(maxsize=4096)
 def sensor_of(source: str) -> str:
-    """Line and device of a sample's source; a satellite receiver is one device, whichever satellite systems it
-    reports.
+    """Line and device of a sample's source; a satellite receiver is one device, whatever satellites it reports.
 
-        >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
-        True
+    >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+    True
     """
     line, device, _ = label_parts(source)
     talker, at, tag = device.partition("@")

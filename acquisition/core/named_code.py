@@ -62,8 +62,7 @@ def absolute(name: str, folder: Path | None = None) -> str:
 def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     """The object of a name: one of ``ours``, an entry point of ``seatrial.<group>``, or ``FILE.py:NAME``.
 
-    A file is executed. Raises :class:`ConfigurationError` if there is no such object, :class:`OwnCodeError` if
-    the file's code fails.
+    A file is executed. Raises :class:`ConfigurationError` if there is none, :class:`OwnCodeError` if it fails.
     """
     if ours and name in ours:
         return imported(ours[name])

@@ -25,8 +25,7 @@ _PLACES: tuple[tuple[Any, str], ...] = (
 class Packet:
     """What is sent at once: one CAN frame, one sentence with its line end, one datagram, or one MQTT message.
 
-    Of an MQTT message the payload is topic, zero byte and message, as in a frame. ``carries`` names the channels
-    whose values are in it.
+    ``payload`` is as in a frame; ``carries`` names the channels whose values are in it.
     """
 
     payload: bytes

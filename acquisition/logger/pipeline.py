@@ -1,9 +1,8 @@
 """Source -> inbox -> decode -> derive -> select -> record: the only place with threads.
 
 One thread a source does nothing but receive (``receiver.py``), so that a slow disk never delays reception; one
-thread does the rest. An inbox that is full drops frames by number, never silently. No thread ends without a
-word: what a receiver cannot cope with counts as a failed source, what the recorder's thread cannot cope with is
-raised by :meth:`Recorder.stop`.
+thread does the rest. An inbox that is full drops frames by number, never silently. What a receiver cannot cope
+with counts as a failed source, what the recorder's thread cannot cope with is raised by :meth:`Recorder.stop`.
 """
 
 from __future__ import annotations

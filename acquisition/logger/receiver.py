@@ -33,8 +33,7 @@ Tell = Callable[[str, str], None]
 class Inbox:
     """Frames that wait to be recorded: one writer thread a source, one reader thread for all.
 
-    Nobody is woken: the reader comes by often enough, and a thread that is woken for every frame would cost more
-    than the frame.
+    Nobody is woken: the reader comes by often enough, and to wake a thread would cost more than the frame.
     """
 
     def __init__(self, sources: Iterable[str], share: int) -> None:

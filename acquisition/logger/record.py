@@ -25,13 +25,12 @@ from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
 from acquisition.logger.display import Picture, mark_on_keys, status
 from acquisition.logger.health import Health, SourceHealth
-from acquisition.logger.live_view import LiveView
 from acquisition.logger.maintenance import Timescale, clock_metadata
 from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.logger.status_page import StatusPage
 from acquisition.logger.supervision import LOG, LogFormat, log_to, notify
+from acquisition.logger.viewers import LiveView, StatusPage
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source
 

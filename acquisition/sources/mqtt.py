@@ -15,10 +15,9 @@ import time
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from acquisition.config.sections import MqttSource
+from acquisition.config.sections import MqttSource, covers
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
-from acquisition.core.topics import covers
 from acquisition.decoders.clock import is_possible
 from acquisition.sources import LogReader, Source, source_error
 from acquisition.sources.looks import SQLITE, looks_like

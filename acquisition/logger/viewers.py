@@ -1,6 +1,11 @@
-"""The status page: what the terminal shows, as a page that renews itself and as JSON, for this computer only.
+"""What is being recorded, for those who look from elsewhere: the live view and the status page.
 
-It is read-only: GET of two paths, bound to 127.0.0.1, for nobody who calls this computer by another name (a page
+The live view serves Foxglove and Lichtblick over a WebSocket. It hears every message after the recorder has written
+it and hands it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not
+served: nobody looks at it, and it is most of the load.
+
+The status page is what the terminal shows, as a page that renews itself and as JSON, for this computer only. It is
+read-only: GET of two paths, bound to 127.0.0.1, for nobody who calls this computer by another name (a page
 elsewhere could have its name point here).
 """
 
@@ -18,12 +23,17 @@ from typing import Any
 
 import orjson
 
-from acquisition.config.sections import StatusSection
-from acquisition.core.errors import SourceError
+from acquisition.config.sections import LiveSection, StatusSection
+from acquisition.core.channels import channels_known_to
+from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.frames import iso
+from acquisition.core.trial import Trial
 from acquisition.logger.display import Picture
 from acquisition.logger.health import Health
+from acquisition.recording.messages import ENCODING
+from acquisition.recording.schemas import RAW_PREFIX, channel_metadata, kind_of
 
+_BACKLOG = 256  # messages a viewer may lag behind: some seconds
 ADDRESS = "127.0.0.1"
 _OUR_NAMES = (ADDRESS, "localhost")
 _COLUMNS, _ROWS = 120, 60
@@ -39,6 +49,61 @@ _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'",
     "X-Content-Type-Options": "nosniff",
 }
+
+
+class LiveView:
+    """A server for viewers while a recording runs; a context manager, and a listener to the recording.
+
+    Raises :class:`ConfigurationError` without the package ``foxglove-sdk``, :class:`SourceError` without the port.
+    """
+
+    def __init__(self, settings: LiveSection, trial: Trial) -> None:
+        self._settings, self._name = settings, trial.name
+        self._known = channels_known_to(trial)
+        self._channels: dict[str, Any] = {}
+        self._sdk: Any = None
+
+    def __enter__(self) -> LiveView:
+        try:
+            import foxglove
+        except ImportError as error:
+            fix = "pip install 'seatrial[live]'"
+            raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
+        self._sdk, self._context = foxglove, foxglove.Context()
+        address, port = self._settings.address, self._settings.port
+        try:
+            self._server = foxglove.start_server(
+                name=self._name, host=address, port=port, context=self._context, message_backlog_size=_BACKLOG
+            )
+        except Exception as error:  # the package promises no kind of error
+            what = f"the live view cannot be served on {address}:{port}"
+            fix = "stop the program that uses the port, or give another in [live]"
+            raise SourceError(what, why=str(error), fix=fix) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.stop()
+
+    @property
+    def address(self) -> str:
+        """Where a viewer connects to."""
+        return f"ws://{self._settings.address}:{self._server.port}"
+
+    def publish(self, topic: str, data: bytes, log_ns: int) -> None:
+        """Pass a message on to whoever looks."""
+        if topic.startswith(RAW_PREFIX):
+            return
+        channel = self._channels.get(topic) or self._open(topic)
+        channel.log(data, log_time=max(log_ns, 0))
+
+    def _open(self, topic: str) -> Any:
+        kind = kind_of(topic)
+        schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
+        metadata = channel_metadata(topic, self._known)
+        self._channels[topic] = self._sdk.Channel(
+            topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
+        )
+        return self._channels[topic]
 
 
 def page(picture: Picture, title: str) -> str:
