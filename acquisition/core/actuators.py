@@ -312,10 +312,6 @@ def from_text(text: str) -> Actuators:
     return check_actuators(Actuator(name, kind) for name, _, kind in parts)
 
 
-def _default() -> Actuators:
-    tree = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))
-    return check_actuators(Actuator(each["name"], each["kind"]) for each in tree["actuator"])
-
-
-DEFAULT: Actuators = _default()
+_LISTED = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))["actuator"]
+DEFAULT: Actuators = check_actuators(Actuator(each["name"], each["kind"]) for each in _LISTED)
 """The actuators of recordings that do not state any: R/V Gunnerus', from her vessel file."""

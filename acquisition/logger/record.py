@@ -141,7 +141,7 @@ def _record_files(
         stack.callback(parts.close)
         try:
             LOG.info("recording to %s", parts.path)
-            record_log_files(config, parts, health, duration_s, stop)
+            _read_log_files(config, parts, health, duration_s, stop)
         except (ConfigurationError, SourceError):
             if not any(source.frames for source in health.sources.values()):
                 stack.pop_all()
@@ -186,12 +186,8 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
         yield
 
 
-def record_log_files(
-    config: TrialConfig,
-    parts: RecordingParts,
-    health: Health,
-    duration_s: float | None = None,
-    stop: threading.Event | None = None,
+def _read_log_files(
+    config: TrialConfig, parts: RecordingParts, health: Health, duration_s: float | None, stop: threading.Event
 ) -> None:
     """Everything in the configuration's log files, merged by time, until their end.
 
@@ -202,7 +198,7 @@ def record_log_files(
         for source in sources:
             source.open()
             stack.callback(source.close)
-        reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop or threading.Event())
+        reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop)
         frames = heapq.merge(*(reading.frames(source) for source in sources), key=attrgetter("received_ns"))
         reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
@@ -272,7 +268,9 @@ class _Reading:
         seen = self._health.sources[source.name]
         while (block := source.read(0.0)) is not None:
             if block:
-                if not seen.frames and not _has_times(source, block):
+                # Times since its beginning bear no stamp, but keep the frames' distances.
+                timed = any(each.stamped_ns is not None for each in block) or getattr(source, "timed", False)
+                if not seen.frames and not timed:
                     self._untimed.append(source.name)
                     self._processing.mute_clocks(source.name)
                 for frame in block:
@@ -288,8 +286,3 @@ class _Reading:
         if time.monotonic() - self._told_s >= _TELL_EVERY_S:
             LOG.info("%s frames, up to %s", f"{frames:,}", iso(self.now_ns))
             self._told_s = time.monotonic()
-
-
-def _has_times(source: Source, block: list[Frame]) -> bool:
-    """Whether a log tells times; those since its beginning bear no stamp, but keep the frames' distances."""
-    return any(frame.stamped_ns is not None for frame in block) or getattr(source, "timed", False)

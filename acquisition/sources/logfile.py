@@ -68,9 +68,10 @@ class LogFile(LogReader):
         """What is broken in the log and where its reading ended; empty for a log that was read to its end."""
         if self._log is None or not self._log.damage:
             return ""
-        where = f"reading ended after {self._count:,} frames"
-        if self._newest_ns is not None:
-            where += f", the last of {_told_time(self._newest_ns)}"
+        where, newest_ns = f"reading ended after {self._count:,} frames", self._newest_ns
+        if newest_ns is not None:
+            utc = newest_ns >= EARLIEST_UTC_NS
+            where += f", the last of {iso(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
         return f"the log is damaged ({self._log.damage}); {where}"
 
     @property
@@ -133,11 +134,6 @@ def _inflated(beginning: bytes) -> bytes:
 
 def _opened(path: Path, packed: bool) -> BinaryIO:
     return cast(BinaryIO, gzip.GzipFile(path)) if packed else path.open("rb")
-
-
-def _told_time(time_ns: int) -> str:
-    """A log's time for a person: UTC, or since it began."""
-    return iso(time_ns) if time_ns >= EARLIEST_UTC_NS else f"{time_ns / 1e9:.3f} s after its beginning"
 
 
 class _Log:

@@ -93,6 +93,8 @@ class _Stream(Source):
     def __init__(self, config: StreamSource) -> None:
         super().__init__(config)
         self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name, config.form)
+        if not isinstance(config, SerialSource | MavlinkSerialSource):
+            self.senders = Senders(config.senders)
 
     @abstractmethod
     def _bytes(self, timeout_s: float) -> bytes:
@@ -177,10 +179,6 @@ class TcpConnection(_Stream):
 
     senders: Senders
 
-    def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
-        super().__init__(config)
-        self.senders = Senders(config.senders)
-
     def _connect(self) -> socket.socket:
         address, port = self._config.address, self._config.port
         try:
@@ -220,10 +218,6 @@ class UdpPort(_Stream):
     """
 
     senders: Senders
-
-    def __init__(self, config: UdpSource | MavlinkSource) -> None:
-        super().__init__(config)
-        self.senders = Senders(config.senders)
 
     def _connect(self) -> socket.socket:
         opened = _bind_udp(self._config)
