@@ -170,7 +170,6 @@ class Transmitter:
         self._link.write(_bytes_of(packets))
 
     def close(self) -> None:
-        """Let go of it."""
         self._link.close()
 
 

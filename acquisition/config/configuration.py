@@ -119,7 +119,6 @@ class TrialConfig:
 
     @property
     def actuators(self) -> Actuators:
-        """The ship's actuators."""
         return from_text(self.trial.actuators)
 
     @property

@@ -224,7 +224,6 @@ class Thrusters(BaseModel):
 
     @property
     def numbers(self) -> dict[str, int]:
-        """Each actuator's number."""
         return self.__pydantic_extra__
 
     @model_validator(mode="before")

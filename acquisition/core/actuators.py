@@ -154,7 +154,6 @@ def _by_rule(stem: str, ending: str) -> Channel:
 
 
 def _kind_by_rule(stem: str, endings: set[str]) -> str:
-    """The kind of an actuator, inferred from its channels only."""
     if "_angle_deg" in endings:
         return "azimuth" if "_rpm" in endings else "rudder"
     if "_pitch_percent" in endings:

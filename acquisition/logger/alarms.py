@@ -101,7 +101,6 @@ class Alarms:
         self._reap(time.monotonic())
 
     def look(self, figures: Mapping[str, float], now_s: float) -> None:
-        """Hold the figures against the rules."""
         for alarm in self._alarms:
             value = figures.get(alarm.rule.figure, math.nan)
             if alarm.look(value, now_s):

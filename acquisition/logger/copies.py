@@ -112,7 +112,6 @@ class Copies:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin, in a thread."""
         self._thread = threading.Thread(target=self._work, name="copies", daemon=True)
         self._thread.start()
 

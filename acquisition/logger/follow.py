@@ -94,7 +94,6 @@ class Follower:
         return NewSamples()
 
     def close(self) -> None:
-        """Let go of the file."""
         if self._tail is not None:
             self._tail.close()
 
@@ -110,7 +109,6 @@ class Follower:
         return [samples] if samples else []
 
     def _go_on(self) -> NewSamples:
-        """Ask who records what, and go on with that."""
         found = running_recorders(self._folder)
         self.recorder = choose_recorder(found, self._name, self._configuration)
         if self.recorder is None:

@@ -94,7 +94,6 @@ class Maintenance:
         self._written_bytes = 0
 
     def due(self) -> None:
-        """Do what is due now."""
         now_s = time.monotonic()
         self._look_at_the_clock()
         self._parts.tick(now_s)

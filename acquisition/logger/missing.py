@@ -15,7 +15,7 @@ from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
 from acquisition.logger.redecode import own_configuration
-from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, Tally, is_makers_own, survey_of_recording
+from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, is_makers_own, survey_of_recording
 
 LOOKED_AT = 10_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
@@ -180,19 +180,13 @@ def _refused(name: str, survey: Survey) -> str:
     """A message that could carry it comes, but there is nothing to take from it."""
     could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
     for kind, tally in sorted(could.items(), key=lambda each: -each[1].count):
-        reason = _reason(kind, tally)
+        reason = _UNREAD.get(kind.name, "")
+        for why, _ in tally.refused.most_common(1):
+            reason = _REMEDIES.get(why, f"but is refused: {why}")
         if reason:
             what = kind.device if kind.name == TOPIC_VALUE else kind.name
             return f"{what} comes, {reason}" if reason.startswith(("but", "without")) else f"{what} {reason}"
     return ""
-
-
-def _reason(kind: Kind, tally: Tally) -> str:
-    """Why a message gives nothing, in words; empty where it gives all that it says."""
-    if tally.refused:
-        reason, _ = tally.refused.most_common(1)[0]
-        return _REMEDIES.get(reason, f"but is refused: {reason}")
-    return _UNREAD.get(kind.name, "")
 
 
 def _can_carry(what: Kind, name: str, survey: Survey) -> bool:
@@ -221,9 +215,8 @@ def sources_of(name: str, survey: Survey) -> set[str]:
 
 def _nothing(name: str, survey: Survey) -> str:
     """Nothing that comes could carry it, or nothing comes at all."""
-    silent = [each.name for each in survey.health.sources.values() if not each.frames]
     for source in survey.config.sources:
-        if name in source.channels and source.name in silent:
+        if name in source.channels and not survey.health.sources[source.name].frames:
             return f"nothing at all comes from {source.name!r}"
     if topics := _topics(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
@@ -232,13 +225,13 @@ def _nothing(name: str, survey: Survey) -> str:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
     if origins := _origins(name, survey):
         return f"nothing that comes carries it: {', '.join(origins)} would"
-    own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_own(kind.name)})[:_MOST_NAMED])
-    frames = f"the maker's own frames ({own})" if own else "the maker's own frames"
+    names = {kind.name for kind in survey.kinds}
+    own = {each for each in names if each.startswith("0x") or (each.isdigit() and is_makers_own(int(each)))}
+    frames = "the maker's own frames" + (f" ({', '.join(sorted(own)[:_MOST_NAMED])})" if own else "")
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
 def _topics(name: str, survey: Survey) -> list[str]:
-    """The MQTT topics that are said to carry a channel."""
     sources = (each for each in survey.config.sources if isinstance(each, MqttLinks))
     return [
         each.values[name].topic
@@ -260,11 +253,6 @@ def message_of(origin: Origin) -> str:
     if isinstance(origin, GroupField):
         return str(origin.group)
     return origin.message if isinstance(origin, MavlinkField) else "XDR"
-
-
-def _is_own(name: str) -> bool:
-    """Whether a message is a proprietary group of NMEA 2000, or a frame of another bus."""
-    return name.startswith("0x") or (name.isdigit() and is_makers_own(int(name)))
 
 
 def _messages(labels: Iterable[str]) -> str:

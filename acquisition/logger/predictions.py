@@ -114,7 +114,6 @@ class Predictions:
         return ""
 
     def take(self) -> list[RecordedPrediction]:
-        """Those that wait."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def _has_room(self) -> bool:

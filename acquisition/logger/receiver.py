@@ -193,7 +193,6 @@ class Receiver:
         self._back_off_s = POLL_S
 
     def close(self) -> None:
-        """Let go of the source."""
         try:
             self.source.close()
         except Exception as error:  # a cable that was pulled may refuse even this
@@ -241,7 +240,6 @@ class Receiver:
         self._health.state = "failed"
 
     def _open_later(self) -> None:
-        """Wait and try again; the next wait is twice as long."""
         if self._stopping.wait(self._back_off_s):
             return
         self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)

@@ -119,7 +119,6 @@ def _record_live(
 
 
 def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
-    """What other programs may know of this recording."""
     return RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
@@ -173,7 +172,6 @@ def _with(stack: ExitStack, extra: AbstractContextManager[object], recorder: Rec
 
 @contextmanager
 def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
-    """The live table, on a terminal."""
     if not sys.stderr.isatty():
         yield
         return

@@ -36,7 +36,7 @@ _MOST_CLIENTS = 16  # at once; one more, and whoever has kept us waiting longest
 _LOOK_S = 0.2
 
 _MOST_LETTERS = 500
-_MOST_APART_NS = 60_000_000_000
+_MOST_APART_NS = 60_000_000_000  # a moment further off cannot be true: now is taken
 Mark = Callable[[str, int], None]
 """What takes a mark: its text, and when it was set on the monotonic clock [ns]."""
 _QUESTION = orjson.dumps({"ask": "recording"})
@@ -129,7 +129,10 @@ class RequestServer:
         if "prediction" in message:
             refused = self._predictions.offer(message)
             return _REFUSED + refused.encode() if refused else b"ok"
-        self._mark(*parse_mark(message))
+        text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
+        if not isinstance(text, str) or type(at_ns) is not int:
+            raise TypeError("no mark")
+        self._mark(_writable(text), at_ns if abs(at_ns - now_ns) <= _MOST_APART_NS else now_ns)
         return b"ok"
 
     def _serve(self) -> None:
@@ -203,17 +206,6 @@ def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | N
         except OSError:
             pass
     return None
-
-
-def parse_mark(message: Mapping[str, Any]) -> tuple[str, int]:
-    """A mark's text and moment; one that cannot be true is replaced by now.
-
-    Raises KeyError or TypeError for what is no mark.
-    """
-    text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
-    if not isinstance(text, str) or type(at_ns) is not int:
-        raise TypeError("no mark")
-    return _writable(text), at_ns if abs(at_ns - now_ns) <= _MOST_APART_NS else now_ns
 
 
 def _writable(text: str) -> str:

@@ -86,7 +86,6 @@ class LiveView:
 
     @property
     def address(self) -> str:
-        """Where a viewer connects to."""
         return f"ws://{self._settings.address}:{self._server.port}"
 
     def publish(self, topic: str, data: bytes, log_ns: int) -> None:
@@ -148,7 +147,6 @@ class StatusPage:
 
     @property
     def address(self) -> str:
-        """Where a browser finds it."""
         return f"http://{ADDRESS}:{self._settings.port}/"
 
     def __enter__(self) -> StatusPage:

@@ -85,7 +85,6 @@ class Source(ABC):
             self._link = None
 
     def failure(self, what: str, why: str = "", fix: str = "") -> SourceError:
-        """An error of this source."""
         return source_error(self._config, what, why, fix)
 
 

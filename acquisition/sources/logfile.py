@@ -76,7 +76,6 @@ class LogFile(LogReader):
 
     @property
     def remark(self) -> str:
-        """What should be known of the log's times."""
         return self._clock.remark
 
     def _begin(self, file: BinaryIO) -> None:
