@@ -186,11 +186,12 @@ Declarations = tuple[DeclaredChannel, ...]
 
 @plain_dataclass(frozen=True, slots=True)
 class PackFile:
-    """A pack as read: its name in the file that uses it, its path, its text."""
+    """A pack as read: its name in the file that uses it, its path, its text, the names of its devices."""
 
     name: str
     path: Path
     text: str
+    each: tuple[str, ...]
 
 
 def find_pack(name: str, folder: Path) -> Path:
@@ -211,22 +212,21 @@ def read_packs(
     ``text`` and ``path`` are of the file that names them. Raises :class:`ConfigurationError`.
     """
     files = []
-    for number, each in enumerate(packs):
-        if each.name in carried:
-            files.append(PackFile(each.name, Path(each.name), carried[each.name]))
+    for number, pack in enumerate(packs):
+        if pack.name in carried:
+            files.append(PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each))
             continue
         try:
-            found = find_pack(each.name, folder)
+            found = find_pack(pack.name, folder)
         except ConfigurationError as error:
             raise error.at(f"{path}, line {line_of(text, ['pack', number, 'name'])}") from error
-        files.append(PackFile(each.name, found, read_text(found)))
+        files.append(PackFile(pack.name, found, read_text(found), pack.each))
     return tuple(files)
 
 
 def declarations_of(
     sections: tuple[ChannelSection, ...],
-    packs: tuple[PackSection, ...],
-    files: tuple[PackFile, ...],
+    packs: tuple[PackFile, ...],
     known: Mapping[str, Channel],
     text: str,
     path: Path | str,
@@ -240,8 +240,8 @@ def declarations_of(
             where, fix = f"{path}, line {line_of(text, ['channel'])}", "list all its origins in one `from`"
             raise ConfigurationError(f"channel {name} is declared twice", where=where, fix=fix)
     said = [(each, path, text, number) for number, each in enumerate(sections)]
-    for pack, file in zip(packs, files, strict=True):
-        said += [(each, file.path, file.text, number) for each, number in _of_pack(pack, file)]
+    for pack in packs:
+        said += [(each, pack.path, pack.text, number) for each, number in _of_pack(pack)]
     found: dict[str, DeclaredChannel] = {}
     for section, where, of, number in said:
         if section.name not in found:
@@ -252,11 +252,11 @@ def declarations_of(
     return tuple(found.values())
 
 
-def _of_pack(pack: PackSection, file: PackFile) -> Iterator[tuple[ChannelSection, int]]:
+def _of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
     """A pack's channels with their number in its file, those with ``{each}`` once for each name."""
-    raw = parse_toml(file.text, file.path)
+    raw = parse_toml(pack.text, pack.path)
     for place, name in enumerate(pack.each):
-        filled = validate(_filled(raw, name, place), file.text, file.path, _Pack).channel
+        filled = validate(_filled(raw, name, place), pack.text, pack.path, _Pack).channel
         for number, section in enumerate(filled):
             if place == 0 or "{each}" in raw["channel"][number]["name"]:
                 yield section, number

@@ -175,7 +175,7 @@ def parse_for_ship(
     actuators = listed or carried.actuators or actuators_of_ship(str(given.trial.vessel), folder) or DEFAULT
     packs = read_packs(given.pack, folder, carried.packs, text, path)
     hers = {name: BY_NAME[name] for name in channel_names(actuators)}
-    declared = declarations_of(given.channel, given.pack, packs, hers, text, path)
+    declared = declarations_of(given.channel, packs, hers, text, path)
     context = {
         "actuators": actuators,
         "declared": tuple(each.channel for each in declared if each.channel.name not in hers),

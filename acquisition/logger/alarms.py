@@ -21,7 +21,7 @@ from acquisition.config.sections import AlarmSection
 from acquisition.core.errors import ConfigurationError
 from acquisition.logger.health import Health
 from acquisition.logger.host_clock import host_clock
-from acquisition.logger.receiver import Tell
+from acquisition.recording.parts import Tell
 
 _LOOK_EVERY_S = 1.0
 _CLOCK_EVERY_S = 30.0

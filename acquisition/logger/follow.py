@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,13 +12,11 @@ from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 from acquisition.logger.maintenance import NEW_PART_NS
 from acquisition.logger.requests import RecorderState, running_recorders
+from acquisition.recording.parts import Tell
 from acquisition.recording.tail import Tail
 
 _QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
 _ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end
-
-Tell = Callable[[str, str], None]
-"""Somebody who wants to know whom we follow: level, text."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,13 +8,12 @@ are followed slowly; a step is told, and the next part of the recording takes th
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Frame, now_ns
 from acquisition.logger.health import SILENT_NS, Health
 from acquisition.logger.host_clock import kernel_state
-from acquisition.recording.parts import RecordingParts
+from acquisition.recording.parts import RecordingParts, Tell
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 NEW_PART_NS = 1_000_000_000
@@ -24,7 +23,6 @@ TICK_S = 0.05
 """How late the recorder may look at the clock; flush and sync come so much earlier."""
 _HEALTH_EVERY_S = 1.0
 _GROWTH_SHARE = 0.1  # of the newest second in the mean rate of growth
-Note = Callable[[str, str], None]
 
 
 class Timescale:
@@ -86,7 +84,7 @@ class Maintenance:
     """The chores of one recording; call :meth:`due` every :data:`TICK_S` or so, from the recorder's thread."""
 
     def __init__(
-        self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Note
+        self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Tell
     ) -> None:
         self._settings, self._parts, self._health, self._scale, self._note = settings, parts, health, scale, note
         self._flushed_s = self._synced_s = self._reported_s = time.monotonic()

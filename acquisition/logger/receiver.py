@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from operator import attrgetter
 
 from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.health import SourceHealth
+from acquisition.recording.parts import Tell
 from acquisition.sources import Source
 from acquisition.sources.sockets import Senders
 
@@ -26,8 +27,6 @@ _RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
 _LEISURE_S = 0.01
 _OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
-Tell = Callable[[str, str], None]
-"""Somebody who puts (level, text) into the recording's event log; called from any thread."""
 
 
 class Inbox:
@@ -81,7 +80,7 @@ class Budget:
 
 
 class Receiver:
-    """What one thread does for one source until ``stopping`` is set. It raises nothing."""
+    """What one thread does for one source until ``stopping`` is set; ``tell`` takes events. It raises nothing."""
 
     def __init__(
         self,
