@@ -85,13 +85,14 @@ def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from acquisition.logger.display import missing_channels, summary
+    from acquisition.logger.display import summary
 
     typer.echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
             typer.echo(f"error: {text}", err=True)
-    if silent := missing_channels(health, trial.expected_channels):
+    expected = [name for name in health.names if name in trial.expected_channels]
+    if silent := [name for name in expected if not health.channels[name].count]:
         from acquisition.logger.missing import by_reason, reasons_in
 
         for names, reason in by_reason(reasons_in(trial, paths, silent)).items():

@@ -189,11 +189,6 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
     )
 
 
-def missing_channels(health: Health, expected: frozenset[str]) -> list[str]:
-    """Channels that a source was to provide and of which nothing came."""
-    return [name for name in health.names if name in expected and health.channels[name].count == 0]
-
-
 def preflight_table(found: PreflightReport) -> Group:
     """The channels and what is wrong with them; then what was told while listening, and the room on the disk."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")

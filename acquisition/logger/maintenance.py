@@ -26,17 +26,12 @@ _GROWTH_SHARE = 0.1  # of the newest second in the mean rate of growth
 
 
 class Timescale:
-    """UTC from the monotonic clock: ``utc = monotonic + offset_ns``."""
+    """UTC from the monotonic clock, ``utc = monotonic + offset_ns``, beginning with the wall clock as given."""
 
     def __init__(self, wall_ns: int, monotonic_ns: int) -> None:
         self.offset_ns = wall_ns - monotonic_ns
         self._wall_offset_ns = self.offset_ns
         self._followed_ns = monotonic_ns
-
-    @classmethod
-    def of_now(cls) -> Timescale:
-        """The time scale that begins with the wall clock as it is."""
-        return cls(*now_ns())
 
     def utc_ns(self, monotonic_ns: int) -> int:
         """The recording's UTC at a moment of the monotonic clock [ns]."""

@@ -13,6 +13,7 @@ import time
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.errors import SourceError
+from acquisition.core.frames import now_ns
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.maintenance import Maintenance, Timescale
 from acquisition.logger.predictions import Predictions
@@ -58,7 +59,7 @@ class Recorder:
         self._config = config
         self._parts = parts
         self.health = health_of(config)
-        self._scale = scale or Timescale.of_now()
+        self._scale = scale or Timescale(*now_ns())
         self._processing = FrameProcessor(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()

@@ -19,7 +19,7 @@ from pathlib import Path
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
-from acquisition.core.frames import NANO, Frame, iso
+from acquisition.core.frames import NANO, Frame, iso, now_ns
 from acquisition.decoders import BAD_DATA
 from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
@@ -74,7 +74,7 @@ def _record_live(
     if config.copies is not None:
         require_other_folder(config.copies, folder)
     check_alarms(config.alarms, health_of(config))
-    scale = Timescale.of_now()
+    scale = Timescale(*now_ns())
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     copies = None if config.copies is None else Copies(config.copies, folder, config.trial.name, parts)

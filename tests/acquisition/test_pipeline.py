@@ -295,7 +295,7 @@ def test_the_disk_is_told_twice_a_second(
     monkeypatch.setattr("acquisition.logger.maintenance.time", clock)
     monkeypatch.setattr(RecordingParts, "sync_soon", sync_soon)
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
-    scale = Timescale.of_now()
+    scale = Timescale(*now_ns())
     chores = Maintenance(config.recording, parts, health_of(config), scale, lambda level, text: None)
     for _ in range(200):
         clock.sleep(TICK_S)
