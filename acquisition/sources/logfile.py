@@ -27,12 +27,11 @@ import can
 from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame, iso, now_ns
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
-from acquisition.sources import LogReader
+from acquisition.sources import SQLITE, LogReader, looks_like
 from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
 from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, LINE_FORMS, Entry, LineReader
 from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
-from acquisition.sources.looks import SQLITE, looks_like
 
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536

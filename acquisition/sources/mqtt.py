@@ -19,8 +19,7 @@ from acquisition.config.sections import MqttSource, covers
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
 from acquisition.decoders.clock import is_possible
-from acquisition.sources import LogReader, Source, source_error
-from acquisition.sources.looks import SQLITE, looks_like
+from acquisition.sources import SQLITE, LogReader, Source, looks_like, source_error
 from acquisition.sources.sockets import enlarge
 
 if TYPE_CHECKING:
