@@ -76,7 +76,7 @@ def clock_metadata(scale: Timescale) -> dict[str, str]:
 
 
 class Maintenance:
-    """The chores of one recording; call :meth:`due` every :data:`TICK_S` or so, from the recorder's thread."""
+    """What one recording does by the clock; :meth:`tick` wants to be called every :data:`TICK_S` or so."""
 
     def __init__(
         self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Tell
@@ -86,7 +86,7 @@ class Maintenance:
         self._silent: dict[str, int] = {}
         self._written_bytes = 0
 
-    def due(self) -> None:
+    def tick(self) -> None:
         now_s = time.monotonic()
         self._look_at_the_clock()
         self._parts.tick(now_s)

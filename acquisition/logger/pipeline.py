@@ -23,8 +23,8 @@ from acquisition.recording.parts import RecordingParts
 from acquisition.sources import make_source
 
 _LOOK_S = 0.01
-_COME_BY_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
-_LONGEST_CHORE_S = 20.0  # a memory card may take its time
+_POLL_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
+_LONGEST_TICK_S = 20.0  # a memory card may take its time
 _LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from being closed
 
 
@@ -96,8 +96,8 @@ class Recorder:
 
     @property
     def alive(self) -> bool:
-        """Whether the recorder's thread has done its chores of late: what a watchdog wants to know."""
-        return time.monotonic_ns() - self.health.worked_ns < _LONGEST_CHORE_S * 1e9
+        """Whether the recorder's thread has come round of late: what a watchdog wants to know."""
+        return time.monotonic_ns() - self.health.worked_ns < _LONGEST_TICK_S * 1e9
 
     def stop(self) -> None:
         """Stop receiving, record what was received, and raise what broke the recording, if anything did."""
@@ -134,7 +134,7 @@ class Recorder:
             self._stopping.set()
 
     def _drain(self) -> None:
-        chores = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
+        maintenance = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
         while True:
             finished = self._all_received.is_set()
             if finished and self._parts.paused:
@@ -145,14 +145,14 @@ class Recorder:
                 self._processing.process(self._scale.stamp(frame))
             self._note_texts()
             self._note_predictions()
-            chores.due()
+            maintenance.tick()
             self.health.worked_ns = time.monotonic_ns()
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
-                chores.report_sources()
+                maintenance.report_sources()
                 return
             if self._parts.paused or not len(self._inbox):
-                time.sleep(_COME_BY_S)
+                time.sleep(_POLL_S)
 
     def _note(self, level: str, text: str) -> None:
         """Put an event into the part that is being written, at once; for the recorder's thread only."""

@@ -37,7 +37,7 @@ from acquisition.sources import Source, make_source
 _LOOK_S = 0.05
 _REDRAW_PER_S = 4.0
 _WATCHDOG_EVERY_S = 1.0
-_CHORES_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
+_TICK_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
 _TELL_EVERY_S = 5.0
 _POLL_S = 0.2
 _WITHOUT_TIMES = (
@@ -252,8 +252,8 @@ class _Reading:
             self._processing.process(frame)
             if abs(self.now_ns - self._reported_ns) >= NANO:
                 self.report_sources()
-            if number % _CHORES_EVERY == _CHORES_EVERY - 1:
-                self._do_chores(number + 1)
+            if number % _TICK_EVERY == _TICK_EVERY - 1:
+                self._tick(number + 1)
 
     def report_sources(self) -> None:
         """Record the state of each source, at the time that the logs have come to."""
@@ -276,7 +276,7 @@ class _Reading:
                     yield frame
         seen.state = "ended"
 
-    def _do_chores(self, frames: int) -> None:
+    def _tick(self, frames: int) -> None:
         self._parts.sync()
         self._parts.tick(time.monotonic())
         while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk

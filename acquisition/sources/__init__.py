@@ -49,6 +49,7 @@ _MAGIC = {
     b"\x28\xb5\x2f\xfd": "packed by zstd: unpack it",
     b"MDF ": "an MDF measurement",
 }
+"""What a file looks like, by its first bytes."""
 _MOST_LETTERS = 60
 
 

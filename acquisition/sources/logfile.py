@@ -20,7 +20,7 @@ from functools import partial
 from io import BytesIO, TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 import can
 
@@ -51,7 +51,7 @@ class LogFile(LogReader):
 
     def __init__(self, config: FileSource) -> None:
         super().__init__(config)
-        self._log: _Log | _LibraryLog | None = None
+        self._log: _Log | None = None
         self._entries: Iterator[Entry] = iter(())
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
@@ -135,10 +135,11 @@ def _opened(path: Path, packed: bool) -> BinaryIO:
 
 
 class _Log:
-    """A log by one of our own functions; what is broken where it ends before its time is its ``damage``."""
+    """A log by a function that reads it; what is broken where it ends before its time is its ``damage``."""
 
     def __init__(self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str) -> None:
-        self._read, self._file, self._reader = read, file, LineReader(form)
+        self._reader = LineReader(form)
+        self._entries = read(file, self._reader)
         self.damage = ""
         self.close = file.close
 
@@ -148,12 +149,12 @@ class _Log:
 
     def __iter__(self) -> Iterator[Entry]:
         try:
-            yield from self._read(self._file, self._reader)
+            yield from self._entries
         except (ValueError, EOFError, zlib.error, struct.error) as error:
             self.damage = str(error)
 
 
-def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log | _LibraryLog]:
+def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log]:
     """What begins to read a log: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
@@ -161,7 +162,7 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
     library = _library_form(head)
     is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
-        return lambda: _LibraryLog(library, open_file())
+        read = partial(_library_log, library)
     return lambda: _Log(read or read_lines, open_file(), form)
 
 
@@ -170,62 +171,56 @@ def _is_sound(entry: Entry) -> bool:
     return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None
 
 
-class _LibraryLog(logging.Filter):
-    """A log by one of python-can's readers; what it trips over ends the log, and is its ``damage``.
+def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+    """The entries of a log by one of python-can's readers. Raises :class:`ValueError` for a broken beginning."""
+    size_bytes = file.seek(0, os.SEEK_END) if make is _BLF else 0  # 0 for text
+    file.seek(0)
+    try:
+        return _library_entries(make(file), file, size_bytes, reader)
+    except Exception as error:  # the library promises no set of errors for a broken log
+        file.close()
+        raise ValueError(f"its beginning is broken: {error}") from error
 
-    What a reader passes over it tells its logger only: that is counted, and not printed.
-    """
 
-    def __init__(self, make_reader: Make, file: BinaryIO) -> None:
-        """Read the beginning. Raises :class:`ValueError` for a broken one."""
-        super().__init__()
-        self.close = file.close
-        self.unreadable = 0
-        self.damage = ""
-        self._size_bytes = 0  # of BLF; 0 for text
-        if make_reader is _BLF:
-            self._size_bytes = file.seek(0, os.SEEK_END)
-            file.seek(0)
-        try:
-            self._reader = make_reader(file)
-        except Exception as error:  # the library promises no set of errors for a broken log
-            file.close()
-            raise ValueError(f"its beginning is broken: {error}") from error
+def _library_entries(
+    messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader
+) -> Iterator[Entry]:
+    """What python-can trips over ends the log; what it passes over it tells its logger only: that is counted."""
 
-    def filter(self, record: logging.LogRecord) -> bool:
-        self.unreadable += 1
+    def count(record: logging.LogRecord) -> bool:
+        reader.unreadable += 1
         return False
 
-    def __iter__(self) -> Iterator[Entry]:
-        cut = False
+    cut = False
+    for logger in _LIBRARY_LOGGERS:
+        logger.addFilter(count)
+    try:
+        for message in messages:
+            cut = not size_bytes and _is_cut(message)
+            if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
+                time_ns = round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
+                yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message))
+            else:
+                reader.unreadable += 1
+    except OSError:
+        raise
+    except Exception as error:
+        told = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise ValueError(_lost_end(messages, size_bytes) or told) from error
+    finally:
+        file.close()
         for logger in _LIBRARY_LOGGERS:
-            logger.addFilter(self)
-        try:
-            for message in self._reader:
-                cut = not self._size_bytes and _is_cut(message)
-                if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
-                    # no finer than the microsecond that a float of today holds
-                    time_ns = round(message.timestamp * 1e6) * 1000
-                    yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message))
-                else:
-                    self.unreadable += 1
-            self.damage = self._cut() or ("its last line is cut off" if cut else "")
-        except OSError:
-            raise
-        except Exception as error:
-            self.damage = self._cut() or f"{type(error).__name__}: {error}".rstrip(": ")
-        finally:
-            for logger in _LIBRARY_LOGGERS:
-                logger.removeFilter(self)
+            logger.removeFilter(count)
+    if damage := _lost_end(messages, size_bytes) or ("its last line is cut off" if cut else ""):
+        raise ValueError(damage)
 
-    def _cut(self) -> str:
-        """What is missing at the end of a BLF log, as far as it can tell."""
-        once_bytes = getattr(self._reader, "file_size", 0)
-        if once_bytes > self._size_bytes:
-            return f"it was {once_bytes:,} bytes long, {self._size_bytes:,} are left"
-        if bytes(getattr(self._reader, "_tail", b"")).strip(b"\0"):
-            return "its last object is cut off"
-        return ""
+
+def _lost_end(blf: Any, size_bytes: int) -> str:
+    """What is missing at the end of a BLF log, as far as it can tell."""
+    once_bytes = getattr(blf, "file_size", 0)
+    if once_bytes > size_bytes:
+        return f"it was {once_bytes:,} bytes long, {size_bytes:,} are left"
+    return "its last object is cut off" if bytes(getattr(blf, "_tail", b"")).strip(b"\0") else ""
 
 
 def _is_cut(message: can.Message) -> bool:
