@@ -237,8 +237,8 @@ def declarations_of(
     """
     for name, count in Counter(each.name for each in sections).items():
         if count > 1:
-            where, fix = f"{path}, line {line_of(text, ['channel'])}", "list all its origins in one `from`"
-            raise ConfigurationError(f"channel {name} is declared twice", where=where, fix=fix)
+            what, fix = f"channel {name} is declared twice", "list all its origins in one `from`"
+            raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['channel'])}", fix=fix)
     said = [(each, path, text, number) for number, each in enumerate(sections)]
     for pack in packs:
         said += [(each, pack.path, pack.text, number) for each, number in _of_pack(pack)]
