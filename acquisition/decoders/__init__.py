@@ -24,7 +24,7 @@ import typing
 from collections import Counter, deque
 
 from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
-from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks, MqttLinks
+from acquisition.config.sections import AnySource, CanFrames, CanSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channels import with_declared
 from acquisition.core.frames import Fix, Frame, Group, Protocol
@@ -82,7 +82,7 @@ def decoders_by_protocol(
 
         return {"mqtt": [MqttDecoder(config, decoder, with_declared(tuple(each.channel for each in declared)))]}
     sentences: list[Decoder] = [decoder]
-    if isinstance(config, CanFileSource):
+    if config.type == "can_file":
         return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
     return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}
 
