@@ -19,7 +19,6 @@ from analysis.manoeuvres.indices import (
     LeftOut,
     Manoeuvre,
     index_of,
-    indices_of,
     side_of,
     with_limits,
 )
@@ -33,6 +32,7 @@ from analysis.manoeuvres.measures import (
     execute_s,
     half_width_s,
     level_before,
+    manoeuvre_of,
     mean_between,
     mean_of_blocks,
     means_of,
@@ -150,15 +150,9 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     found = {name: mean_of_blocks(getattr(part, column)) for name, column in (
         ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
     found["distance_m"] = (distance_m(part, *span), float("nan"))
-    return Manoeuvre(
-        kind="speed_run",
-        name=f"speed run {part.main_rpm.mean():.0f} rpm on {heading:.0f} deg",
-        start=motion.utc(span[0]),
-        end=motion.utc(span[1]),
-        side="",
-        settings={**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])},
-        indices=indices_of(found, motion.length_m),
-    )  # fmt: skip
+    name = f"speed run {part.main_rpm.mean():.0f} rpm on {heading:.0f} deg"
+    settings = {**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
+    return manoeuvre_of(motion, "speed_run", name, span, "", settings, found)
 
 
 class Course(NamedTuple):
@@ -290,24 +284,16 @@ def _change_of_speed(
 ) -> Manoeuvre:
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
-    width = half_width_s(part, (end - start) / 2.0)
-    found = bootstrap_indices(part, np.array([start, end]), width, measure, motion.step_s)
-    indices = indices_of(found, motion.length_m)
+    span, width = np.array([start, end]), half_width_s(part, (end - start) / 2.0)
+    found = bootstrap_indices(part, span, width, measure, motion.step_s)
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
     stops_astern = reverse and kind == "stopping"
     limit = TRACK_REACH_LENGTHS * motion.length_m if motion.length_m and stops_astern else None
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
              "stopping": "stopping with thrust astern" if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
-    return Manoeuvre(
-        kind=kind,
-        name=names[kind],
-        start=motion.utc(start),
-        end=motion.utc(end),
-        side="",
-        settings=settings,
-        indices=with_limits(indices, {"track_reach_m": limit}),
-    )
+    made = manoeuvre_of(motion, kind, names[kind], span, "", settings, found)
+    return replace(made, indices=with_limits(made.indices, {"track_reach_m": limit}))
 
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
@@ -420,15 +406,9 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuv
     found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
     turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
     sideways = aside if kind == "crabbing" else turned
-    return Manoeuvre(
-        kind=kind,
-        name=f"{name} to {side_of(aside)}" if kind == "crabbing" else name,
-        start=motion.utc(span[0]),
-        end=motion.utc(span[1]),
-        side=side_of(sideways),
-        settings=means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])},
-        indices=indices_of(found, motion.length_m),
-    )  # fmt: skip
+    name = f"{name} to {side_of(aside)}" if kind == "crabbing" else name
+    settings = means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])}
+    return manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, found)
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
