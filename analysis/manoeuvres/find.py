@@ -15,9 +15,8 @@ from operator import attrgetter
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre, add_limits
 from analysis.manoeuvres.measures import (
@@ -149,9 +148,7 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
     return []
 
 
-def _zigzags_and_turns(
-    motion: Motion, smooth: Motion, marks: Sequence[Mark]
-) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
+def _zigzags_and_turns(motion: Motion, smooth: Motion, marks: Sequence[Mark]) -> tuple[list[Manoeuvre], Bools]:
     """Zigzags and turns, and the rows that they take."""
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
@@ -178,7 +175,7 @@ def _zigzags_and_turns(
     return found, _taken_by(motion, found)
 
 
-def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> NDArray[np.bool_]:
+def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
         taken |= _rows_of(motion, each, each.settings.get("half_command_s", 0.0))
@@ -224,7 +221,7 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
     return marked or len(chain) >= FEWEST_SWINGS
 
 
-def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -> NDArray[np.bool_]:
+def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -> Bools:
     start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
     return np.asarray((motion.time_s >= start - before_s) & (motion.time_s <= end))
 

@@ -92,6 +92,11 @@ def helm_execute_s(motion: Motion, plateau: Plateau) -> tuple[float, float]:
     return execute_s(motion.time_s, motion.helm_deg, plateau, before, earliest)
 
 
+def next_execute_s(motion: Motion, last: Plateau, each: Plateau) -> tuple[float, float]:
+    """As :func:`helm_execute_s`, of a helm that goes from one plateau to the next."""
+    return execute_s(motion.time_s, motion.helm_deg, each, last.level, (last.first + last.end) // 2)
+
+
 def executes_unsure_s(motion: Motion, change_deg: float, times: Floats) -> Floats:
     """The uncertainty of the ``times`` of a manoeuvre [s]: first change of the command, first execute, and
     others.
@@ -99,8 +104,8 @@ def executes_unsure_s(motion: Motion, change_deg: float, times: Floats) -> Float
     Before the manoeuvre a helmsman or pilot keeps the course: half of that variation of the helm affects the
     first half-way time.
     """
-    begun = motion.row_before(int(np.searchsorted(motion.time_s, times[0])), APPROACH_S)
-    before = motion.helm_deg[begun : int(np.searchsorted(motion.time_s, times[0]))]
+    first = int(np.searchsorted(motion.time_s, times[0]))
+    before = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
     wander_s = 0.5 * float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
     unsure = np.full(times.size, _execute_unsure_s(motion, change_deg))
     unsure[:2] = np.hypot(unsure[:2], np.sqrt(3.0) * wander_s)

@@ -12,9 +12,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
@@ -26,7 +25,6 @@ from analysis.manoeuvres.measures import (
     approach_settings,
     bootstrap_indices,
     crossing_s,
-    execute_s,
     executes_unsure_s,
     half_width_s,
     helm_change_s,
@@ -36,6 +34,7 @@ from analysis.manoeuvres.measures import (
     mean_between,
     mean_of_blocks,
     merge_neighbours,
+    next_execute_s,
 )
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
 
@@ -62,7 +61,7 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         way = motion.speed_mps[each.first] > _LEAST_WAY * fastest_mps
         if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, last, each)):
             continue
-        begun, half = execute_s(motion.time_s, motion.helm_deg, each, last.level, (last.first + last.end) // 2)
+        begun, half = next_execute_s(motion, last, each)
         times = np.array([begun, half, _settled_s(motion, rate, half, float(motion.time_s[each.end - 1]))])
         values = pull_out_indices(motion, times)
         if values and times[2] - half >= _LEAST_HELD_S:
@@ -200,7 +199,7 @@ def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[st
     return wider
 
 
-def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: NDArray[np.bool_]) -> dict[str, float]:
+def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: Bools) -> dict[str, float]:
     """The settled rate of turn of each step, the helm at which she would go straight, and how steep the curve is
     there; of a spiral there and back the height of its loop at no helm.
 
@@ -223,7 +222,7 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: NDArr
     return values
 
 
-def reverse_spiral_steps(motion: Motion, rate: Floats, free: NDArray[np.bool_]) -> list[list[Plateau]]:
+def reverse_spiral_steps(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
     """At least five rates of turn held one after the other from one side to the other, or there and back.
 
     ``rate`` is the smoothed rate of turn, ``free`` where no other manoeuvre is. The ship spends less time
@@ -234,7 +233,7 @@ def reverse_spiral_steps(motion: Motion, rate: Floats, free: NDArray[np.bool_]) 
     return max((_steps_of(motion, each, free) for each in tried), key=lambda runs: sum(map(len, runs)))
 
 
-def _steps_of(motion: Motion, rate: Floats, free: NDArray[np.bool_]) -> list[list[Plateau]]:
+def _steps_of(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
     usable = free & ~motion.broken
     largest = float(np.percentile(np.abs(rate[usable]), 99)) if usable.any() else 0.0
     band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * noise_of(rate))
@@ -328,7 +327,7 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
         if not (_at_once(motion, last, each) and is_same_order(last.level, -each.level)):
             continue
         begun, first = helm_execute_s(motion, last)
-        _, second = execute_s(motion.time_s, motion.helm_deg, each, last.level, (last.first + last.end) // 2)
+        _, second = next_execute_s(motion, last, each)
         course = approach_of(motion, begun)["approach_unwrapped_deg"]
         end = float(motion.time_s[min(2 * each.end - each.first, motion.time_s.size) - 1])
         side = float(np.sign(motion.at("heading_deg", second) - course))

@@ -24,7 +24,6 @@ from analysis.manoeuvres.measures import (
     crossing_s,
     distance_m,
     event_notes,
-    execute_s,
     executes_unsure_s,
     half_width_s,
     helm_change_s,
@@ -32,6 +31,7 @@ from analysis.manoeuvres.measures import (
     is_same_order,
     manoeuvre_of,
     mean_between,
+    next_execute_s,
     peak,
 )
 from analysis.manoeuvres.motion import Motion
@@ -138,11 +138,9 @@ def executes_of(motion: Motion, chain: list[Plateau]) -> Floats:
 
     The last column is the end of the last swing.
     """
-    times = [helm_execute_s(motion, chain[0])]
-    for last, each in pairwise(chain):
-        times.append(execute_s(motion.time_s, motion.helm_deg, each, last.level, (last.first + last.end) // 2))
+    following = (next_execute_s(motion, *pair) for pair in pairwise(chain))
     end = float(motion.time_s[chain[-1].end - 1])
-    return np.array([*times, (end, end)]).T
+    return np.array([helm_execute_s(motion, chain[0]), *following, (end, end)]).T
 
 
 def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:

@@ -241,7 +241,6 @@ class Run:
 
     @property
     def label(self) -> str:
-        """What it is called beside others."""
         return f"{self.recording}, {self.manoeuvre.start:%H:%M:%S} {self.manoeuvre.sided_name}"
 
 
