@@ -63,7 +63,6 @@ class Mean:
 
     @property
     def half(self) -> float:
-        """Half of the interval."""
         return 0.5 * (self.index.high - self.index.low)
 
 
@@ -211,7 +210,6 @@ def _side_of(runs: Sequence[Manoeuvre], name: str) -> Mean:
 
 
 def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
-    """The names of the main indices."""
     found = manoeuvre.indices
     main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(found)[:3])
     if manoeuvre.kind == "speed_run":
@@ -244,14 +242,9 @@ def _above(index: Index, bound: float) -> bool:
     return bool((index.value if np.isnan(bound) else bound) > (index.limit or np.inf))
 
 
-def criterion_of(name: str) -> str:
-    """The criterion that an index is for; empty for none."""
-    return CRITERIA.get(name, "")
-
-
 def untested(rows: Iterable[IndexRow]) -> list[str]:
     """The criteria of the standards that no run of these is for."""
-    shown = {criterion_of(row.name) for row in rows if row.result}
+    shown = {CRITERIA.get(row.name) for row in rows if row.result}
     return [each for each in CRITERIA.values() if each not in shown]
 
 
@@ -260,7 +253,7 @@ def verdict(rows: Sequence[IndexRow]) -> str:
     passed, failed, left = ([row for row in rows if row.result == name] for name in ("pass", "fail", "not judged"))
     others = f"; {len(left)} not judged" if left else ""
     if failed:
-        which = ", ".join(f"{criterion_of(row.name)} ({row.test})" for row in failed)
+        which = ", ".join(f"{CRITERIA.get(row.name, '')} ({row.test})" for row in failed)
         return f"The trial does not meet IMO MSC.137(76) in {which}{others}."
     if passed:
         every = "the one value" if len(passed) == 1 else f"all {len(passed)} values"

@@ -306,7 +306,7 @@ def report(
     """Write the report that a folder asks for, as HTML and PDF."""
     from acquisition.core.errors import ConfigurationError
     from acquisition.core.progress import bar, part_of
-    from analysis.report.pdf import write_pdf
+    from analysis.report.rendering import write_pdf
     from hybrid.report.folder import Choices
     from hybrid.report.folder import report as run
     from hybrid.report.sections import FAILED
