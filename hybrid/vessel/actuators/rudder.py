@@ -139,11 +139,15 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, -(1.0 + row[A_H]) * across, -(row[X_M] + row[A_H] * row[X_H_M]) * across - row[Y_M] * X
 
 
+def normal_force_slope(aspect_ratio: float) -> float:
+    """Slope of the normal force of a rudder alone, f_alpha (Fujii and Tsuda 1961)."""
+    return 6.13 * aspect_ratio / (2.25 + aspect_ratio)
+
+
 def numbers_of(entry: Rudder) -> dict[str, float]:
     """What follows where the entry does not say it: Fujii's slope; the switch where the inflow aside is."""
-    aspect_ratio = entry.span_m**2 / entry.area_m2
     return {
-        "lift_slope": entry.lift_slope or 6.13 * aspect_ratio / (2.25 + aspect_ratio),
+        "lift_slope": entry.lift_slope or normal_force_slope(entry.span_m**2 / entry.area_m2),
         "switch_x_m": entry.l_R_m if entry.switch_x_m is None else entry.switch_x_m,
     }
 
