@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import pi, tan
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.effect import Effect, Parameter, Values, scaling
+from hybrid.vessel.effect import Effect, Parameter, Values, scaling, shifted
 from hybrid.vessel.plant import Plant
 
 _REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
@@ -198,9 +198,7 @@ EFFECTS = (
             Parameter("sway_ps", "1/s", 0.0, -0.005, 0.5, 0.015, 0.003),
             Parameter("yaw_ps", "1/s", 0.0, -0.03, 3.0, 0.1, 0.02),
         ),
-        change=lambda plant, values: plant.shifted(
-            surge_damping_ps=values["surge_ps"], sway_damping_ps=values["sway_ps"], yaw_damping_ps=values["yaw_ps"]
-        ),
+        change=shifted("surge_damping_ps", "sway_damping_ps", "yaw_damping_ps"),
     ),
     Effect(
         "trim", family="hull", kind="physics",
@@ -253,14 +251,14 @@ ASYMMETRY = (
         what="A steady yaw moment, as of a bent skeg or a list",
         source="Constant body moment",
         parameters=(Parameter("moment_nm", "N m", 0.0, -1e6, 1e6, 40e3, 10e3),),
-        change=lambda plant, values: plant.shifted(constant_N_nm=values["moment_nm"]),
+        change=shifted("constant_N_nm"),
     ),
     Effect(
         "sway_asymmetry", family="alignment", kind="physics",
         what="A steady force to starboard, as of a list or a bent keel",
         source="Constant body force",
         parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
-        change=lambda plant, values: plant.shifted(constant_Y_n=values["force_n"]),
+        change=shifted("constant_Y_n"),
     ),
 )  # fmt: skip
 """Of a hull that is not symmetric."""

@@ -262,10 +262,10 @@ def bare_plant(vessel: Vessel) -> Plant:
     values: dict[str, Any] = {"water_density_kgpm3": vessel.water_density_kgpm3}
     for part in (vessel.dimensions, vessel.inertia.in_si(vessel)):
         values |= {field.name: getattr(part, field.name) for field in fields(part) if field.name != "model"}
-    values |= vessel.wind.numbers(vessel.dimensions)
+    length_m, draught_m = vessel.dimensions.length_between_perpendiculars_m, vessel.dimensions.draught_m
+    values |= vessel.wind.numbers(length_m, vessel.dimensions.beam_m)
     limits, model = vessel.validity, vessel.hull.model
     names = [each.name for each in vessel.actuator]
-    length_m, draught_m = vessel.dimensions.length_between_perpendiculars_m, vessel.dimensions.draught_m
     return Plant(
         **values,
         surge_low_mps=limits.surge_low_mps,

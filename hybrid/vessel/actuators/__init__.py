@@ -7,7 +7,6 @@ To add a kind: its controls in :data:`acquisition.core.actuators.KINDS`, and a f
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Protocol
 
 import numpy as np
 
@@ -15,26 +14,10 @@ from acquisition.core.actuators import KINDS as RECORDED_KINDS
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
 from analysis.compiling import by_code, compiled
-from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Kind
+from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Entry, Kind
 
 KINDS: dict[str, Kind] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
 """The kinds by name, each from the file of its name."""
-
-
-class Entry(Protocol):
-    """One ``[[actuator]]`` of a vessel file, of whatever kind."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    @property
-    def kind(self) -> str:
-        """Its kind, one of :data:`KINDS`."""
-
-    @property
-    def x_m(self) -> float:
-        """How far ahead of the origin of the body axes it is [m]."""
 
 
 CODES: dict[str, float] = {name: float(code) for code, name in enumerate(KINDS)}

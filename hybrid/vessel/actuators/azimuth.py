@@ -23,18 +23,16 @@ from hybrid.vessel.actuators.effects import (
     backlash,
     for_each_and_all,
     loss,
-)
-from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
-from hybrid.vessel.effect import Effect, Parameter, scaling
+)  # fmt: skip
+from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns
+from hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Azimuth:
+class Azimuth(Entry):
     """An azimuth thruster in a vessel file: place, propeller, force coefficients, and what its drive can do."""
 
-    name: str
     kind: Literal["azimuth"]
-    x_m: Number
     y_m: Number
     propeller_diameter_m: Number
     thrust_nn: Number
@@ -148,7 +146,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what=f"{subject}: true angle = factor x reported, from ahead either way",
             source="Gain of the azimuth feedback",
             parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
-            change=lambda plant, values: plant.scaled(values["factor"], "azimuth_scale"),
+            change=multiplied("azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
         *backlash(names, "azimuth"),

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from pydantic import StrictFloat as Number
+
 from hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
@@ -20,6 +22,15 @@ KIND, CONTROL, FIRST_NUMBER = range(3)
 RPM_PER_RPS = 60.0
 PLAY = "play_rad"
 """The slot of the play [rad] between the angle that an actuator reports and its true one: its whole width."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """An ``[[actuator]]`` of a vessel file: its name, its kind, how far ahead of the body axes' origin it is."""
+
+    name: str
+    kind: str
+    x_m: Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +59,7 @@ class Kind:
     ``lag`` is the slot of its own lag [s].
     """
 
-    entry: type
+    entry: type[Entry]
     numbers: tuple[str, ...]
     labels: tuple[str, ...]
     units: tuple[float, ...]

@@ -16,26 +16,17 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import (
-    FRACTION,
-    angle_offset,
-    backlash,
-    for_each_and_all,
-    lag,
-    loss,
-    more,
-    named,
-)
-from hybrid.vessel.actuators.kind import PLAY, Drive, Kind, columns
+from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss, named
+from hybrid.vessel.actuators.kind import PLAY, Drive, Entry, Kind, columns
 from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
-from hybrid.vessel.effect import Effect, Parameter
+from hybrid.vessel.effect import Effect, Parameter, shift
 
 if TYPE_CHECKING:
     from hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rudder:
+class Rudder(Entry):
     """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
 
     ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
@@ -45,9 +36,7 @@ class Rudder:
     ``inflow_factor`` is 1 - w of a rudder that is behind no propeller.
     """
 
-    name: str
     kind: Literal["rudder"]
-    x_m: Number
     area_m2: Number
     span_m: Number
     t_R: Number
@@ -176,7 +165,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             like=("hull_lengthening", "yaw_damping", *named("rudder_interaction", names)),
         ),
         *for_each_and_all(
-            "rudder_interaction", names, more, "a_H",
+            "rudder_interaction", names, shift, "a_H",
             family="propulsion",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,

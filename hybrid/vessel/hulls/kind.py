@@ -15,6 +15,13 @@ def coefficients_of(entry: type) -> tuple[str, ...]:
     return tuple(each.name for each in fields(entry) if each.name != "model" and each.default is MISSING)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HullEntry:
+    """The ``[hull]`` table of a vessel file: the name of its model, and in each model the coefficients."""
+
+    model: str
+
+
 @dataclass(frozen=True, slots=True)
 class HullModel:
     """A hull model.
@@ -30,7 +37,7 @@ class HullModel:
     beside N's coefficients, not in them.
     """
 
-    entry: type
+    entry: type[HullEntry]
     numbers: tuple[str, ...]
     force: Callable[..., tuple[float, float, float]]
     linear: tuple[str, str, str, str]

@@ -12,11 +12,11 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel, coefficients_of
+from hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Polynomial:
+class Polynomial(HullEntry):
     """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|.
 
     With ``units = "primed"`` they are without dimension: forces by rho/2 L d U^2, moments by L times that, speeds
