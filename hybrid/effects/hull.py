@@ -19,10 +19,11 @@ SKEG_LIFT_SLOPE = pi / 2.0
 
 def in_plant(plant: Plant, name: str, si: float) -> float:
     """A number of SI [N, N m at its powers of speed and yaw rate] as a coefficient of the plant's hull model."""
-    unit = plant.hull_model.unit(
-        name, plant.water_density_kgpm3, plant.length_between_perpendiculars_m, plant.draught_m
-    )
-    return si / unit
+    if not plant.hull_model.primed:
+        return si
+    length_m = plant.length_between_perpendiculars_m
+    levers = name.startswith("N") + name.partition("_")[2].count("r")
+    return si / (0.5 * plant.water_density_kgpm3 * length_m * plant.draught_m * length_m**levers)
 
 
 def _trimmed(plant: Plant, values: Values) -> Plant:
@@ -36,7 +37,7 @@ def _trimmed(plant: Plant, values: Values) -> Plant:
 
 def stern_m(plant: Plant) -> float:
     """Where the actuators at the stern are, on average [m]; the after perpendicular where there is none."""
-    aft = [x_m for each in plant.actuators if (x_m := plant.number(f"{each.name}_x_m")) < 0.0]
+    aft = [x_m for each in plant.layout if (x_m := plant.number(f"{each.name}_x_m")) < 0.0]
     return sum(aft) / len(aft) if aft else -0.5 * plant.length_between_perpendiculars_m
 
 
@@ -60,7 +61,7 @@ def _lengthened(plant: Plant, values: Values) -> Plant:
         lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + name.count("r")
         power[name] = lever - 0.2 if name in hull.resistance else lever
     plant = plant.replaced(**{name: s**each * plant.number(name) for name, each in power.items()})
-    places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft
+    places = [f"{each.name}_x_m" for each in plant.layout]  # those ahead move ahead, those astern aft
     return plant.shifted(
         length_between_perpendiculars_m=added_m,
         length_overall_m=added_m,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
-from acquisition.core.actuators import Actuators
-from hybrid.vessel.actuators import KINDS, list_of
+from acquisition.core.actuators import Actuator, Actuators
+from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.actuators.kind import Entry
 from hybrid.vessel.hulls import HULLS
 from hybrid.vessel.hulls.kind import HullEntry
@@ -154,7 +154,7 @@ class Vessel:
     @property
     def actuators(self) -> Actuators:
         """The names and kinds of the actuators, in the order of their controls."""
-        return list_of(self.actuator)
+        return tuple(Actuator(each.name, each.kind) for each in self.actuator)
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
         """The actuators of one kind."""

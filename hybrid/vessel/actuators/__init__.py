@@ -11,10 +11,10 @@ from importlib import import_module
 import numpy as np
 
 from acquisition.core.actuators import KINDS as RECORDED_KINDS
-from acquisition.core.actuators import Actuator, Actuators
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
 from analysis.compiling import by_code, compiled
-from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Entry, Kind
+from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Kind
 
 KINDS: dict[str, Kind] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
 """The kinds by name, each from the file of its name."""
@@ -55,11 +55,6 @@ def angle_columns(actuators: Actuators) -> list[int]:
     """Which of a ship's controls are angles."""
     angles = [angle for each in actuators for angle in KINDS[each.kind].angles]
     return [number for number, angle in enumerate(angles) if angle]
-
-
-def list_of(entries: tuple[Entry, ...]) -> Actuators:
-    """The names and kinds of a vessel file's actuators."""
-    return tuple(Actuator(each.name, each.kind) for each in entries)
 
 
 @compiled

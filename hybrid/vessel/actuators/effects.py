@@ -72,7 +72,6 @@ def astern_thrust(names: tuple[str, ...], what: str) -> tuple[Effect, ...]:
     """``astern_thrust_NAME`` and that of all: thrust while the shaft turns astern, the slot ``astern_factor``."""
     return for_each_and_all(
         "astern_thrust", names, lambda plant, number, factor: plant.scaled(factor, number), "astern_factor",
-        family="propulsion",
         what=f"Thrust of the {{names}} {what} while its shaft turns astern: times a factor",
         source="Scatter of four-quadrant propeller data; cf. van Lammeren et al., Trans. SNAME 77 (1969)",
         parameter=Parameter("factor", "1", 1.0, 0.0, 3.0, 1.2, 0.05),
@@ -85,10 +84,10 @@ def for_each_and_all(
     change: Callable[[Plant, str, float], Plant],
     number: str,
     *,
-    family: str,
     what: str,
     source: str,
     parameter: Parameter,
+    family: str = "propulsion",
     like: tuple[str, ...] = (),
     one_is_like: tuple[str, ...] = (),
     all_are_like: tuple[str, ...] = (),

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import pi
 from typing import Any
 
 from pydantic import StrictFloat as Number
 
+from analysis.compiling import compiled
 from hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
@@ -78,6 +80,12 @@ class Kind:
     numbers_of: Callable[[Any], dict[str, float]] = lambda entry: {}
     positive: tuple[str, ...] = ()
     lag: str = ""
+
+
+@compiled
+def wrapped(angle_rad: float) -> float:
+    """The same direction within half a turn of zero."""
+    return float(angle_rad - 2.0 * pi * round(angle_rad / (2.0 * pi)))
 
 
 def columns(numbers: tuple[str, ...]) -> range:

@@ -184,7 +184,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",
-            family="propulsion",
             what="Lost thrust of the {names} propeller, and with it of its race: times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
             parameter=FRACTION,
@@ -193,7 +192,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
         ),
         *for_each_and_all(
             "wake", names, lambda plant, number, share: plant.scaled(1.0 - share, number), "inflow_factor",
-            family="propulsion",
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=WAKE,
@@ -201,7 +199,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
         ),
         *for_each_and_all(
             "thrust_deduction", names, shift, "thrust_deduction",
-            family="propulsion",
             what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),

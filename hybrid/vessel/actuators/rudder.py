@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, radians, sin, sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import StrictFloat as Number
 
@@ -20,9 +20,6 @@ from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, fo
 from hybrid.vessel.actuators.kind import PLAY, Drive, Entry, Kind, columns
 from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
 from hybrid.vessel.effect import Effect, Parameter, shift
-
-if TYPE_CHECKING:
-    from hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,16 +146,11 @@ def drives(entry: Rudder) -> tuple[Drive]:
 _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and 0.4 +- 0.2 of their ships"
 
 
-def _straightened(plant: Plant, number: str, factor: float) -> Plant:
-    return plant.scaled(factor, f"{number}_plus", f"{number}_minus")
-
-
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
     return (
         *for_each_and_all(
             "rudder_loss", names, loss, "force_loss",
-            family="propulsion",
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
             parameter=FRACTION,
@@ -166,14 +158,14 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
         ),
         *for_each_and_all(
             "rudder_interaction", names, shift, "a_H",
-            family="propulsion",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,
             parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
         ),
         *for_each_and_all(
-            "flow_straightening", names, _straightened, "flow_straightening",
-            family="propulsion",
+            "flow_straightening", names,
+            lambda plant, number, factor: plant.scaled(factor, f"{number}_plus", f"{number}_minus"),
+            "flow_straightening",
             what="How much of the drift at the stern reaches the {names}: gamma_R times a factor, to both sides",
             source=_STRAIGHT,
             parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),

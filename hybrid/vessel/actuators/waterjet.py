@@ -72,7 +72,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",
-            family="propulsion",
             what="Lost thrust of the {names} jet: times (1 - fraction)",
             source="Wear and air drawn in as one share",
             parameter=FRACTION,
