@@ -386,8 +386,8 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
 
 def prompt(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
-    tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.actuators if PLAY in KINDS[each.kind].numbers}
-    still = replace(plant, command_delay_s=0.0)
+    tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.layout if PLAY in KINDS[each.kind].numbers}
+    still = plant.replaced(command_delay_s=0.0)
     return still.replaced(**tight) if plays_of(plant).any() else still
 
 
@@ -412,7 +412,7 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
 def lags_of(plant: Plant) -> Floats:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
-    for each in plant.actuators:
+    for each in plant.layout:
         kind = KINDS[each.kind]
         own = plant.number(f"{each.name}_{kind.lag}") if kind.lag else 0.0
         lags_s += [plant.thruster_lag_s + own] * len(kind.units)
@@ -422,7 +422,7 @@ def lags_of(plant: Plant) -> Floats:
 def plays_of(plant: Plant) -> Floats:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
-    for each in plant.actuators:
+    for each in plant.layout:
         kind = KINDS[each.kind]
         own = plant.number(f"{each.name}_{PLAY}") if PLAY in kind.numbers else 0.0
         plays_rad += [own if angle else 0.0 for angle in kind.angles]

@@ -190,7 +190,7 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
     """
     forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
-    lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.actuators)
+    lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.layout)
     sway = max(sway, _LEAST_SHARE * surge)
     return np.array([surge, sway, max(yaw, _LEAST_SHARE * surge * lever)])
 

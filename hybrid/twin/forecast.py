@@ -218,14 +218,15 @@ def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float
     """The track as arrays by second; positions to the millimetre, unknown quantities empty."""
     north_m, east_m, heading = prediction.track.T
     latitude_deg, longitude_deg = positions(north_m, east_m, origin)
+    regions = bands(prediction.region_m)
     return {
-        "seconds": [float(each) for each in range(len(north_m))],
-        "north_m": _rounded(north_m, 3),
-        "east_m": _rounded(east_m, 3),
-        "heading_deg": _rounded(wrap_360(np.rad2deg(heading)), 3),
-        **{name: [] if each is None else _rounded(each, 3) for name, each in bands(prediction.region_m).items()},
-        "latitude_deg": _rounded(latitude_deg, 8),
-        "longitude_deg": _rounded(longitude_deg, 8),
+        "seconds": np.arange(len(north_m), dtype=float).tolist(),
+        "north_m": north_m.round(3).tolist(),
+        "east_m": east_m.round(3).tolist(),
+        "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
+        **{name: [] if each is None else each.round(3).tolist() for name, each in regions.items()},
+        "latitude_deg": latitude_deg.round(8).tolist(),
+        "longitude_deg": longitude_deg.round(8).tolist(),
     }
 
 
@@ -255,7 +256,8 @@ def track_geojson(prediction: Prediction, origin: Origin) -> str:
 def _coordinates(north_m: Floats, east_m: Floats, origin: Origin) -> list[list[float]]:
     """Points as GeoJSON has them: longitude first [deg]."""
     latitude, longitude = positions(north_m, east_m, origin)
-    return [[float(east), float(north)] for east, north in np.column_stack([longitude, latitude]).round(8)]
+    points: list[list[float]] = np.column_stack([longitude, latitude]).round(8).tolist()
+    return points
 
 
 def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]) -> dict[str, Any]:
@@ -264,7 +266,3 @@ def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]
         "properties": {"name": name, "style": style},
         "geometry": {"type": kind, "coordinates": coordinates},
     }
-
-
-def _rounded(values: Floats, digits: int) -> list[float]:
-    return [float(each) for each in np.round(values, digits)]
