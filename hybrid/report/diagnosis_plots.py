@@ -18,7 +18,7 @@ from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import FAMILIES
 from hybrid.prediction.scores import Interval, distances
 from hybrid.report.diagnosis_words import parameter_title, title_of
-from hybrid.report.plots import interval_bar, logarithmic, plain_numbers, start_frame
+from hybrid.report.plots import interval_bar, legend_above, logarithmic, named_rows, plain_numbers, start_frame
 from hybrid.report.words import plain
 
 FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
@@ -54,15 +54,14 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
         linewidth=1.6,
     )
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    axes.set_yticks(range(len(shown)), [plain(each.name) for each in shown])
-    axes.set_ylim(len(shown) - 0.4, -0.6)
+    named_rows(axes, [plain(each.name) for each in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
     axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
     families = [family for family in FAMILIES if any(each.family == family for each in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
-    _on_grid(axes)
+    legend_above(axes, len(handles), handles=handles)
+    axes.grid(visible=False, axis="y")
 
 
 def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
@@ -99,16 +98,12 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     )
     axes.axvline(CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
-    axes.set_yticks(range(len(shown)), labels, fontsize=8)
-    axes.set_ylim(len(shown) - 0.4, -0.6)
+    named_rows(axes, labels, fontsize=8)
     axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
-    handles = [
-        Patch(color=PALETTE[1], label="cannot be distinguished"),
-        Patch(color=PALETTE[0], label="less likely"),
-    ]
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
-    _on_grid(axes)
+    words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
+    legend_above(axes, 2, handles=[Patch(color=colour, label=each) for each, colour in words.items()])
+    axes.grid(visible=False, axis="y")
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> None:
@@ -130,19 +125,17 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
+    named_rows(axes, names)
     axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
     axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
-    _on_grid(axes)
+    axes.grid(visible=False, axis="y")
 
 
 def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> None:
     """The mean distance of each rung by its title, with its 95 % interval."""
     for row, each in enumerate(rungs.values()):
         interval_bar(axes, each, row, PALETTE[0])
-    axes.set_yticks(range(len(rungs)), list(rungs))
-    axes.set_ylim(len(rungs) - 0.5, -0.5)
+    named_rows(axes, list(rungs))
     logarithmic(axes, "x", list(rungs.values()))
     axes.set_xlabel("mean distance [m]")
 
@@ -160,10 +153,8 @@ def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> None:
         axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
-    axes.set_xlim(0, tracks.measured.shape[1] - 1)
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("mean distance [m]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(shown), borderpad=0.0)
+    axes.set(xlim=(0, tracks.measured.shape[1] - 1), xlabel="prediction time [s]", ylabel="mean distance [m]")
+    legend_above(axes, len(shown))
 
 
 def window_tracks(figure: Figure, tracks: Tracks) -> None:
@@ -236,12 +227,6 @@ def whole_windows(tracks: Tracks) -> Tracks:
     controls = {name: values[known] for name, values in tracks.controls.items()}
     measured, before, after, floor, held = (each[known] for each in every)
     return Tracks(measured, before, after, floor, held, tracks.leg[known], tracks.start_s[known], controls)
-
-
-def _on_grid(axes: Axes) -> None:
-    """Bars that lie on the grid, not under it."""
-    axes.set_axisbelow(True)
-    axes.grid(visible=False, axis="y")
 
 
 def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.identification.identify import Candidate, Estimate, Identification, Judgement
+from hybrid.report.plots import legend_above, named_rows
 from hybrid.report.tables import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]
@@ -78,17 +79,15 @@ def draw_identification(figure: Figure, found: Identification) -> None:
         left.plot(one[:, 1], one[:, 0], color=INK, linewidth=2.0, label="measured" if number == 0 else None)
         left.plot(other[:, 1], other[:, 0], color=_ORANGE, linewidth=1.0, label="model" if number == 0 else None)
     left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel("east [m]")
-    left.set_ylabel("north [m]")
-    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    left.set(xlabel="east [m]", ylabel="north [m]")
+    legend_above(left, 2)
     shown = sorted(found.coefficients, key=lambda each: (each.high - each.low) / _half_width(each))[:_MOST]
     for place, each in enumerate(shown):
         right.plot([-1.0, 1.0], [place, place], color=FAINT, linewidth=5.0, solid_capstyle="butt")
         ends = (np.array([each.low, each.value, each.high]) - each.start) / _half_width(each)
         right.plot(ends[[0, 2]], [place, place], color=_BLUE if each.known else INK, linewidth=1.5)
         right.plot(ends[1], place, "o", color=_BLUE if each.known else INK, markersize=4)
-    right.set_yticks(range(len(shown)), [each.name for each in shown], fontsize=8)
-    right.set_ylim(len(shown) - 0.5, -0.5)
+    named_rows(right, [each.name for each in shown], fontsize=8)
     right.set_title(f"{len(shown)} of {len(found.coefficients)} coefficients, best known first", loc="left")
     right.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
 

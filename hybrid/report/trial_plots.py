@@ -34,7 +34,6 @@ from hybrid.report.words import plain, quantity_title
 __all__ = ["residual_maps", "training_range"]  # for the template
 
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
-_LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
 
@@ -53,7 +52,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
         values = np.abs(values[np.isfinite(values)])
         extent = float(np.quantile(values, 0.98)) if values.size else 1.0
         for axes, each in zip(grid[row], cells, strict=True):
-            mesh = _mesh(axes, each, each.mean[row], cmap=_LESS_MORE, vmin=-extent, vmax=extent)
+            mesh = _mesh(axes, each, each.mean[row], cmap=plots.LESS_MORE, vmin=-extent, vmax=extent)
         figure.colorbar(mesh, ax=list(grid[row]), pad=0.01, label=words)
     most = max(float(each.seconds.max(initial=1.0)) for each in cells)
     for axes, each, (x, _) in zip(grid[-1], cells, planes, strict=True):
@@ -95,8 +94,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     axes.hlines(rows, lower, upper, color=colours, linewidth=4.5)
     labels = [f"{quantity_title(name)}  {a:.3g} to {b:.3g}"
               for name, a, b in zip(ground.names, ground.low, ground.high, strict=True)]  # fmt: skip
-    axes.set_yticks(rows, labels)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
+    plots.named_rows(axes, labels)
     reach = max(1.6, float(np.nanmax(np.abs(np.concatenate([low, high])))) * 1.05)
     axes.set_xlim(max(-reach, -4.0), min(1.0 + reach, 5.0))
     axes.set_xlabel("0: smallest, 1: largest value in the training [1]")
@@ -113,14 +111,13 @@ def parameter_bars(axes: Axes, shown: Parameters) -> None:
     axes.axvline(1.0, color=INK, linewidth=0.8)
     axes.hlines(rows, low, high, color=colours, linewidth=1.6)
     axes.scatter(value, rows, color=colours, s=18, zorder=3)
-    axes.set_yticks(rows, [each.name for each in factors])
-    axes.set_ylim(len(rows) - 0.4, -0.6)
+    plots.named_rows(axes, [each.name for each in factors])
     axes.set_xlabel("times the model's number [1]")
 
 
 def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
     """How estimates hang together: one and minus one cannot be told apart, zero know nothing of each other."""
-    image = axes.imshow(matrix, cmap=_LESS_MORE, vmin=-1.0, vmax=1.0)
+    image = axes.imshow(matrix, cmap=plots.LESS_MORE, vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.grid(visible=False)
@@ -170,7 +167,7 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][some], best)
     for component, axes in fans.items():
         plots.fan_of_errors(axes, getattr(case.errors[best], component), component, best)
-    fans["along"].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+    plots.legend_above(fans["along"], 3)
     fans["along"].tick_params(labelbottom=False)
     for component, axes in fans.items():
         axes.set_ylabel(f"{component}\n[m]")

@@ -189,8 +189,7 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
         )
         axes.legend(loc="upper right", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("to starboard of the approach [L]")
-    axes.set_ylabel("ahead of the execute [L]")
+    axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the execute [L]")
 
 
 def _limit_lines(axes: Axes, test: StandardTest) -> None:
@@ -234,8 +233,7 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
         _write(axes, test, ("overshoot_1_deg", "overshoot_2_deg", "initial_turning_m"), (0.02, 0.02))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
-    axes.set_xlabel("time since the execute [s]")
-    axes.set_ylabel("[deg], starboard positive")
+    axes.set(xlabel="time since the execute [s]", ylabel="[deg], starboard positive")
 
 
 def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
@@ -246,10 +244,7 @@ def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
     if isfinite(check.speed_mps):
         axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="speed of the tests")
         axes.legend(loc="upper left", fontsize=8)
-    axes.set_xlabel("shaft speed [rpm]")
-    axes.set_ylabel("speed [m/s]")
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="shaft speed [rpm]", ylabel="speed [m/s]", xlim=(0.0, None), ylim=(0.0, None))
 
 
 def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
@@ -266,8 +261,7 @@ def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
         axes.text(0.98, 0.02, "\n".join(left), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
         axes.legend(loc="upper right", fontsize=8)
     words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
-    axes.set_xlabel(f"time since the order [s]{', ' * bool(words)}{words}")
-    axes.set_ylabel("yaw rate [deg/s]")
+    axes.set(xlabel=f"time since the order [s]{', ' * bool(words)}{words}", ylabel="yaw rate [deg/s]")
 
 
 def _draw_stop(axes: Axes, check: VesselCheck) -> None:
@@ -280,5 +274,4 @@ def _draw_stop(axes: Axes, check: VesselCheck) -> None:
         _write(
             axes, test, ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"), (0.02, 0.02)
         )
-    axes.set_xlabel("way along the track [L]")
-    axes.set_ylabel("surge [m/s]")
+    axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")
