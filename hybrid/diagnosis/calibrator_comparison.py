@@ -132,8 +132,7 @@ def ladder(
 
 
 def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
-    """The diagnosis, with the verdict that nothing is missing withdrawn if a calibrator improves predictions
-    all the same."""
+    """The diagnosis, not saying that nothing is missing if a calibrator improves predictions all the same."""
     if diagnosis.verdict != "nothing_missing" or not ladder.mean_distance_m:
         return diagnosis
     ratio = ladder.ratio("reference_calibrated", "reference")

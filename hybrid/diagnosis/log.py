@@ -165,8 +165,7 @@ def _one(table: pd.DataFrame) -> Log:
 
 
 def _blocks(usable: NDArray[np.bool_]) -> Ints:
-    """The block of each second, -1 outside: usable stretches divided evenly into blocks of about
-    :data:`BLOCK_S`."""
+    """The block of each second, -1 outside: usable stretches in even blocks of about :data:`BLOCK_S`."""
     block = np.full(len(usable), -1, dtype=np.int64)
     number = 0
     for first, last in zip(*runs(usable), strict=True):
@@ -211,8 +210,7 @@ _OUTLIER = 6.0
 
 
 def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
-    """The motion without waves at full seconds: times [s], states [T, 6], their rates [T, 6], and the noise
-    levels."""
+    """The motion without waves at full seconds: times [s], states and their rates [T, 6], and the noise levels."""
     smoothed = smooth(_thinned(table), 1.0)
     slow = smoothed.slow
     seconds = (times_ns(slow) // NANO).astype(np.int64)
@@ -285,8 +283,7 @@ def _near(values: Floats, times_s: Floats) -> Floats:
 
 
 def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
-    """Means [count] of the values within half a second of each node; weights of their times on the quarters
-    [count, 5]."""
+    """Means [count] of values within half a second of each node, and weights of their times [count, 5]."""
     node = np.floor(times_s + 0.5).astype(int)
     place = (times_s - node + 0.5) * STEPS_PER_SECOND
     lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)

@@ -93,8 +93,7 @@ def nuisance_basis(
 
 
 def _variations(effect: str) -> tuple[str, ...]:
-    """The quantities that an effect may vary with (:data:`_VARYING`); a fading thrust for each actuator
-    separately."""
+    """The quantities that an effect may vary with (:data:`_VARYING`); thrusts may fade one by one."""
     of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
     return ("time",) if of_one else _VARYING.get(effect, ())
 
