@@ -155,8 +155,7 @@ class Case:
 
     @cached_property
     def dataset(self) -> Dataset:
-        """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
-        none."""
+        """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
         every = self.products
         used = {
             name: each for name, each in every.items() if each.windows is not None and each.windows.kept

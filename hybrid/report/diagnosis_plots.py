@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from itertools import cycle
 
 import numpy as np
@@ -46,13 +47,9 @@ def overview_figure(diagnosis: Diagnosis) -> Figure:
 def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(suspects)[:_SHOWN]
-    axes.barh(
-        range(len(shown)),
-        [each.evidence for each in shown],
-        color=[FAMILY_COLOUR.get(each.family, FAINT) for each in shown],
-        edgecolor=[INK if each.name in named else "none" for each in shown],
-        linewidth=1.6,
-    )
+    colours = [FAMILY_COLOUR.get(each.family, FAINT) for each in shown]
+    edges = [INK if each.name in named else "none" for each in shown]
+    axes.barh(range(len(shown)), [each.evidence for each in shown], color=colours, edgecolor=edges, linewidth=1.6)
     axes.axvline(0.0, color=INK, linewidth=1.0)
     named_rows(axes, [plain(each.name) for each in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
@@ -90,12 +87,8 @@ def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> Non
 def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
     shown = sorted(rivals, key=lambda each: (each.instead_of, each.evidence))[:_SHOWN]
-    axes.barh(
-        range(len(shown)),
-        [max(each.evidence, 0.02) for each in shown],
-        color=[PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown],
-        height=0.6,
-    )
+    colours = [PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown]
+    axes.barh(range(len(shown)), [max(each.evidence, 0.02) for each in shown], color=colours, height=0.6)
     axes.axvline(CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
     named_rows(axes, labels, fontsize=8)
@@ -163,9 +156,7 @@ def window_tracks(figure: Figure, tracks: Tracks) -> None:
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         _window(axes, tracks, number)
-        before, after = (
-            distances(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
-        )
+        before, after = (distances(each, tracks.measured)[number].mean() for each in (tracks.before, tracks.after))
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
     rows[0, 0].set_ylabel("ahead [m]")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
@@ -222,11 +213,10 @@ def chosen_windows(tracks: Tracks) -> dict[str, int]:
 
 def whole_windows(tracks: Tracks) -> Tracks:
     """The windows in which all is known, measured and predicted, to the end."""
-    every = (tracks.measured, tracks.before, tracks.after, tracks.floor, tracks.constant_velocity)
-    known = np.all([np.isfinite(each).all(axis=(1, 2)) for each in every], axis=0)
+    arrays = {each.name: getattr(tracks, each.name) for each in fields(Tracks) if each.name != "controls"}
+    known = np.all([np.isfinite(each).all(axis=tuple(range(1, each.ndim))) for each in arrays.values()], axis=0)
     controls = {name: values[known] for name, values in tracks.controls.items()}
-    measured, before, after, floor, held = (each[known] for each in every)
-    return Tracks(measured, before, after, floor, held, tracks.leg[known], tracks.start_s[known], controls)
+    return Tracks(**{name: each[known] for name, each in arrays.items()}, controls=controls)
 
 
 def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:

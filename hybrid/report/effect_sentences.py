@@ -1,7 +1,7 @@
 """A named effect in one plain sentence: what it is, its size, and how certain it is.
 
-The effects of the ship and her sensors have texts of their own. Those of actuators have one a kind of effect, with the
-actuator's name and noun in it: one actuator, a pair, or all of a kind.
+Effects of the ship and her sensors have texts of their own; those of actuators have one for each kind of effect,
+with the actuator's name and noun in it: one actuator, a pair, or all of a kind.
 """
 
 from __future__ import annotations

@@ -18,10 +18,8 @@ from hybrid.evaluation.study import BASELINES, Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from hybrid.report.sections import templates
-from hybrid.report.tables import MEANING, caption_of, counts_of, spread, truth_rows
+from hybrid.report.tables import MEANING, counts_of, spread
 from hybrid.report.words import no_wrap, plain
-
-__all__ = ["MEANING", "caption_of", "counts_of", "truth_rows"]  # for the template
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 

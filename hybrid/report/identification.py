@@ -38,9 +38,8 @@ def _coefficients(found: Identification) -> Table:
         f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients determined by {found.segments} "
         f"segments of {found.duration_s:.0f} s"
     )
-    table = text_table(
-        title, ("coefficient", "value", "95 % from", "to", "start", ""), (), wrap=True, pad_edge=False
-    )
+    columns = ("coefficient", "value", "95 % from", "to", "start", "")
+    table = text_table(title, columns, (), wrap=True, pad_edge=False)
     for each in found.coefficients:
         cells = [f"{number:.3g}" for number in (each.value, each.low, each.high, each.start)]
         said, style = ("", "") if each.known else ("unknown", "dim")
@@ -54,9 +53,8 @@ def _validation(judged: Judgement) -> Table:
         [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.heading_error_deg:.2f}"]
         for name, each in judged.scores.items()
     ]
-    return text_table(
-        title, ("method", "mean distance m", "at the end m", "heading deg"), rows, wrap=True, pad_edge=False
-    )
+    columns = ("method", "mean distance m", "at the end m", "heading deg")
+    return text_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
 def _next(candidates: Sequence[Candidate]) -> Table:
@@ -65,9 +63,8 @@ def _next(candidates: Sequence[Candidate]) -> Table:
         [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
         for each in candidates[:_TRIALS]
     ]
-    return text_table(
-        title, ("manoeuvre", "nats", "remaining variance", "newly determined"), rows, wrap=True, pad_edge=False
-    )
+    columns = ("manoeuvre", "nats", "remaining variance", "newly determined")
+    return text_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
 def draw_identification(figure: Figure, found: Identification) -> None:

@@ -16,14 +16,11 @@ from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
 from hybrid.report.sections import templates
-from hybrid.report.tables import heading_of, limit_rows
 from hybrid.report.words import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = ["TOLD_APART", "heading_of", "limit_rows"]  # for the template
 
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
@@ -39,11 +36,9 @@ def write_plan(plan: Plan, folder: Path) -> list[Path]:
 
 def page_of(plan: Plan) -> Page:
     """The page."""
-    from hybrid.report import plan_page
-
     sea = f"{plan.sea.name or 'own'} sea"
     return render(
-        "plan.html", templates=templates(), title="What a trial would reveal", plan=plan, plans=plan_page,
+        "plan.html", templates=templates(), title="What a trial would reveal", plan=plan,
         subtitle=f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %",
     )  # fmt: skip
 

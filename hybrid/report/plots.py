@@ -170,11 +170,10 @@ def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> No
     """How far predictions from many starts [N, H] spread, second by second: median, middle half and middle 90 %."""
     seconds = np.arange(1, values.shape[1] + 1)
     low, lower, middle, upper, high = np.nanquantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
-    axes.fill_between(
-        seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="middle 90 % of the windows"
-    )
-    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="middle half")
-    axes.plot(seconds, middle, color=COLOUR[method], label="median")
+    colour = COLOUR[method]
+    axes.fill_between(seconds, low, high, color=colour, alpha=0.18, linewidth=0, label="middle 90 % of the windows")
+    axes.fill_between(seconds, lower, upper, color=colour, alpha=0.35, linewidth=0, label="middle half")
+    axes.plot(seconds, middle, color=colour, label="median")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set(ylabel=f"error {QUANTITIES[component]}".replace(" [", "\n["), xlim=(0, seconds[-1]))
 
@@ -195,11 +194,8 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
 def legend_of_shares(axes: Axes, shown: Axes) -> None:
     """In ``axes`` what the lines of :func:`errors_by_second` in others mean: a colour a method, a dash a share."""
     handles, words = shown.get_legend_handles_labels()
-    shares = [
-        Line2D([], [], color=INK, linestyle="-", label="median over the windows"),
-        Line2D([], [], color=INK, linestyle="--", label="90 % of them"),
-    ]
-    axes.legend([*handles, *shares], [*words, *(str(each.get_label()) for each in shares)], loc="center left")
+    shares = [Line2D([], [], color=INK, linestyle="-"), Line2D([], [], color=INK, linestyle="--")]
+    axes.legend([*handles, *shares], [*words, "median over the windows", "90 % of them"], loc="center left")
 
 
 def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> None:
@@ -220,8 +216,8 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
             at = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
             box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
-    axes.set_xticks(range(len(by_trial)), [f"{name}\n{len(next(iter(each.values())))} windows"
-                                           for name, each in by_trial.items()])  # fmt: skip
+    names = [f"{name}\n{len(next(iter(each.values())))} windows" for name, each in by_trial.items()]
+    axes.set_xticks(range(len(by_trial)), names)
     plain_numbers(axes.yaxis)
     axes.set_ylabel("mean distance of a window [m]")
     handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=plain(method))
@@ -245,10 +241,9 @@ def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
     """The share of positions inside the 95 % regions by second, with its interval from drawing legs anew."""
     seconds = np.arange(1, len(calibration.picp) + 1)
     axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
-    axes.fill_between(
-        seconds, 100 * calibration.low, 100 * calibration.high, color=COLOUR["hybrid"], alpha=0.2, linewidth=0
-    )
-    axes.plot(seconds, 100 * calibration.picp, color=COLOUR["hybrid"])
+    low, high, colour = 100 * calibration.low, 100 * calibration.high, COLOUR["hybrid"]
+    axes.fill_between(seconds, low, high, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(seconds, 100 * calibration.picp, color=colour)
     axes.set(xlabel="prediction time [s]", ylabel="inside the 95 % region (PICP) [%]", xlim=(0, seconds[-1]))
     lowest = np.nanmin(np.append(calibration.low, calibration.picp))
     axes.set_ylim(min(80.0, 100 * float(lowest) - 2.0), 100.5)

@@ -39,8 +39,7 @@ _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5]
 
 
 def residual_maps(figure: Figure, residuals: Residuals) -> None:
-    """The acceleration that the model lacks over pairs of quantities, and below how many seconds each cell rests
-    on.
+    """The acceleration that the model lacks over pairs of quantities, and below the seconds in each cell.
 
     One colour scale a row; cells of too few seconds are grey.
     """
@@ -102,8 +101,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
 
 
 def parameter_bars(axes: Axes, shown: Parameters) -> None:
-    """The best known parameters as factors of the model's numbers, with 95 % intervals; absent ones lie on the
-    line."""
+    """The best known parameters as factors of the model's numbers, with 95 % intervals; 1 is no change."""
     factors = [each for each in shown.identified if each.neutral == 1.0][:_MOST]
     rows = np.arange(len(factors))
     value, low, high = (np.array([getattr(each, name) for each in factors]) for name in ("value", "low", "high"))
@@ -204,11 +202,9 @@ def error_distributions(figure: Figure, case: Case) -> None:
         plots.error_histogram(axes, case.errors, quantity)
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
-    split = {name: each.by_trial(trial) for name, each in case.errors.items()}
-    names = list(dict.fromkeys(trial.tolist()))
-    plots.error_spread(
-        below.subplots(), {name: {method: split[method][name] for method in split} for name in names}
-    )
+    split = {method: each.by_trial(trial) for method, each in case.errors.items()}
+    by_trial = {name: {method: split[method][name] for method in split} for name in dict.fromkeys(trial.tolist())}
+    plots.error_spread(below.subplots(), by_trial)
 
 
 def region_calibration(figure: Figure, calibration: Calibration) -> None:
