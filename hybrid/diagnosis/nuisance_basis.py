@@ -165,9 +165,8 @@ def _hinges(log: Log) -> Floats:
     angle = (log.controls[:, :, angles] * to_port).mean(axis=(1, 2))
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
     largest = float(np.quantile(np.abs(angle), 0.99))
-    return np.column_stack(
-        [np.maximum(side * angle - share * largest, 0.0) for side in (1.0, -1.0) for share in _EDGES]
-    )
+    corners = [(side, share * largest) for side in (1.0, -1.0) for share in _EDGES]
+    return np.column_stack([np.maximum(side * angle - corner, 0.0) for side, corner in corners])
 
 
 FEATURES = 200

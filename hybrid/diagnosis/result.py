@@ -333,10 +333,8 @@ class Diagnosis:
         if self.remainder is not None:
             lines.append(f"remains: {self.remainder.looks_like}")
         gap = self.gap
-        lines.append(
-            f"mean distance over {gap.horizon_s} s: {gap.before_m:.3f} m before, {gap.after_m:.3f} m after, "
-            f"{gap.floor_m:.3f} m at best ({gap.held_out_windows} held-out windows)"
-        )
+        distances = f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best"
+        lines.append(f"mean distance over {gap.horizon_s} s: {distances} ({gap.held_out_windows} held-out windows)")
         return "\n".join(lines)
 
 

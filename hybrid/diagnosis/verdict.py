@@ -185,11 +185,10 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
     if effect.chart == "polar":
         return _polar(effect, free, covariance)
     result = {}
-    values, low, high = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
+    values, *ends = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
     for each in effect.parameters:
-        ends = sorted((low[each.name], high[each.name]))
-        bounded = [min(max(end, each.low), each.high) for end in ends]
-        result[each.name] = Estimate(values[each.name], bounded[0], bounded[1], each.unit)
+        low, high = sorted(min(max(end[each.name], each.low), each.high) for end in ends)
+        result[each.name] = Estimate(values[each.name], low, high, each.unit)
     return result
 
 
@@ -211,12 +210,9 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
 
 def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
-    found = []
-    for name in accepted.names:
-        for rival, less in _deficits(accepted, name).items():
-            if less < SEEN * CLOSE:
-                found.append(Rival(name, rival, float(less)))
-    return sorted(found, key=lambda each: each.evidence)
+    deficits = {name: _deficits(accepted, name) for name in accepted.names}
+    every = [Rival(name, rival, float(less)) for name, each in deficits.items() for rival, less in each.items()]
+    return sorted((each for each in every if each.evidence < SEEN * CLOSE), key=lambda each: each.evidence)
 
 
 def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
@@ -232,12 +228,9 @@ def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
     """Groups that these data cannot distinguish: each named effect with its close rivals."""
-    result = []
-    for name in names:
-        tied = [each.name for each in rivals if each.instead_of == name and each.evidence < CLOSE]
-        if tied:
-            result.append((name, *tied))
-    return result
+    close = [each for each in rivals if each.evidence < CLOSE]
+    tied = {name: [each.name for each in close if each.instead_of == name] for name in names}
+    return [(name, *some) for name, some in tied.items() if some]
 
 
 def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
@@ -300,8 +293,7 @@ def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pai
 
 def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
-    smallest, result = limits(evidence.equations), []
-    catalogue = evidence.equations.model.catalogue
+    smallest, result, catalogue = limits(evidence.equations), [], evidence.equations.model.catalogue
     for name in base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information

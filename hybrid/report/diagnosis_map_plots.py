@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.diagnosis.result import FORCES, Map, Place
 from hybrid.report.plots import LESS_MORE, legend_above
@@ -105,22 +105,15 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
 
 def depends_most(made: Map) -> tuple[str, str] | None:
     """The force and the quantity whose cells differ most for what is known of them; None without cells."""
-    best: tuple[float, str, str] | None = None
-    for channel in FORCES:
-        for quantity in made.quantities:
-            z, error = _of(made.places, channel, quantity)
-            if len(z) > 1:
-                weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
-                away = error - np.average(error, weights=weight + 1e-30)
-                score = float((weight * away**2).sum() / (len(z) - 1))
-                best = max(best or (score, channel, quantity), (score, channel, quantity))
-    return best and best[1:]
-
-
-def _of(places: Sequence[Place], channel: str, quantity: str) -> tuple[Floats, Floats]:
-    """z and error of the cells of a quantity alone."""
-    cells = [each for each in places if each.channel == channel and list(each.cell) == [quantity]]
-    return np.array([each.z for each in cells]), np.array([each.error for each in cells])
+    scores = dict[tuple[str, str], float]()
+    for pair in product(FORCES, made.quantities):
+        cells = [each for each in made.places if (each.channel, *each.cell) == pair]
+        z, error = np.array([each.z for each in cells]), np.array([each.error for each in cells])
+        if len(cells) > 1:
+            weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
+            away = error - np.average(error, weights=weight + 1e-30)
+            scores[pair] = float((weight * away**2).sum() / (len(z) - 1))
+    return max(scores, key=lambda pair: (scores[pair], pair), default=None)
 
 
 def cell_name(place: Place) -> str:

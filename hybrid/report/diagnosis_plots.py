@@ -64,9 +64,8 @@ def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[st
 def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
     every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
-    for axes, (effect, name, estimate) in zip(
-        figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
-    ):
+    rows = figure.subplots(len(every), 1, squeeze=False)[:, 0]
+    for axes, (effect, name, estimate) in zip(rows, every, strict=True):
         absent = 1.0 if name.endswith("factor") else 0.0
         _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")

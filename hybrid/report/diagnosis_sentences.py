@@ -90,9 +90,8 @@ def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
     equations = accepted.evidence.equations
     effect, test = equations.model.catalogue[name], accepted.tests[name]
     sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
-    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(
-        [n for n in accepted.names if n != name]
-    )
+    others = [each for each in accepted.names if each != name]
+    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(others)
     whole = NamedEffect(
         effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
         log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
@@ -169,9 +168,8 @@ def unknown_cause(
     if len(effects) <= CREDIBLE:
         return None
     families = " and ".join(dict.fromkeys(each.family for each in effects))
-    words = (
-        f"{len(effects)} effects at once ({families}): more likely one similar effect that is not in the catalogue"
-    )
+    several = f"{len(effects)} effects at once ({families})"
+    words = f"{several}: more likely one similar effect that is not in the catalogue"
     return UnknownCause(share_of_gap, (OPERATION,), words)
 
 
@@ -212,11 +210,8 @@ def looks_like(remainder: LackOfFit) -> str:
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
     varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
-    return (
-        f"{varies}: more likely a similar effect that is not in the catalogue"
-        if remainder.depends in INTERACTIONS
-        else varies
-    )
+    other = ": more likely a similar effect that is not in the catalogue"
+    return varies + other if remainder.depends in INTERACTIONS else varies
 
 
 def correlation_of(accepted: Acceptance) -> Correlation:
@@ -259,9 +254,8 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     )
     sentence = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
     if alike:
-        sentence += (
-            f"; without a ship model {join_words([plain(each) for each in alike], 'or')} cannot be ruled out"
-        )
+        others = join_words([plain(each) for each in alike], "or")
+        sentence += f"; without a ship model {others} cannot be ruled out"
     return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 

@@ -35,19 +35,16 @@ def words_and_interval(effect: Effect, parameters: Parameters, actuators: Actuat
     """An effect with its size, and the ends of its 95 % intervals."""
     if effect.base in _SEVERAL:
         return _of_several(_SEVERAL[effect.base], parameters)
-    if texts := _ONE.get(effect.base) or _actuator_texts(effect.base, actuators):
-        return _of_one(effect, texts, next(iter(parameters.values())))
+    if text := _ONE.get(effect.base) or _actuator_text(effect.base, actuators):
+        return _of_one(effect, text, next(iter(parameters.values())))
     return _of_any(effect, parameters)
 
 
-def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple[str, str]:
-    """A size in words: where there are two texts, the second is for what is less than neutral, without a sign.
-
-    In percent of change where the text has percent.
-    """
+def _of_one(effect: Effect, text: str, estimate: Estimate) -> tuple[str, str]:
+    """A size in words, in percent of change where the text has percent."""
     neutral = effect.parameters[0].neutral
-    less = len(texts) == 2 and bool(estimate.value < neutral)
-    text = texts[less]
+    less = "[" in text and bool(estimate.value < neutral)
+    text = re.sub(r"\[(.*?)\|(.*?)\]", rf"\{1 + less}", text)
 
     def size(value: float) -> float:
         change = 100.0 * (value - neutral) if "%" in text and isfinite(neutral) else value
@@ -109,144 +106,95 @@ _SEVERAL = {
 """Effects of two parameters and more, in their order."""
 
 
-def _more_or_less(what: str) -> tuple[str, str]:
-    return what + " {} % more than the model's", what + " {} % less than the model's"
-
-
-def _too(what: str, above: str, below: str) -> tuple[str, str]:
-    return f"{what} {above}", f"{what} {below}"
-
-
-_ONE: dict[str, tuple[str, ...]] = {
-    "loading": ("The ship is {} % heavier than her model", "The ship is {} % lighter than her model"),
-    "surge_added_mass": _more_or_less("The added mass in surge is"),
-    "sway_added_mass": _more_or_less("The added mass in sway is"),
-    "yaw_inertia": _more_or_less("The inertia in yaw is"),
-    "hull_fouling": _more_or_less("The hull's resistance straight ahead is"),
-    "cross_flow_drag": _more_or_less("The hull's cross-flow drag is"),
-    "drift_force": _more_or_less("The side force of the drifting hull is"),
-    "drift_moment": _more_or_less("The yaw moment of the drifting hull is"),
-    "turning_force": _more_or_less("The side force of the turning hull is"),
-    "turning_drag": _more_or_less("The resistance of the turning hull is"),
-    "yaw_damping": _more_or_less("The hull's yaw damping is"),
-    "trim": (
-        "The hull's side force acts {} m further forward than the model's, as with trim by the head",
-        "The hull's side force acts {} m further aft than the model's, as with trim by the stern",
-    ),
-    "skeg": ("The hull has {} m2 more skeg than the model", "The hull has {} m2 less skeg than the model"),
-    "towed_load": (
-        "Something holds the ship back with a steady {} N",
-        "Something pushes the ship ahead with a steady {} N",
-    ),
-    "hull_lengthening": ("The ship is {} m longer than her model", "The ship is {} m shorter than her model"),
-    "shallow_water": ("The water is about {} m deep, which affects the hull forces",),
-    "wake_fraction": (
-        "The wake slows the water at the thrusters by {} %",
-        "The water at the thrusters is {} % faster than the ship",
-    ),
-    "pod_side_force": _more_or_less("The side force of the pods in oblique flow is"),
-    "azimuth_scale": (
-        "The true angles of both azimuths are {} % larger than reported",
-        "The true angles of both azimuths are {} % smaller than reported",
-    ),
-    "yaw_asymmetry": (
-        "A steady moment of {} N m turns the ship to starboard",
-        "A steady moment of {} N m turns the ship to port",
-    ),
-    "sway_asymmetry": (
-        "A steady force of {} N pushes the ship to starboard",
-        "A steady force of {} N pushes the ship to port",
-    ),
-    "wind_load": (
-        "The wind loads are {} % more than the tables say",
-        "The wind loads are {} % less than the tables say",
-    ),
-    "wind_drag": _more_or_less("The wind force along the ship is"),
-    "wind_side_load": _more_or_less("The wind force across the ship is"),
-    "wind_yaw_load": _more_or_less("The yaw moment of the wind is"),
-    "position_delay": _too("Positions are stamped {} s", "too late", "too early"),
-    "heading_delay": _too("Headings are stamped {} s", "too late", "too early"),
-    "speed_delay": _too("Surge, sway and yaw rate are stamped {} s", "too late", "too early"),
-    "command_delay": _too("The drives' feedback is stamped {} s", "too late", "too early"),
-    "thruster_lag": ("The thrusters follow the recorded settings with a lag of {} s",),
-    "heading_bias": _too("The compass reads {} deg", "too much", "too little"),
-    "speed_sensor_rotation": (
-        "The speed sensor is turned {} deg clockwise",
-        "The speed sensor is turned {} deg counter-clockwise",
-    ),
-    "speed_scale": ("Reported speeds are {} times the true ones",),
-    "sway_bias": (
-        "The speed sensor reports {} m/s too much to starboard",
-        "The speed sensor reports {} m/s too much to port",
-    ),
-    "yaw_rate_bias": _too("The rate gyro reads {} deg/s", "too much", "too little"),
-    "yaw_rate_scale": ("Reported yaw rates are {} times the true ones",),
-    "wind_direction_bias": _too("The wind vane reads {} deg", "too much", "too little"),
-    "wind_speed_scale": ("Reported wind speeds are {} times the true ones",),
+_ONE = {
+    "loading": "The ship is {} % [heavier|lighter] than her model",
+    "surge_added_mass": "The added mass in surge is {} % [more|less] than the model's",
+    "sway_added_mass": "The added mass in sway is {} % [more|less] than the model's",
+    "yaw_inertia": "The inertia in yaw is {} % [more|less] than the model's",
+    "hull_fouling": "The hull's resistance straight ahead is {} % [more|less] than the model's",
+    "cross_flow_drag": "The hull's cross-flow drag is {} % [more|less] than the model's",
+    "drift_force": "The side force of the drifting hull is {} % [more|less] than the model's",
+    "drift_moment": "The yaw moment of the drifting hull is {} % [more|less] than the model's",
+    "turning_force": "The side force of the turning hull is {} % [more|less] than the model's",
+    "turning_drag": "The resistance of the turning hull is {} % [more|less] than the model's",
+    "yaw_damping": "The hull's yaw damping is {} % [more|less] than the model's",
+    "trim": "The hull's side force acts {} m further [forward|aft] than the model's, as with trim by the "
+    "[head|stern]",
+    "skeg": "The hull has {} m2 [more|less] skeg than the model",
+    "towed_load": "Something [holds the ship back|pushes the ship ahead] with a steady {} N",
+    "hull_lengthening": "The ship is {} m [longer|shorter] than her model",
+    "shallow_water": "The water is about {} m deep, which affects the hull forces",
+    "wake_fraction": "[The wake slows the water at the thrusters by {} %|"
+    "The water at the thrusters is {} % faster than the ship]",
+    "pod_side_force": "The side force of the pods in oblique flow is {} % [more|less] than the model's",
+    "azimuth_scale": "The true angles of both azimuths are {} % [larger|smaller] than reported",
+    "yaw_asymmetry": "A steady moment of {} N m turns the ship to [starboard|port]",
+    "sway_asymmetry": "A steady force of {} N pushes the ship to [starboard|port]",
+    "wind_load": "The wind loads are {} % [more|less] than the tables say",
+    "wind_drag": "The wind force along the ship is {} % [more|less] than the model's",
+    "wind_side_load": "The wind force across the ship is {} % [more|less] than the model's",
+    "wind_yaw_load": "The yaw moment of the wind is {} % [more|less] than the model's",
+    "position_delay": "Positions are stamped {} s too [late|early]",
+    "heading_delay": "Headings are stamped {} s too [late|early]",
+    "speed_delay": "Surge, sway and yaw rate are stamped {} s too [late|early]",
+    "command_delay": "The drives' feedback is stamped {} s too [late|early]",
+    "thruster_lag": "The thrusters follow the recorded settings with a lag of {} s",
+    "heading_bias": "The compass reads {} deg too [much|little]",
+    "speed_sensor_rotation": "The speed sensor is turned {} deg [clockwise|counter-clockwise]",
+    "speed_scale": "Reported speeds are {} times the true ones",
+    "sway_bias": "The speed sensor reports {} m/s too much to [starboard|port]",
+    "yaw_rate_bias": "The rate gyro reads {} deg/s too [much|little]",
+    "yaw_rate_scale": "Reported yaw rates are {} times the true ones",
+    "wind_direction_bias": "The wind vane reads {} deg too [much|little]",
+    "wind_speed_scale": "Reported wind speeds are {} times the true ones",
 }
-"""Effects of one parameter: in words for more, and for less where that is said otherwise."""
+"""Effects of one parameter; in brackets what is said of more, and of less, which is then without a sign."""
 
+_LOSS = "$Subject [<lacks|lack> {} % of <its|their> $force|<has|have> {} % more $force than the model's]"
 
-def _more_or_less_of(verb: str, what: str) -> tuple[str, str]:
-    text = f"$Subject {verb} {{}} % {{how}} of {what} than the model's"
-    return text.replace("{how}", "more"), text.replace("{how}", "less")
-
-
-_LOSS = (
-    "$Subject [lacks|lack] {} % of [its|their] $force",
-    "$Subject [has|have] {} % more $force than the model's",
-)
-
-_ACTUATORS: dict[str, tuple[str, ...]] = {
+_ACTUATORS = {
     "thrust_loss": _LOSS,
-    "azimuth_offset": ("The true angle[|s] of $azimuth [is|are] the reported angle[|s] plus {} deg",),
-    "nozzle_offset": ("The true angle[|s] of $nozzle [is|are] the reported angle[|s] plus {} deg",),
+    "azimuth_offset": "The true angle<|s> of $azimuth <is|are> the reported angle<|s> plus {} deg",
+    "nozzle_offset": "The true angle<|s> of $nozzle <is|are> the reported angle<|s> plus {} deg",
     "rudder_loss": _LOSS,
-    "rudder_offset": (
-        "$Subject [is|are] truly {} deg to starboard of the reported angle[|s]",
-        "$Subject [is|are] truly {} deg to port of the reported angle[|s]",
-    ),
-    "wake": (
-        "The water at $subject is {} % slower than the model's: the hull's wake is larger",
-        "The water at $subject is {} % faster than the model's",
-    ),
-    "thrust_deduction": _more_or_less_of("[loses|lose]", "[its|their] thrust to the hull"),
-    "rudder_interaction": _more_or_less_of("[draws|draw]", "[its|their] side force from the hull"),
-    "flow_straightening": _more_or_less_of("[meets|meet]", "the drift at the stern"),
-    "astern_thrust": (
-        "$Subject [gives|give] {} % more thrust astern than the model's",
-        "$Subject [gives|give] {} % less thrust astern than the model's",
-    ),
-    "speed_loss": ("$Subject [loses|lose] half the side force at {} m/s ahead",),
-    "backlash": ("$Subject [has|have] {} deg of backlash between the reported and the true angle[|s]",),
-    "lag": ("$Subject [follows|follow] the recorded settings with a lag of {} s",),
+    "rudder_offset": "$Subject <is|are> truly {} deg to [starboard|port] of the reported angle<|s>",
+    "wake": "The water at $subject is {} % [slower than the model's: the hull's wake is larger|faster than the "
+    "model's]",
+    "thrust_deduction": "$Subject <loses|lose> {} % [more|less] of <its|their> thrust to the hull than the model's",
+    "rudder_interaction": "$Subject <draws|draw> {} % [more|less] of <its|their> side force from the hull than "
+    "the model's",
+    "flow_straightening": "$Subject <meets|meet> {} % [more|less] of the drift at the stern than the model's",
+    "astern_thrust": "$Subject <gives|give> {} % [more|less] thrust astern than the model's",
+    "speed_loss": "$Subject <loses|lose> half the side force at {} m/s ahead",
+    "backlash": "$Subject <has|have> {} deg of backlash between the reported and the true angle<|s>",
+    "lag": "$Subject <follows|follow> the recorded settings with a lag of {} s",
 }
 """Effects of actuators by their stem, which is followed by an actuator's name, ``both`` or ``all``.
 
-``[one|several]`` is what is said of one actuator and of several. An angle of thrust is to starboard of what is
+``<one|several>`` is what is said of one actuator and of several. An angle of thrust is to starboard of what is
 reported where it is positive, which astern turns the ship to port.
 """
 
 
-def _actuator_texts(effect: str, actuators: Actuators) -> tuple[str, ...]:
-    """The texts for an effect of one actuator, of a pair, or of all of a kind; none for another effect."""
+def _actuator_text(effect: str, actuators: Actuators) -> str:
+    """The text for an effect of one actuator, of a pair, or of all of a kind; empty for another effect."""
     effect = "thrust_loss_tunnel" if effect == "tunnel_thrust_loss" else effect
     stem = next((each for each in _ACTUATORS if effect.startswith(f"{each}_")), None)
     if stem is None:
-        return ()
+        return ""
     which = effect.removeprefix(f"{stem}_")
     one = next((each for each in actuators if each.name == which), None)
     if one is not None:
-        return _texts_of(stem, f"The {which.replace('_', ' ')}", one.noun, one.kind)
+        return _text_of(stem, f"The {which.replace('_', ' ')}", one.noun, one.kind)
     first, _, group = which.partition("_")
     member = next((each for each in actuators if effect in _effects_of(each.kind, actuators)), None)
     if first not in ("both", "all") or member is None:
-        return ()
-    return _texts_of(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
+        return ""
+    return _text_of(stem, first.capitalize(), group or f"{member.noun}s", member.kind, several=True)
 
 
-def _texts_of(stem: str, which: str, noun: str, kind: str, several: bool = False) -> tuple[str, ...]:
-    """The texts of an effect of ``which`` actuators; a name that says its kind does not say it twice."""
+def _text_of(stem: str, which: str, noun: str, kind: str, several: bool = False) -> str:
+    """The text of an effect of ``which`` actuators; a name that says its kind does not say it twice."""
 
     def named(noun: str) -> str:
         return which if noun in which else f"{which} {noun}"
@@ -259,8 +207,7 @@ def _texts_of(stem: str, which: str, noun: str, kind: str, several: bool = False
         "azimuth": inside(named("azimuth")) + "s" * several, "nozzle": inside(named("nozzle")) + "s" * several,
         "force": {"tunnel": "side force", "rudder": "force"}.get(kind, "thrust"),
     }  # fmt: skip
-    chosen = [re.sub(r"\[(.*?)\|(.*?)\]", rf"\{1 + several}", text) for text in _ACTUATORS[stem]]
-    return tuple(Template(text).substitute(words) for text in chosen)
+    return Template(re.sub(r"<(.*?)\|(.*?)>", rf"\{1 + several}", _ACTUATORS[stem])).substitute(words)
 
 
 def _effects_of(kind: str, actuators: Actuators) -> set[str]:

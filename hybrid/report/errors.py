@@ -159,11 +159,7 @@ def calibration_of(predicted: Floats, region_m: Floats, horizons: PredictionWind
 
 
 ACCELERATIONS = ("surge_mps2", "sway_mps2", "yaw_dps2")
-PLANES = (
-    ("surge_mps", "yaw_rate_dps"),
-    ("rpm", "sway_mps"),
-    ("azimuth_deg", "relative_wind_deg"),
-)
+PLANES = (("surge_mps", "yaw_rate_dps"), ("rpm", "sway_mps"), ("azimuth_deg", "relative_wind_deg"))
 """What the cells are of."""
 
 LEAST_S = 5

@@ -86,11 +86,8 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     for row, method in enumerate(honest):
         shown, found = leaky[method].mean_distance_m, honest[method].mean_distance_m
         axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
-        for each, lift, colour, words in (
-            (shown, -0.12, PALETTE[1], "random windows"),
-            (found, 0.12, PALETTE[0], "unseen legs"),
-        ):
-            interval_bar(axes, each, row + lift, colour, words if row == 0 else "")
+        interval_bar(axes, shown, row - 0.12, PALETTE[1], "random windows" if row == 0 else "")
+        interval_bar(axes, found, row + 0.12, PALETTE[0], "unseen legs" if row == 0 else "")
     named_rows(axes, [plain(method) for method in honest])
     logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
     axes.set_xlabel("mean distance [m]")

@@ -294,12 +294,17 @@ def ordinary_text(effect: Effect) -> str:
     return limit_text(effect, size).removeprefix("<")
 
 
+def part_rows(programme: Programme) -> list[list[str]]:
+    """For how many minutes to do what."""
+    return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
+
+
 def _parts(title: str, programme: Programme) -> RenderableType:
     table = Table(box=None, show_header=False)
     table.add_column(justify="right", no_wrap=True)
     table.add_column()
-    for part in programme.parts:
-        table.add_row(f"{part.minutes:.3g} min", part.what)
+    for minutes, what in part_rows(programme):
+        table.add_row(f"{minutes} min", what)
     return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
 
 
