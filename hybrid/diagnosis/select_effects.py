@@ -272,10 +272,8 @@ def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ..
     They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for
     another.
     """
-    found = []
-    for name in names:
-        others = tuple(each for each in names if each != name)
-        found += [(*others, each) for each in _on_other_drives(evidence, name, others)]
+    rest = {name: tuple(each for each in names if each != name) for name in names}
+    found = [(*rest[name], each) for name in names for each in _on_other_drives(evidence, name, rest[name])]
     return [some for some in found if evidence.possible(some)]
 
 

@@ -106,15 +106,6 @@ def parameter_title(name: str, unit: str) -> str:
 
 __all__ = ["FEW_LEGS"]  # for the template
 
-_TITLES = {
-    "constant_velocity": "constant velocity",
-    "reference": "reference",
-    "named": "named",
-    "reference_calibrated": "reference, calibrated",
-    "named_calibrated": "named, calibrated",
-}
-
-
 _MODEL = "model: "
 
 
@@ -372,12 +363,16 @@ def dependence(where: Sequence[str]) -> str:
 
 def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
     """The mean distances of a comparison of calibrators, by title."""
-    return {_TITLES[name]: each for name, each in ladder.mean_distance_m.items()}
+    return {_rung_title(name): each for name, each in ladder.mean_distance_m.items()}
+
+
+def _rung_title(name: str) -> str:
+    return plain(name.replace("_calibrated", ", calibrated"))
 
 
 def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
     """A row a rung, and which is the best."""
-    rows = [[_TITLES[name], number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
+    rows = [[_rung_title(name), number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
             for name, each in ladder.mean_distance_m.items()]  # fmt: skip
     return rows, min(range(len(rows)), key=lambda row: list(ladder.mean_distance_m.values())[row].value)
 
