@@ -29,7 +29,7 @@ from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.artefact import load
 from hybrid.calibrators.calibrator import DomainOfApplicability
-from hybrid.calibrators.predictor import HORIZON_S, Predictor, predictor_of
+from hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, Source, dataset_of

@@ -40,7 +40,7 @@ from hybrid.twin.forecast import (
 from hybrid.twin.running_error import MeanErrors, RegionFactor, RunningError, TrackError
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.predictor import Predictor
+    from hybrid.calibrators.predict import Predictor
 
 
 Notify = Callable[[str, str], None]

@@ -23,8 +23,7 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.core.angles import wrap_360
 from acquisition.logger.supervision import LOG, LogFormat, log_to
 from analysis.kinematics import to_ship
-from hybrid.calibrators.predict import Prediction
-from hybrid.calibrators.predictor import Predictor
+from hybrid.calibrators.predict import Prediction, Predictor
 from hybrid.twin.running_error import MeanErrors, RegionFactor, TrackError
 from hybrid.twin.twin import PlanFile, Statistics, Twin, warm_up
 
