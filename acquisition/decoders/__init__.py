@@ -26,6 +26,7 @@ from collections import Counter, deque
 from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
 from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
+from acquisition.core.channel import Channel
 from acquisition.core.channels import with_declared
 from acquisition.core.frames import Fix, Frame, Group, Protocol
 
@@ -51,6 +52,26 @@ class Decoder(typing.Protocol):
 
     def decode(self, frame: Frame) -> list[Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
+
+
+class ChannelReader(typing.Protocol):
+    """What reads one declared channel in a message."""
+
+    @property
+    def channel(self) -> Channel:
+        """The channel."""
+
+
+Carrier = typing.TypeVar("Carrier")
+Reader = typing.TypeVar("Reader", bound=ChannelReader)
+
+
+class DeclaredReaders(dict[Carrier, list[Reader]]):
+    """The readers of the declared channels of one line, bus or link, by the kind of message that carries them."""
+
+    def channels_in(self, kind: Carrier) -> frozenset[str]:
+        """The channels that these messages carry: what they would say of them otherwise counts no more."""
+        return frozenset(each.channel.name for each in self.get(kind, ()))
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:

@@ -20,7 +20,6 @@ from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.declared_groups import DeclaredGroups
 from acquisition.decoders.fast_packets import LONGEST_BYTES, FastPackets
-from acquisition.decoders.machinery_groups import machinery_readers
 from acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
     FIELDS,
@@ -36,6 +35,7 @@ from acquisition.decoders.parameter_groups import (
     Reading,
     Value,
     group_time,
+    machinery_readers,
 )
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
