@@ -33,9 +33,7 @@ from acquisition.recording.schemas import (
     RAW_PREFIX,
 )
 
-_ENOUGH_BYTES = (
-    4 * 1024 * 1024
-)  # of chunks that are unpacked together: many small ones cost no more than a large one
+_ENOUGH_BYTES = 4 * 1024 * 1024  # of chunks unpacked together: many small ones cost no more than a large one
 REMEDY = "save what is intact with `seatrial recover`"
 
 
@@ -226,28 +224,12 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     )
 
 
-def _bodies(batch: Batch, topic: Topic, path: Path, what: str) -> list[dict[str, Any]]:
-    """What the messages of a batch, all of one topic, say."""
+def _said(batch: Batch, topic: Topic, path: Path, key: str, what: str) -> list[tuple[str, dict[str, Any]]]:
+    """What the messages of a batch, all of one topic, say; each behind what it says under a key."""
     try:
-        return [decode(topic, data) for data in batch.data()]
-    except ValueError as error:
+        return [(str(body[key]), body) for body in (decode(topic, data) for data in batch.data())]
+    except (KeyError, ValueError) as error:
         raise _foreign(path, topic.name, error, what) from error
-
-
-def _events(batch: Batch, topic: Topic, path: Path) -> list[tuple[int, str]]:
-    try:
-        texts = [str(body["message"]) for body in _bodies(batch, topic, path, "event")]
-    except KeyError as error:
-        raise _foreign(path, topic.name, error, "event") from error
-    return list(zip(batch.heads["log_ns"].tolist(), texts, strict=True))
-
-
-def _health(batch: Batch, topic: Topic, path: Path) -> dict[str, dict[str, Any]]:
-    """The last word on each source in a batch of health messages."""
-    try:
-        return {str(body["source"]): body for body in _bodies(batch, topic, path, "state of a source")}
-    except KeyError as error:
-        raise _foreign(path, topic.name, error, "state of a source") from error
 
 
 def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
@@ -275,19 +257,20 @@ def read_recording(path: Path | str) -> Recording:
     start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
         messages += len(batch)
-        start_ns, end_ns = (
-            min(start_ns, int(batch.heads["log_ns"].min())),
-            max(end_ns, int(batch.heads["log_ns"].max())),
-        )
+        log_ns = batch.heads["log_ns"]
+        start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
         _add_samples(samples, batch, stream.topics, stream.path)
         for number, count in batch.counts().items():
             topic = stream.topics[number]
             if topic.name.startswith(RAW_PREFIX):
                 raw[topic.name] += count
             elif topic.name == EVENT_TOPIC:
-                events += _events(batch.of_channels([number]), topic, stream.path)
+                part = batch.of_channels([number])
+                texts = [text for text, _ in _said(part, topic, stream.path, "message", "event")]
+                events += zip(part.heads["log_ns"].tolist(), texts, strict=True)
             elif topic.name == HEALTH_TOPIC:
-                health |= _health(batch.of_channels([number]), topic, stream.path)
+                part = batch.of_channels([number])
+                health |= _said(part, topic, stream.path, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
     return Recording(
