@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from acquisition.core.actuators import DEFAULT, KINDS, Actuator, Actuators, name_of_order
+from acquisition.tables.column_names import BOW, ORDER, PORT, STARBOARD, STERN, TUNNEL
 from acquisition.tables.draft import Candidate, Draft
-from acquisition.tables.vocabulary import BOW, ORDER, PORT, STARBOARD, STERN, TUNNEL
 
 _KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
 _ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}

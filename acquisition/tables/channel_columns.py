@@ -20,13 +20,22 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from acquisition.core.units import scale_to
-from acquisition.tables import unit_evidence as evidence
+from acquisition.tables import evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
 from acquisition.tables.column_map import from_text, is_south_or_west
 from acquisition.tables.derived_columns import heading_of_quaternion, rate
 from acquisition.tables.draft import SKIP, Candidate, Draft
-from acquisition.tables.motion_evidence import Fit, agreement, fit, increments, integrals, means, restlessness
-from acquisition.tables.unit_evidence import Rate, Told
+from acquisition.tables.evidence import (
+    Fit,
+    Rate,
+    Told,
+    agreement,
+    fit,
+    increments,
+    integrals,
+    means,
+    restlessness,
+)
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _STEADIER = 2.0  # a reading of the wind by which it changes half as much, in the mean square, is the right one

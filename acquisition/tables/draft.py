@@ -13,10 +13,9 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import to_house
+from acquisition.tables.column_names import Match, Quantity, headed, matches, units_called, words_of
 from acquisition.tables.table_files import RawTable
 from acquisition.tables.time_columns import known_day, known_zone
-from acquisition.tables.unit_names import headed, units_called
-from acquisition.tables.vocabulary import Match, Quantity, matches, words_of
 
 SKIP = "skip"
 """The answer that leaves a column out."""

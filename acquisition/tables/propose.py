@@ -21,7 +21,7 @@ from acquisition.core.errors import InputError
 from acquisition.tables.channel_columns import FASTEST_MPS, Known, best, read_channels
 from acquisition.tables.column_map import Long, widen
 from acquisition.tables.draft import Draft, Question, Reading, as_toml, candidates_of, check_keys, with_answers
-from acquisition.tables.motion_evidence import grid_of
+from acquisition.tables.evidence import grid_of
 from acquisition.tables.table_files import RawTable, parse_numbers, read_times
 from acquisition.tables.time_columns import TimeColumn, resolve_times
 from acquisition.tables.time_reading import read_time

@@ -20,8 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.tables.unit_names import is_unit_cell
-from acquisition.tables.vocabulary import LETTERS
+from acquisition.tables.column_names import LETTERS, is_unit_cell
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
