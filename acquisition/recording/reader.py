@@ -21,7 +21,7 @@ from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, iso
 from acquisition.core.text import printable
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
+from acquisition.recording.batches import Batch, add_samples, batches
 from acquisition.recording.messages import Topic, decode, frame_of
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
@@ -232,7 +232,7 @@ def _said(batch: Batch, topic: Topic, path: Path, key: str, what: str) -> list[t
         raise _foreign(path, topic.name, error, what) from error
 
 
-def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
+def _add_samples(samples: dict[str, list[Series]], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
@@ -250,7 +250,7 @@ def read_recording(path: Path | str) -> Recording:
     Raises :class:`InputError` when the file is missing, empty, not MCAP, or damaged in the middle.
     """
     stream = MessageStream(Path(path))
-    samples: dict[str, SeriesBuilder] = {}
+    samples: dict[str, list[Series]] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
     health: dict[str, dict[str, Any]] = {}
@@ -273,10 +273,13 @@ def read_recording(path: Path | str) -> Recording:
                 health |= _said(part, topic, stream.path, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
+    names = {name: printable(name.removeprefix(CHANNEL_PREFIX)) for name in samples}
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={printable(topic.removeprefix(CHANNEL_PREFIX)): each.series() for topic, each in samples.items()},
+        series={
+            channel: Series.joined(samples.pop(name)) for name, channel in names.items()
+        },  # never a day twice in memory
         raw=printable(dict(raw)),
         events=printable(events),
         messages=messages,
@@ -294,17 +297,18 @@ def read_parts(paths: Sequence[Path]) -> Recording:
 
     Raises as :func:`read_recording`.
     """
-    first, *others = map(read_recording, paths)
-    series, raw = dict(first.series), Counter(first.raw)
-    for part in others:
-        raw.update(part.raw)
-        for name, samples in part.series.items():
-            series[name] = series[name].append(samples) if name in series else samples
-    every = [first, *others]
+    every = [read_recording(path) for path in paths]
+    samples: dict[str, list[Series]] = {}
+    for part in every:
+        for name, series in part.series.items():
+            samples.setdefault(name, []).append(series)
+    first = every[0]
     spans = [part for part in every if part.messages] or every
     return replace(
-        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata, series=series,
-        raw=dict(raw), events=[event for part in every for event in part.events],
+        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata,
+        series={name: Series.joined(parts) for name, parts in samples.items()},
+        raw=dict(sum((Counter(part.raw) for part in every), Counter())),
+        events=[event for part in every for event in part.events],
         messages=sum(part.messages for part in every), predictions=sum(part.predictions for part in every),
         closed=all(part.closed for part in every),
         start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),

@@ -54,7 +54,7 @@ def _channels(description: str) -> Schema:
     return _array({"type": "string", "maxLength": _MOST_LETTERS}, 64, description)
 
 
-def _object(about: str, /, unknown: tuple[str, ...] = (), **properties: Schema) -> Schema:
+def _object(about: str, unknown: tuple[str, ...] = (), /, **properties: Schema) -> Schema:
     """An object; those of its properties that are named ``unknown`` may be left out."""
     required = [name for name in properties if name not in unknown]
     return {"type": "object", "description": about, "properties": properties, "required": required}
@@ -168,7 +168,7 @@ _HEALTH = Kind(
     "seatrial.Health",
     _object(
         "The state of one source, or of the computer's clock",
-        unknown=("age_s", "error_s", "pps_offset_s"),
+        ("age_s", "error_s", "pps_offset_s"),
         source=_string("Its name; that of the clock is `host clock`"),
         state=_string(
             "opening, open, silent, failed or ended; of the clock: kept by NTP or PTP, free-running, unknown"
@@ -210,7 +210,7 @@ _TRACK = _object(
 )
 _ERROR = _object(
     "How far off the prediction was whose horizon has just passed; left out if there is none that can be judged",
-    unknown=("inside_band",),
+    ("inside_band",),
     start=_number("The instant that it started from, UTC since 1970 [s]"),
     method=_text("Who spoke then"),
     thrusters_moved=_value(
@@ -225,7 +225,7 @@ _ERROR = _object(
 )
 _RUNNING = _object(
     "Means over the predictions of the last minutes whose thrusters were held or as planned; left out if none",
-    unknown=("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band"),
+    ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band"),
     over_s=_number("So far back [s]"),
     predictions=_number("How many were judged"),
     left_out=_number("How many more were not, as a thruster moved otherwise in their horizon"),
@@ -240,7 +240,7 @@ PREDICTION: Schema = {
     "title": "seatrial.Prediction",
     **_object(
         "The track of the next seconds with thrusters held or as planned, made while the trial is recorded",
-        unknown=("error", "planned_channels", "band_factor"),
+        ("error", "planned_channels", "band_factor"),
         start=_number("The instant that the prediction starts from, UTC since 1970 [s]"),
         made_at=_number("When it was made, UTC since 1970 [s]"),
         latency_s=_number("From the reception of the newest sample that went into it until it was made [s]"),

@@ -182,8 +182,8 @@ def _take_position(
     for place, name in ((0, "north_south"), (1, "east_west")):
         for letters in draft.of(name)[:1]:
             entry[name] = letters.column
-            said = draft.raw.columns[letters.column].astype("str").str.strip().str.upper()
-            degrees[place] = np.where(is_south_or_west(said), -degrees[place], degrees[place])
+            negative = is_south_or_west(draft.raw.columns[letters.column])
+            degrees[place] = np.where(negative, -degrees[place], degrees[place])
             draft.note(letters.column, f"{name} of the position", "", "letters")
     numbers = draft.numbers(latitude.column)
     if missing := [each for each in (91.0, 181.0) if np.any(numbers == each)]:

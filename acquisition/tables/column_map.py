@@ -193,8 +193,7 @@ def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
     declared = tuple(each.channel for each in ship.declared if each.channel.group == "declared")
     known = with_declared(declared)
     for name, column in loaded.channels.items():
-        complaint = _complaint(known[name], column)
-        if complaint:
+        if complaint := _complaint(known[name], column):
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
     if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
@@ -287,10 +286,13 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             step = entry.step_to(known[name], units.get(entry.column) if columns.long else None)
             result.table[name] = _turned_back(known[name], step.scale * values + step.offset)
             result.sources[name] = f"table: {entry.column}"
-    _add_position(result, columns, asked)
-    _add_heading(result, columns, asked)
+    if columns.position:
+        _add_position(result, columns.position, asked)
+    if columns.orientation:
+        _add_heading(result, columns.orientation, asked)
     result.sources.update(derive(result.table, columns.derive))
-    _add_true_wind(result, columns, asked)
+    if columns.apparent_wind:
+        _add_true_wind(result, columns.apparent_wind, asked)
     given = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
     result.passed_over = tuple(name for name in map(str, given) if name not in asked.used)
     return result
@@ -366,11 +368,8 @@ def _turned_back(channel: Channel, values: Floats) -> Floats:
     return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(channel, values), values)
 
 
-def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
-    entry = columns.position
-    if entry is None:
-        return
     latitude = _degrees(asked, entry, "latitude", entry.north_south)
     longitude = _degrees(asked, entry, "longitude", entry.east_west)
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
@@ -410,15 +409,14 @@ def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> F
         values = from_degrees_and_minutes(values)
     if letters is None:
         return values
-    column = (
-        asked.raw.columns[asked.known(letters, ("position", "north_south"))].astype("str").str.strip().str.upper()
-    )
+    column = asked.raw.columns[asked.known(letters, ("position", "north_south"))]
     return np.where(is_south_or_west(column), -values, values)
 
 
 def is_south_or_west(letters: pd.Series[Any]) -> Bools:
     """Which letters of hemispheres are south or west. O is west beside E (oeste, ouest, ovest), in the letters or
     in the name of their column, and east beside W (Ost). Raises :class:`InputError` where neither is there."""
+    letters = letters.astype("str").str.strip().str.upper()
     beside = set(letters) | set(re.findall(r"(?<![A-Z])[EW](?![A-Z])", str(letters.name).upper()))
     if "O" in beside and not beside & {"E", "W"}:
         raise InputError(
@@ -438,28 +436,22 @@ def from_text(column: pd.Series[Any]) -> Floats:
     return np.asarray(np.where(negative, -size, size), dtype=float)
 
 
-def _add_heading(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+def _add_heading(result: TableFile, entry: Orientation, asked: _Asked) -> None:
     """The heading of a quaternion."""
-    entry = columns.orientation
-    if entry is None:
-        return
     x, y, z, w = (asked.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
     result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, entry.frame)
     result.sources["heading_deg"] = f"table: {entry.z} ... derived from the quaternion"
 
 
-def _add_true_wind(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+def _add_true_wind(result: TableFile, entry: ApparentWind, asked: _Asked) -> None:
     """The wind over ground from the wind past the ship: take away the ship's own motion, turn by the heading."""
-    entry = columns.apparent_wind
-    if entry is None:
-        return
-    needed = [name for name in ("heading_deg", "surge_mps", "sway_mps") if name not in result.table]
-    if needed:
+    own = ("heading_deg", "surge_mps", "sway_mps")
+    if needed := [name for name in own if name not in result.table]:
         where = line_in_map(asked.map_path, ["apparent_wind"])
         raise ConfigurationError(f"apparent_wind needs {', '.join(needed)}", where=where, fix="map them too")
     angle = np.deg2rad(asked.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit))
     speed = asked.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
-    motion = [result.table[name].to_numpy(dtype=float) for name in ("heading_deg", "surge_mps", "sway_mps")]
+    motion = [result.table[name].to_numpy(dtype=float) for name in own]
     result.table["wind_direction_deg"], result.table["wind_speed_mps"] = true_wind(angle, speed, *motion)
     for name in ("wind_direction_deg", "wind_speed_mps"):
         result.sources[name] = f"table: {entry.angle}, {entry.speed} derived from apparent wind"

@@ -99,12 +99,8 @@ class Draft:
         self.readings.append(Reading(column, taken_for, unit, tuple(each for each in reasons if each)))
 
 
-def _is_number(text: str) -> float:
-    return float(text)
-
-
 _CHECKS: dict[str, Callable[[str], object]] = {
-    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": _is_number
+    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": float
 }  # fmt: skip
 """What tells whether an answer that is no choice can be one: it raises :class:`ValueError`."""
 KEYS = frozenset({*_CHECKS, "date_order", "time_unit", "x_axis", "course", "wind", "unit.speed", "unit.wind"})

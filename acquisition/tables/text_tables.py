@@ -102,8 +102,7 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> tuple[pd.
             names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
             na_values=list(NOT_AVAILABLE),
         )  # fmt: skip
-    nameless = [name for name in frame.columns if name.startswith("Unnamed:") and frame[name].isna().all()]
-    frame = frame.drop(columns=nameless)  # what a delimiter at the end of every line leaves
+    frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
     return frame.apply(lambda column: _ungrouped(column, decimal)), layout.units
 
 
@@ -114,11 +113,14 @@ def frame_of_rows(rows: Sequence[Sequence[Any]]) -> tuple[pd.DataFrame, dict[str
         return pd.DataFrame(), {}
     layout = find_layout(rows[:_PROBE_LINES])
     frame = pd.DataFrame(list(rows[layout.first :]), columns=_unique(layout.names, len(rows[layout.header])))
-    frame = frame.map(lambda cell: _plain(cell)).dropna(how="all")
-    frame = frame.drop(
-        columns=[each for each in map(str, frame) if each.startswith("Unnamed:") and frame[each].isna().all()]
-    )
+    frame = _without_nameless(frame.map(_plain).dropna(how="all"))
     return frame.infer_objects().reset_index(drop=True), layout.units
+
+
+def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
+    """Without the columns that have neither a name nor a value."""
+    empty = [name for name in map(str, frame) if name.startswith("Unnamed:") and frame[name].isna().all()]
+    return frame.drop(columns=empty)
 
 
 def _start_of(text: str, rows: int) -> int:
