@@ -124,7 +124,7 @@ class MqttDecoder:
             self._values.setdefault(entry.topic, []).append((channel, entry))
         self._known = known
         self._steps = {channel: entry.step_to(known[channel]) for channel, entry in config.values.items()}
-        self._partners = _mapped_partners(config.values)
+        self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
         self._of_lines: set[str] = set()
@@ -237,10 +237,6 @@ class MqttDecoder:
         before = self._waiting.get(sample.quantity)
         self._waiting[sample.quantity] = sample
         return [] if before is None else [[before]]
-
-
-def _mapped_partners(values: Mapping[str, TopicValue]) -> dict[str, str]:
-    return {name: _PARTNERS[name] for name in values if _PARTNERS.get(name) in values}
 
 
 def _pair(one: Sample, other: Sample) -> Group:

@@ -273,6 +273,7 @@ def read_recording(path: Path | str) -> Recording:
                 health |= _said(part, topic, stream.path, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
+    # each channel's parts are let go once they are joined: a day is not held twice
     names = {name: printable(name.removeprefix(CHANNEL_PREFIX)) for name in samples}
     return Recording(
         path=stream.path,

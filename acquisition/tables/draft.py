@@ -55,6 +55,11 @@ class Candidate:
     units: tuple[str, ...]
     words: frozenset[str]
 
+    @property
+    def headed(self) -> tuple[str, str] | None:
+        """The unit in its head, and that it is from there."""
+        return (self.units[0], "head says so") if self.units else None
+
 
 @dataclass(slots=True)
 class Draft:
