@@ -21,6 +21,7 @@ What a decoder may say, besides channels that a message carries as they are, in 
 from __future__ import annotations
 
 import typing
+from abc import ABC, abstractmethod
 from collections import Counter, deque
 
 from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
@@ -40,16 +41,19 @@ NO_SATELLITES = frozenset({0, 6, 7, 8})
 """Fixes by the numbers of GGA that are none by satellites: none at all, dead reckoning, typed in, a simulator's."""
 
 
-class Decoder(typing.Protocol):
-    """One protocol's step from frame to samples."""
+class Decoder(ABC):
+    """One protocol's step from frame to samples.
 
-    refused: Counter[str]
-    """How many frames or values were refused, by reason."""
-    notices: Notices
-    """What there is to tell since it was last emptied; the caller empties it."""
-    fixes: dict[str, Fix]
-    """What each sensor's satellite receiver said last of its fix."""
+    ``refused`` counts frames and values by reason; ``notices`` are what there is to tell since the caller emptied
+    them last; ``fixes`` what each sensor's satellite receiver said last of its fix.
+    """
 
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        self.notices: Notices = deque()
+        self.fixes: dict[str, Fix] = {}
+
+    @abstractmethod
     def decode(self, frame: Frame) -> list[Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from math import atan2, hypot, isfinite, isnan, nan
@@ -24,7 +23,7 @@ from acquisition.core.channels import BY_NAME, channel_names, with_declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group
 from acquisition.core.units import DEG_PER_RAD, Linear
-from acquisition.decoders import DeclaredReaders, Notices
+from acquisition.decoders import DeclaredReaders, Decoder
 from acquisition.decoders.clock import SourceClock, is_possible
 from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of
 
@@ -193,15 +192,13 @@ def _unknown(kind: Any, field: str) -> int | None:
     return None if found is None else 2 ** (int(found[2]) - (found[1] == "")) - 1
 
 
-class MavlinkDecoder:
+class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
     def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads, or a declared channel
         one that is not known."""
-        self.refused: Counter[str] = Counter()
-        self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         known = with_declared(tuple(each.channel for each in declared))

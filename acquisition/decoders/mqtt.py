@@ -21,6 +21,7 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame, FrameFlag, Group, Sample
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, is_unit
+from acquisition.decoders import Decoder
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea0183 import Nmea0183Decoder, split_tag
 from acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
@@ -105,7 +106,7 @@ def _at(found: Any, path: str) -> Any:
     return _at(found[head], rest) if rest and isinstance(found, dict) and head in found else None
 
 
-class MqttDecoder:
+class MqttDecoder(Decoder):
     """The messages of one broker, or one log; ``sentences`` decodes those that are lines of NMEA 0183.
 
     Values that make others only together (``PAIRS``) wait for each other, if both have a topic: one is sent on

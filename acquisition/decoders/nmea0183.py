@@ -7,7 +7,6 @@ Before a sentence may stand what a multiplexer or gateway says of it, a TAG bloc
 from __future__ import annotations
 
 import re
-from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -22,7 +21,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group, sensor_of
 from acquisition.core.units import Linear
-from acquisition.decoders import DeclaredReaders, Notices
+from acquisition.decoders import DeclaredReaders, Decoder
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
 
@@ -177,7 +176,7 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
         return Reading(list(values.items()), refused=refused, seconds_of_day=seconds)
 
 
-class Nmea0183Decoder:
+class Nmea0183Decoder(Decoder):
     """One line; the date comes from ZDA, RMC or TAG blocks, as position sentences tell only the time of day."""
 
     def __init__(
@@ -191,9 +190,7 @@ class Nmea0183Decoder:
         *,
         declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
     ) -> None:
-        self.refused: Counter[str] = Counter()
-        self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        super().__init__()
         self._tell_gga: set[str] = set()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})

@@ -137,9 +137,7 @@ def propose_for(
     raw: RawTable, answers: Mapping[str, str] | None = None, vessel: Path | str | None = None
 ) -> Proposal:
     """As :func:`propose`, for the ship of a vessel's name or file."""
-    if vessel is None:
-        return propose(raw, answers)
-    return propose(raw, answers, load_actuators(vessel), name_of_ship(vessel))
+    return propose(raw, answers, _actuators_of(vessel), "" if vessel is None else name_of_ship(vessel))
 
 
 def is_standard(raw: RawTable) -> bool:

@@ -168,8 +168,7 @@ def _trimmed(row: Sequence[Any]) -> list[Any]:
 
 
 def _is_value(cell: Any) -> bool:
-    text = str(cell).strip()
-    return not isinstance(cell, str) or bool(_NUMBER.fullmatch(text) or _TIME_LIKE.fullmatch(text))
+    return _is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip()))
 
 
 def _is_data(row: Sequence[Any], width: int) -> bool:
