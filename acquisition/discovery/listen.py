@@ -165,10 +165,8 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
         if max(_soundness([received])):
             return rate
     if came:
-        raise SourceError(
-            f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud",
-            fix="give the rate as /dev/ttyUSB0@RATE; check the polarity of the line",
-        )
+        fix = "give the rate as /dev/ttyUSB0@RATE; check the polarity of the line"
+        raise SourceError(f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud", fix=fix)
     return rates[0]
 
 

@@ -207,11 +207,8 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
         raise InputError("cannot be opened", where=str(path), why=str(error.strerror)) from error
     if not whatever_it_is and stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
         stream.close()
-        raise InputError(
-            "is not an MCAP recording",
-            where=str(path),
-            fix="give a .mcap file, or convert a table with `seatrial import`",
-        )
+        fix = "give a .mcap file, or convert a table with `seatrial import`"
+        raise InputError("is not an MCAP recording", where=str(path), fix=fix)
     return stream
 
 

@@ -148,10 +148,8 @@ def _zoned(raw: RawTable, local: pd.Series[Any], time: TimeColumn) -> pd.Series[
     if isinstance(local.dtype, pd.DatetimeTZDtype):
         return local
     if time.zone is None:
-        raise InputError(
-            f"times of column {time.column!r} have no zone", where=str(raw.path),
-            fix='give zone = "UTC", or a name like "Europe/Oslo", under [time] in the map',
-        )  # fmt: skip
+        fix = 'give zone = "UTC", or a name like "Europe/Oslo", under [time] in the map'
+        raise InputError(f"times of column {time.column!r} have no zone", where=str(raw.path), fix=fix)
     naive = local.dt.as_unit("ns").dt
     zoned: pd.Series[Any] = naive.tz_localize(time.zone, ambiguous="NaT", nonexistent="NaT").dt.tz_convert("UTC")
     return zoned
