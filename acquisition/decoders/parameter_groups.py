@@ -245,13 +245,9 @@ def _direction_data(message: Message) -> Reading:
 
 
 def _speed_components(message: Message) -> Reading:
-    return Reading(
-        [
-            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
-            ("sway_mps", message["transverseSpeedGroundReferenced"]),
-            *given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
-        ]
-    )
+    ground = ("surge_mps", "longitudinalSpeedGroundReferenced"), ("sway_mps", "transverseSpeedGroundReferenced")
+    water = given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
+    return Reading([*((name, message[field]) for name, field in ground), *water])
 
 
 _WINDS = {

@@ -275,9 +275,7 @@ def read_recording(path: Path | str) -> Recording:
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={
-            channel: Series.joined(samples.pop(name)) for name, channel in names.items()
-        },  # never a day twice in memory
+        series={channel: Series.joined(samples.pop(name)) for name, channel in names.items()},
         raw=printable(dict(raw)),
         events=printable(events),
         messages=messages,

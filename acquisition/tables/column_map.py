@@ -197,10 +197,8 @@ def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
     if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
-        raise ConfigurationError(
-            "in_name is for seconds, with a zone and without a start",
-            where=f"{path}, line {line_of(text, ['time', 'in_name'])}",
-        )
+        what = "in_name is for seconds, with a zone and without a start"
+        raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
     return loaded, tuple(each for each in declared if each.name in loaded.channels)
 
 
@@ -246,11 +244,9 @@ class _Asked:
         given = list(map(str, self.raw.columns.columns if names is None else names))
         if name not in given:
             near = get_close_matches(name, given, n=1, cutoff=0.4) or given
-            raise ConfigurationError(
-                f"asks for column {name!r}, which {self.raw.path} has not",
-                where=line_in_map(self.map_path, keys),
-                fix=f"did you mean {', '.join(map(repr, near))}?",
-            )
+            what = f"asks for column {name!r}, which {self.raw.path} has not"
+            where = line_in_map(self.map_path, keys)
+            raise ConfigurationError(what, where=where, fix=f"did you mean {', '.join(map(repr, near))}?")
         self.used.add(name)
         return name
 
@@ -354,10 +350,8 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     try:
         local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
     except ValueError as error:
-        raise InputError(
-            f"holds no time like {form} in its name", where=str(raw.path), why=str(error),
-            fix="rename the file, or give `start` in the map's [time]",
-        ) from error  # fmt: skip
+        where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
+        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
     seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
     counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
     return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
@@ -374,11 +368,8 @@ def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     longitude = _degrees(asked, entry, "longitude", entry.east_west)
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
-        raise InputError(
-            f"columns {entry.latitude!r} and {entry.longitude!r} contain no position",
-            where=str(asked.raw.path),
-            fix="check the unit of [position] in the map",
-        )
+        what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
+        raise InputError(what, where=str(asked.raw.path), fix="check the unit of [position] in the map")
     first = int(np.flatnonzero(valid)[0])
     origin = result.trial.origin or (float(latitude[first]), float(longitude[first]))
     result.trial = replace(result.trial, origin_latitude_deg=origin[0], origin_longitude_deg=origin[1])
@@ -401,11 +392,9 @@ def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> F
     else:
         wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
         if wrong.size:
-            raise InputError(
-                f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes",
-                where=str(asked.raw.path),
-                fix='say unit = "deg" under [position] if these are decimal degrees',
-            )
+            what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
+            fix = 'say unit = "deg" under [position] if these are decimal degrees'
+            raise InputError(what, where=str(asked.raw.path), fix=fix)
         values = from_degrees_and_minutes(values)
     if letters is None:
         return values
@@ -419,10 +408,8 @@ def is_south_or_west(letters: pd.Series[Any]) -> Bools:
     letters = letters.astype("str").str.strip().str.upper()
     beside = set(letters) | set(re.findall(r"(?<![A-Z])[EW](?![A-Z])", str(letters.name).upper()))
     if "O" in beside and not beside & {"E", "W"}:
-        raise InputError(
-            f"column {letters.name!r} has the letter O, which is east in some languages and west in others",
-            fix="write E and W",
-        )
+        what = f"column {letters.name!r} has the letter O, which is east in some languages and west in others"
+        raise InputError(what, fix="write E and W")
     return np.asarray(letters.isin(["S", "W"] if "W" in beside else ["S", "W", "O"]))
 
 

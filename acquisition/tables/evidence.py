@@ -51,11 +51,9 @@ def grid_of(seconds: Floats) -> Floats:
 def increments(seconds: Floats, values: Floats, grid: Floats) -> Floats:
     """By how much a series grows between the instants of the grid."""
     there = _usable(seconds, values)
-    return (
-        np.diff(np.interp(grid, seconds[there], values[there]))
-        if there.sum() > 1
-        else np.full(grid.size - 1, np.nan)
-    )
+    if there.sum() < 2:
+        return np.full(grid.size - 1, np.nan)
+    return np.diff(np.interp(grid, seconds[there], values[there]))
 
 
 def integrals(seconds: Floats, rates: Floats, grid: Floats) -> Floats:

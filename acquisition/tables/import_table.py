@@ -262,11 +262,9 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
     for name in names:
         if name not in channels:
             hers = ", ".join(each.name for each in ship)
-            raise ConfigurationError(
-                f"{_with_hint(name, channels)} is not a channel of a ship with actuators {hers}",
-                where=line_in_map(map_path, ["channels", name]),
-                fix="correct the name, or give the ship with --vessel FILE",
-            )
+            what = f"{_with_hint(name, channels)} is not a channel of a ship with actuators {hers}"
+            where = line_in_map(map_path, ["channels", name])
+            raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
 
 def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile:
@@ -274,12 +272,8 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile
     given = list(map(str, raw.columns.columns))
     if "time" not in given:
         near = get_close_matches("time", given, n=1)
-        raise InputError(
-            "has no column `time`",
-            where=str(raw.path),
-            why=f"it has {', '.join(near or given[:6])}",
-            fix="rename the column, or name it in a column map (--columns)",
-        )
+        where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
+        raise InputError("has no column `time`", where=where, why=f"it has {', '.join(near or given[:6])}", fix=fix)
     told = from_text(raw.trial.actuators) if raw.trial.actuators else ()
     ship = ship or told or actuators_in_columns(given, raw.trial)
     channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
@@ -288,11 +282,9 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile
     )
     if unknown and not ignore_unknown:
         ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
-        raise InputError(
-            f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}",
-            where=str(raw.path),
-            fix=f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}",
-        )
+        what = f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}"
+        fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
+        raise InputError(what, where=str(raw.path), fix=fix)
     names = [name for name in channels if name in given]
     columns = {name: _in_its_turn(channels[name], parse_numbers(raw, name)) for name in names}
     table = pd.DataFrame(columns, index=parse_times(raw, "time"))

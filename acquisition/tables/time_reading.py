@@ -56,11 +56,9 @@ def read_time(draft: Draft) -> tuple[str, ...]:
         return _time_of_day(draft, clocks[0].column)
     if numbers := of("number"):
         return _seconds(draft, numbers[0])
-    raise InputError(
-        "has no time column", where=str(draft.raw.path),
-        why=f"it has {', '.join(map(repr, list(draft.raw.columns.columns)[:8]))}",
-        fix="rename it to `time`, or name it in a column map (--columns)",
-    )  # fmt: skip
+    why = f"it has {', '.join(map(repr, list(draft.raw.columns.columns)[:8]))}"
+    fix = "rename it to `time`, or name it in a column map (--columns)"
+    raise InputError("has no time column", where=str(draft.raw.path), why=why, fix=fix)
 
 
 def _cells(draft: Draft, column: str) -> pd.Series[Any]:
@@ -169,10 +167,8 @@ def _digits_of_date(draft: Draft, dates: pd.Series[Any]) -> tuple[str, str]:
     spans = sorted((_span(six, form, "", ""), form) for form in fitting)
     if 0.0 < spans[0][0] * _MUCH < spans[1][0] and spans[0][0] < _LONGEST_TRIAL_D:
         return spans[0][1], f"{names[spans[0][1]]}: else it would last {spans[1][0]:.0f} days"
-    answer = draft.ask(
-        "date_order", f"is the date {six.iloc[0]} " + " or ".join(names[each] for each in fitting) + "?",
-        [names[each] for each in fitting],
-    )  # fmt: skip
+    orders = [names[each] for each in fitting]
+    answer = draft.ask("date_order", f"is the date {six.iloc[0]} {' or '.join(orders)}?", orders)
     return next((form for form, name in names.items() if name == answer), fitting[0]), "as answered"
 
 
@@ -205,12 +201,8 @@ def _seconds(draft: Draft, candidate: Candidate) -> tuple[str, ...]:
     if form:
         entry["in_name"] = form
         return _put(draft, column, entry, False, f"{unit}; the first row's time is that in the file's name", unit)
-    draft.ask(
-        "start",
-        f"column {column!r} counts {unit} from a start that is not told; when was it?",
-        (),
-        "1970-01-01T00:00:00Z",
-    )
+    text = f"column {column!r} counts {unit} from a start that is not told; when was it?"
+    draft.ask("start", text, (), "1970-01-01T00:00:00Z")
     draft.warnings.append(
         f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
     )
@@ -300,10 +292,8 @@ def _order_of_date(
     told = "date_order" in draft.answers
     if not told and spans[ordered[0]] * _MUCH < spans[ordered[1]] and spans[ordered[0]] < _LONGEST_TRIAL_D:
         return forms[ordered[0]], f"{ordered[0].replace('-', ' ')}: else it would last {spans[ordered[1]]:.0f} days"
-    both = [
-        pd.to_datetime(first.group(0)[: first.end("y")], format=form).strftime("%-d %B %Y")
-        for form in forms.values()
-    ]
+    date = first.group(0)[: first.end("y")]
+    both = [pd.to_datetime(date, format=form).strftime("%-d %B %Y") for form in forms.values()]
     answer = draft.ask("date_order", f"is {first.group(0)} the {' or the '.join(both)}?", list(forms))
     return forms[answer or "day-first"], "as answered" if answer else "not clear"
 

@@ -283,12 +283,9 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
         return windows
     reasons = ", ".join(f"{times} {reason}" for reason, times in windows.dropped.items())
     sort, fix = ("whole", "longer") if "held" in windows.rows else ("held", "held")
-    raise DataShortageError(
-        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window",
-        where=where,
-        why=reasons or "shorter than the horizon",
-        fix=f"lower --horizon, or give recordings with {fix} stretches",
-    )
+    what = f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window"
+    fix = f"lower --horizon, or give recordings with {fix} stretches"
+    raise DataShortageError(what, where=where, why=reasons or "shorter than the horizon", fix=fix)
 
 
 Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]

@@ -194,13 +194,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
     :class:`acquisition.core.errors.StorageError` when a file cannot be written.
     """
-    account = {
-        "candidates": windows.candidates,
-        "kept": windows.kept,
-        "dropped": windows.dropped,
-        "horizon_s": windows.horizon_s,
-        "stride_s": windows.stride_s,
-    }
+    account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
     said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
