@@ -80,19 +80,8 @@ def propose(
 
 def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
     """A map's keys as a reader expects them: plain values, the ship, the time, the channels."""
-    order = [
-        "absent",
-        "derive",
-        "unreadable_rows",
-        "trial",
-        "actuator",
-        "long",
-        "time",
-        "position",
-        "orientation",
-        "channels",
-    ]
-    return {key: tree[key] for key in (*order, *tree) if key in tree}
+    first = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation")
+    return {key: tree[key] for key in (*first, "channels", *tree) if key in tree}
 
 
 def _find_long(draft: Draft) -> None:
