@@ -59,7 +59,7 @@ def listen(
     places: Sequence[Place],
     duration_s: float,
     stop: threading.Event | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda share: None,
 ) -> list[Heard]:
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are looked into."""
     stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
@@ -72,7 +72,7 @@ def listen(
         thread.start()
     results |= {each.name: look_into(each) for each in places if each.type == "file"}
     while any(thread.is_alive() for thread in threads):
-        (progress or (lambda share: None))(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
+        progress(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
         time.sleep(_POLL_S)
     return [results[each.name] for each in places]
 
