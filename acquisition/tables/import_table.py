@@ -144,8 +144,7 @@ def is_standard(raw: RawTable) -> bool:
     """Whether a table's columns are named as the channels: most of them, ``time`` among them."""
     given = list(map(str, raw.columns.columns))
     channels = channels_of_trial(raw.trial)
-    long = long_map(raw, channels)
-    if long is not None:
+    if (long := long_map(raw, channels)) is not None:
         return bool(long.channels)
     ours = [name for name in given if name == "time" or _is_ours(name, channels) or find_channel(name)]
     return bool(raw.trial.actuators) or ("time" in given and 2 * len(ours) > len(given))
