@@ -53,9 +53,8 @@ class Layout:
 def decode(content: bytes) -> str:
     """The text of a file: by its byte order mark, else UTF-8, else the code page by which it holds most letters of
     known names: that of western Windows, Japan or China."""
-    for mark, encoding in ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16")):
-        if content.startswith(mark):
-            return content.decode(encoding)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -52,13 +52,10 @@ _JUMP_M, _JUMP_DEVIATIONS = 2.0, 10.0
 """The limits of a one-second step relative to the measured speeds, in metres and in standard deviations of the
 recording's other steps; beyond both, a receiver jumped or two parts were joined."""
 
-_LABELS = ("window", "second"), ("trial", "leg", "start")
-
 
 def columns_for(actuators: Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
-    before, after = _LABELS
-    return (*before, *trial_names(actuators), *after)
+    return ("window", "second", *trial_names(actuators), "trial", "leg", "start")
 
 
 MOVED = tuple(_MOVED.values())
