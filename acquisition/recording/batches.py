@@ -8,12 +8,13 @@ takes longer than reading it, is decoded message by message.
 from __future__ import annotations
 
 import sys
+from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -141,7 +142,30 @@ def _in_order(batch: Batch, others: list[int]) -> Iterator[Batch | mcap.McapReco
         yield Batch(batch.heads[done:], batch.plain)
 
 
-def add_samples(by_topic: dict[str, list[Series]], batch: Batch, topics: Mapping[int, Topic]) -> None:
+class SeriesBuilder:
+    """A :class:`Series` that grows, at 29 bytes a sample: a day of 13 channels at 20 Hz has twenty million."""
+
+    def __init__(self) -> None:
+        self._columns: list[array[Any]] = [array("q"), array("q"), array("d"), array("B"), array("i")]
+        self._sources: dict[str, int] = {}
+
+    def extend(self, more: Series) -> None:
+        """Add samples."""
+        sources = [self._sources.setdefault(each, len(self._sources)) for each in more.sources]
+        index = np.array(sources, np.int32)[more.source_index]
+        added: tuple[NDArray[Any], ...] = (more.measured_ns, more.received_ns, more.value, more.quality, index)
+        for column, values in zip(self._columns, added, strict=True):
+            column.frombytes(values.tobytes())
+
+    def series(self) -> Series:
+        """The samples so far, without a copy; nothing can be added to them any more."""
+        measured_ns, received_ns, value, quality, index = (
+            np.frombuffer(each, each.typecode) for each in self._columns
+        )
+        return Series(measured_ns, received_ns, value, quality, printable(tuple(self._sources)), index)
+
+
+def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic]) -> None:
     """Put the samples of a batch where they belong, all of them or none; ``topics`` are those of channel numbers.
 
     Raises KeyError, TypeError, ValueError or OverflowError if one of them is no sample of ours.
@@ -152,7 +176,7 @@ def add_samples(by_topic: dict[str, list[Series]], batch: Batch, topics: Mapping
     fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_places for number in counts)
     found = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
     for topic, series in found.items():
-        by_topic.setdefault(topic, []).append(series)
+        (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(series)
 
 
 def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, int]) -> dict[str, Series] | None:
@@ -192,7 +216,7 @@ def _series(
     numbers: dict[str, int] = {}
     index = np.array([numbers.setdefault(each, len(numbers)) for each in sources], np.int32)
     of_samples = np.repeat(index, np.diff(rows, append=value.size))
-    return Series(measured_ns, received_ns, value, quality, printable(tuple(numbers)), of_samples)
+    return Series(measured_ns, received_ns, value, quality, tuple(numbers), of_samples)
 
 
 @lru_cache(maxsize=1024)

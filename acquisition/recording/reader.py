@@ -21,7 +21,7 @@ from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, iso
 from acquisition.core.text import printable
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic, decode, frame_of
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
@@ -229,7 +229,7 @@ def _said(batch: Batch, topic: Topic, path: Path, key: str, what: str) -> list[t
         raise _foreign(path, topic.name, error, what) from error
 
 
-def _add_samples(samples: dict[str, list[Series]], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
+def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
@@ -247,7 +247,7 @@ def read_recording(path: Path | str) -> Recording:
     Raises :class:`InputError` when the file is missing, empty, not MCAP, or damaged in the middle.
     """
     stream = MessageStream(Path(path))
-    samples: dict[str, list[Series]] = {}
+    samples: dict[str, SeriesBuilder] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
     health: dict[str, dict[str, Any]] = {}
@@ -270,12 +270,10 @@ def read_recording(path: Path | str) -> Recording:
                 health |= _said(part, topic, stream.path, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
-    # each channel's parts are let go once they are joined: a day is not held twice
-    names = {name: printable(name.removeprefix(CHANNEL_PREFIX)) for name in samples}
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={channel: Series.joined(samples.pop(name)) for name, channel in names.items()},
+        series={printable(topic.removeprefix(CHANNEL_PREFIX)): each.series() for topic, each in samples.items()},
         raw=printable(dict(raw)),
         events=printable(events),
         messages=messages,

@@ -18,7 +18,7 @@ from mcap.opcode import Opcode
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic
 from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
 from acquisition.recording.scan import MCAP_MAGIC
@@ -84,7 +84,7 @@ class Tail:
         self.cut = self.cut or size < self._offset != len(MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
             return {}
-        samples: dict[str, list[Series]] = {}
+        samples: dict[str, SeriesBuilder] = {}
         places = self._places(size)
         for place in self._wanted(places):
             if not self._take(place, samples, is_last=place is places[-1]):
@@ -92,7 +92,7 @@ class Tail:
             self._offset = place.end
         else:
             self._offset = places[-1].end if places else self._offset
-        return {topic.removeprefix(CHANNEL_PREFIX): Series.joined(parts) for topic, parts in samples.items()}
+        return {topic.removeprefix(CHANNEL_PREFIX): each.series() for topic, each in samples.items()}
 
     def _places(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
@@ -122,7 +122,7 @@ class Tail:
             if place.opcode not in _OF_NO_USE and not (place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns):
                 yield place
 
-    def _take(self, place: _Place, samples: dict[str, list[Series]], *, is_last: bool) -> bool:
+    def _take(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""
         content = os.pread(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
         try:
@@ -136,7 +136,7 @@ class Tail:
             self.damaged += 1
         return True
 
-    def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, list[Series]]) -> None:
+    def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
             add_samples(samples, record, self._topics)
         elif isinstance(record, mcap.Schema):

@@ -41,8 +41,7 @@ class _Part:
 
 
 def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[Found]]:
-    """The actuators that columns tell of, and these, each with the channel that it becomes; of a known ``ship`` her
-    own."""
+    """The actuators that columns tell of, or a known ``ship``'s, and the columns with the channels they become."""
     parts = [_part(each) for each in draft.of("rudder", "azimuth", "shaft", "propeller_pitch")]
     azimuths = {each.side for each in parts if each.kind == "azimuth"}
     parts = [  # a shaft at the side of an azimuth thruster is the thruster's
