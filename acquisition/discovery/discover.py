@@ -96,16 +96,12 @@ def discovery_of(
     config = everything(found, vessel, dbc, (folder or Path()) / f"{name}.toml")
     until = stop if any(each.expected for each in found) else None  # what has been heard live is looked at
     expected = sum(each.expected or each.count for each in found)
-    survey = survey_of(config, _counted(_merged(found), expected, until, progress))
+    in_order = heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
+    survey = survey_of(config, _counted(in_order, expected, until, progress))
     for each in found:
         each.count = survey.health.sources[each.place.name].frames
     missing = missing_channels(survey)
     return Discovery(heard, survey, missing, configuration_text(found, survey, missing, name, vessel))
-
-
-def _merged(found: Sequence[Heard]) -> Iterator[Frame]:
-    """All frames in the order in which they came."""
-    return heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
 
 
 def _counted(

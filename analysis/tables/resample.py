@@ -257,9 +257,7 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
     if unique.size == times.size:
         return times, samples
     base = samples[first]
-    apart = samples - base[inverse]
-    if circular:
-        apart = difference(samples, base[inverse])
+    apart = difference(samples, base[inverse]) if circular else samples - base[inverse]
     mean = np.bincount(inverse, apart) / np.bincount(inverse)
     return unique, np.asarray(base + mean, dtype=float)
 
