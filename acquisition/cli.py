@@ -357,7 +357,7 @@ def migrate(
 ) -> None:
     """Convert an old recording with JSON messages for viewers that cannot plot JSON."""
     from acquisition.core.progress import bar
-    from acquisition.recording.migrate import migrate as run
+    from acquisition.recording.recover import migrate as run
 
     with bar("migrating") as progress:
         migrated = run(file, output, progress)

@@ -116,7 +116,8 @@ def _longer(series: Series, until_ns: int) -> Series:
     """A series with its newest valid value repeated, as if measured at ``until_ns``."""
     believed = np.flatnonzero(series.quality < Quality.BAD)
     last = believed[np.argmax(series.measured_ns[believed])]
-    return series.append(replace(series.subset(np.array([last])), measured_ns=np.array([until_ns])))
+    repeated = replace(series.subset(np.array([last])), measured_ns=np.array([until_ns]))
+    return Series.joined([series, repeated])
 
 
 def _span_ns(series: Series | None) -> tuple[int, int] | None:
@@ -154,7 +155,7 @@ class RecentSamples:
                 added = added.subset(added.received_ns > known.received_ns.max())
             if added.received_ns.size:
                 self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
-            self._samples[name] = added if known is None else known.append(added)
+            self._samples[name] = added if known is None else Series.joined([known, added])
         oldest_ns = self.newest_received_ns - self._keep_ns
         self._samples = {name: each.subset(each.received_ns >= oldest_ns) for name, each in self._samples.items()}
 
