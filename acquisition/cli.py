@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,9 +30,6 @@ ABOARD, RECORDINGS, TRIALS, PREDICTIONS, DIAGNOSIS = (
     "Aboard", "Recordings", "Trials", "Predictions", "What the model lacks"
 )  # fmt: skip
 """The groups of commands in ``seatrial --help``."""
-
-_AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "soft_wrap": True}
-"""For text that comes from files: brackets in it are no markup, and a path is not broken at 80 columns."""
 
 
 def mount(app: typer.Typer) -> None:
@@ -87,14 +85,14 @@ def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from acquisition.logger.display import missing_channels, summary
+    from acquisition.logger.display import summary
 
     typer.echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
             typer.echo(f"error: {text}", err=True)
-    silent = missing_channels(health, trial.expected_channels)
-    if silent:
+    expected = [name for name in health.names if name in trial.expected_channels]
+    if silent := [name for name in expected if not health.channels[name].count]:
         from acquisition.logger.missing import by_reason, reasons_in
 
         for names, reason in by_reason(reasons_in(trial, paths, silent)).items():
@@ -141,6 +139,7 @@ def discover(
     """Find out what buses and lines carry, and write a configuration that records it."""
     with stop_on_signals() as stop:
         from acquisition.core.errors import InputError, StorageError
+        from acquisition.core.files import write_text
         from acquisition.core.progress import bar
         from acquisition.discovery.discover import discover as run
         from acquisition.discovery.picture import nothing_found, tables
@@ -165,17 +164,8 @@ def discover(
     if found.survey is None:
         raise InputError(nothing_found(found))
     if output is not None:
-        _write_configuration(output, found.configuration)
-
-
-def _write_configuration(path: Path, text: str) -> None:
-    from acquisition.core.errors import storage_error
-
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
-    typer.echo(f"wrote {path}; `seatrial record {path} --check` says whether it still comes", err=True)
+        write_text(output, found.configuration)
+        typer.echo(f"wrote {output}; `seatrial record {output} --check` says whether it still comes", err=True)
 
 
 def mark(
@@ -222,12 +212,9 @@ def emulate(
 
     with bar("playing") as progress:
         played = run(recording, load_config(config), speed, progress)
-    values = sum(played.counts.values())
-    typer.echo(
-        f"played {values:,} values of {len(played.counts)} channels in {played.packets:,} packets, "
-        f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late",
-        err=True,
-    )
+    values = f"{sum(played.counts.values()):,} values of {len(played.counts)} channels"
+    time = f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late"
+    typer.echo(f"played {values} in {played.packets:,} packets, {time}", err=True)
     if played.unsent:
         unsent = ", ".join(f"{name} {count:,}" for name, count in played.unsent.items())
         typer.echo(f"warning: no message could carry {unsent}; position, for one, needs north and east", err=True)
@@ -288,9 +275,8 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
     while at_terminal and proposal.questions:
         question = proposal.questions[0]
-        answers[question.key] = typer.prompt(
-            f"{question.text} {'/'.join(question.options)}", default=question.default, err=True
-        )
+        text = f"{question.text} {'/'.join(question.options)}"
+        answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
     from rich.console import Console
 
@@ -324,27 +310,26 @@ def info(
 
     from acquisition.logger.missing import by_reason, missing_in
 
-    console = Console()
+    # As it is: brackets in what comes from files are no markup, and a path is not broken at 80 columns.
+    tell = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
-    state = "closed properly" if found["closed"] else unclosed
-    console.print(f"{file}  {state}", style="bold", **_AS_IT_IS)
+    tell(f"{file}  {'closed properly' if found['closed'] else unclosed}", style="bold")
     if found["messages"]:
-        console.print(f"{found['start']} to {found['end']}", **_AS_IT_IS)
-    console.print(f"{found['duration_s']:.1f} s, {found['messages']:,} messages", **_AS_IT_IS)
+        tell(f"{found['start']} to {found['end']}")
+    tell(f"{found['duration_s']:.1f} s, {found['messages']:,} messages")
     for key, value in found["trial"].items():
-        if key == "channels":  # they are in the table
-            continue
-        console.print(f"{key.replace('_', ' ')}: {value}", style="dim", **_AS_IT_IS)
+        if key != "channels":  # they are in the table
+            tell(f"{key.replace('_', ' ')}: {value}", style="dim")
     part = recording.metadata.get("part", {})
     if part.get("follows"):
-        console.print(f"part {part['number']}, follows {part['follows']}: {part['reason']}", **_AS_IT_IS)
-    console.print(_channel_table(found["channels"], found["trial"]))
+        tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
+    Console().print(_channel_table(found["channels"], found["trial"]))
     for names, reason in by_reason(missing_in(file, recording.series)).items():
-        console.print(f"missing: {names}: {reason}", **_AS_IT_IS)
+        tell(f"missing: {names}: {reason}")
     for topic, count in found["raw"].items():
-        console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)
+        tell(f"{topic}: {count:,} raw messages")
     if recording.predictions:
-        console.print(f"/prediction: {recording.predictions:,} predictions made beside the recorder", **_AS_IT_IS)
+        tell(f"/prediction: {recording.predictions:,} predictions made beside the recorder")
 
 
 def recover(
@@ -372,7 +357,7 @@ def migrate(
 ) -> None:
     """Convert an old recording with JSON messages for viewers that cannot plot JSON."""
     from acquisition.core.progress import bar
-    from acquisition.recording.migrate import migrate as run
+    from acquisition.recording.recover import migrate as run
 
     with bar("migrating") as progress:
         migrated = run(file, output, progress)

@@ -13,14 +13,12 @@ import socket
 import threading
 import time
 import tty
-from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -41,6 +39,7 @@ from acquisition.core.errors import InputError, SourceError, storage_error
 from acquisition.core.progress import Progress
 from acquisition.encoders import Encoder, Moment, Packet, make_encoder
 from acquisition.recording.reader import Recording, read_recording
+from acquisition.sources import source_error
 
 _WRITE_TIMEOUT_S = 5.0
 _WAIT_S = 30.0
@@ -73,11 +72,8 @@ def moments_of(
     """
     present = [name for name in channels if name in recording.series]
     if {"north_m", "east_m"} & set(present) and origin is None:
-        raise InputError(
-            "has positions but no origin",
-            where=str(recording.path),
-            fix="give [trial] origin in the configuration",
-        )
+        fix = "give [trial] origin in the configuration"
+        raise InputError("has positions but no origin", where=str(recording.path), fix=fix)
     times = np.concatenate([recording.series[name].measured_ns for name in present] or [np.empty(0, np.int64)])
     values = np.concatenate([recording.series[name].value for name in present] or [np.empty(0)])
     which = np.repeat(np.arange(len(present)), [recording.series[name].value.size for name in present])
@@ -96,15 +92,6 @@ def _with_fix(time_ns: int, values: dict[str, float], origin: tuple[float, float
     return Moment(time_ns, values, float(latitude), float(longitude))
 
 
-@dataclass(slots=True)
-class _Player:
-    """One source's queue of moments, its encoder and the far end of its line."""
-
-    moments: list[Moment]
-    encoder: Encoder
-    outlet: Transmitter
-
-
 def emulate(
     path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None
 ) -> Playback:
@@ -114,67 +101,56 @@ def emulate(
     """
     recording = read_recording(path)
     origin = config.trial.origin or recording.trial.origin
-    players: list[_Player] = []
+    transmitters: list[Transmitter] = []
+    schedule: list[tuple[Moment, Encoder, Transmitter]] = []
     try:
         for section in config.sources:
             moments = list(moments_of(recording, section.channels, origin))
             encoder = make_encoder(section, config.actuators, config.known_channels)
-            players.append(_Player(moments, encoder, open_transmitter(section)))
-        schedule = _schedule(players)
+            transmitters.append(open_transmitter(section))
+            schedule += [(moment, encoder, transmitters[-1]) for moment in moments]
         if not schedule:
             raise InputError("contains none of the configuration's channels", where=str(path))
-        for player in players:
-            player.outlet.ready()
-        return _play(schedule, players, speed, progress or (lambda share: None))
+        schedule.sort(key=lambda each: each[0].time_ns)
+        for each in transmitters:
+            each.ready()
+        return _play(schedule, speed, progress or (lambda share: None))
     finally:
-        for player in players:
-            player.outlet.close()
+        for each in transmitters:
+            each.close()
 
 
-def _schedule(players: list[_Player]) -> list[tuple[int, int, int]]:
-    """(time, player, moment) of everything to send, in order."""
-    return sorted(
-        (moment.time_ns, number, index)
-        for number, player in enumerate(players)
-        for index, moment in enumerate(player.moments)
-    )
-
-
-def _play(
-    schedule: list[tuple[int, int, int]], players: list[_Player], speed: float, progress: Progress
-) -> Playback:
-    first_ns, last_ns = schedule[0][0], schedule[-1][0]
-    span_ns = max(last_ns - first_ns, 1)
+def _play(schedule: list[tuple[Moment, Encoder, Transmitter]], speed: float, progress: Progress) -> Playback:
+    first_ns = schedule[0][0].time_ns
+    span_ns = max(schedule[-1][0].time_ns - first_ns, 1)
     started_s = time.monotonic()
     given: Counter[str] = Counter()
     sent: Counter[str] = Counter()
     packets_sent, latest_s = 0, 0.0
-    for time_ns, number, index in schedule:
-        due_s = started_s + (time_ns - first_ns) / 1e9 / speed
+    for moment, encoder, transmitter in schedule:
+        due_s = started_s + (moment.time_ns - first_ns) / 1e9 / speed
         wait_s = due_s - time.monotonic()
         if wait_s > 0:
             time.sleep(wait_s)
         latest_s = max(latest_s, -wait_s)
-        player = players[number]
-        moment = player.moments[index]
-        packets = player.encoder.encode(moment)
-        player.outlet.send(packets)
+        packets = encoder.encode(moment)
+        transmitter.send(packets)
         packets_sent += len(packets)
         given.update(moment.values.keys())
         for packet in packets:
             sent.update(packet.carries)
-        progress((time_ns - first_ns) / span_ns)
+        progress((moment.time_ns - first_ns) / span_ns)
     took_s = time.monotonic() - started_s
     return Playback(len(schedule), packets_sent, dict(sent), dict(given - sent), took_s, latest_s)
 
 
-class Transmitter(ABC):
-    """One bus or line to send on, the far end of a source; heirs say how."""
+class Transmitter:
+    """One bus or line to send on, the far end of a source: by default what bytes are written to."""
 
     errors: tuple[type[Exception], ...] = (OSError,)
 
     def __init__(self, config: AnySource, link: Any) -> None:
-        self._name, self._link = config.name, link
+        self._config, self._link = config, link
 
     def ready(self) -> None:
         """Wait until somebody can listen. Raises :class:`SourceError` when nobody comes."""
@@ -187,37 +163,22 @@ class Transmitter(ABC):
         except SourceError:
             raise
         except self.errors as error:
-            where, fix = f"source {self._name!r}", "check the line and who listens on it"
-            raise SourceError("cannot be sent", where=where, why=str(error), fix=fix) from error
+            fix = "check the line and who listens on it"
+            raise source_error(self._config, "cannot be sent", str(error), fix) from error
 
-    @abstractmethod
     def _write(self, packets: list[Packet]) -> None:
-        """Send the packets in order."""
+        self._link.write(_bytes_of(packets))
 
     def close(self) -> None:
-        """Let go of it."""
         self._link.close()
 
 
 def open_transmitter(config: AnySource) -> Transmitter:
     """Open the far end of a source. Raises :class:`SourceError`."""
-    if isinstance(config, CanSource):
-        return _CanTransmitter(config)
-    if isinstance(config, SerialSource):
-        return _SerialTransmitter(config)
-    if isinstance(config, UdpSource | MavlinkSource):
-        return _UdpTransmitter(config)
-    if isinstance(config, TcpSource):
-        return _TcpTransmitter(config)
-    if isinstance(config, FileSource):
-        return _FileTransmitter(config)
-    if isinstance(config, MqttSource):
-        return _MqttTransmitter(config)
-    raise SourceError(
-        f"cannot play onto a {config.type} source",
-        where=f"source {config.name!r}",
-        fix="play onto can, serial, udp, tcp, file, mavlink or mqtt",
-    )
+    if config.type not in _TRANSMITTERS:
+        fix = "play onto can, serial, udp, tcp, file, mavlink or mqtt"
+        raise source_error(config, f"cannot play onto a {config.type} source", fix=fix)
+    return _TRANSMITTERS[config.type](config)
 
 
 def _bytes_of(packets: list[Packet]) -> bytes:
@@ -230,17 +191,14 @@ class _CanTransmitter(Transmitter):
 
         from acquisition.sources.can_bus import open_bus
 
-        self._make_message = can.Message
+        self._make = can.Message
         self.errors = (can.CanError, OSError)
         super().__init__(config, open_bus(config))
 
     def _write(self, packets: list[Packet]) -> None:
-        for packet in packets:
-            self._link.send(
-                self._make_message(
-                    arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
-                )
-            )
+        for each in packets:
+            message = self._make(arbitration_id=each.identifier, data=each.payload, is_extended_id=each.extended)
+            self._link.send(message)
 
     def close(self) -> None:
         with suppress(*self.errors):
@@ -255,9 +213,6 @@ class _SerialTransmitter(Transmitter):
 
         super().__init__(config, open_port(config))
         self._link.write_timeout = _WRITE_TIMEOUT_S
-
-    def _write(self, packets: list[Packet]) -> None:
-        self._link.write(_bytes_of(packets))
 
 
 class _UdpTransmitter(Transmitter):
@@ -278,10 +233,8 @@ class _TcpTransmitter(Transmitter):
         try:
             server = socket.create_server((config.address, config.port))
         except OSError as error:
-            where = f"source {config.name!r}"
-            raise SourceError(
-                f"TCP {config.address}:{config.port} cannot be served", where=where, why=str(error)
-            ) from error
+            what = f"TCP {config.address}:{config.port} cannot be served"
+            raise source_error(config, what, str(error)) from error
         super().__init__(config, server)
         server.settimeout(_WAIT_S)
         self._client: socket.socket | None = None
@@ -294,8 +247,7 @@ class _TcpTransmitter(Transmitter):
             try:
                 self._client, _ = self._link.accept()
             except OSError as error:
-                where = f"source {self._name!r}"
-                raise SourceError("no logger connected", where=where, why=str(error), fix="start it") from error
+                raise source_error(self._config, "no logger connected", str(error), "start it") from error
         return self._client
 
     def _write(self, packets: list[Packet]) -> None:
@@ -313,9 +265,6 @@ class _FileTransmitter(Transmitter):
             super().__init__(config, config.path.open("wb"))
         except OSError as error:
             raise storage_error(config.path, error) from error
-
-    def _write(self, packets: list[Packet]) -> None:
-        self._link.write(_bytes_of(packets))
 
     def close(self) -> None:
         self._link.flush()
@@ -355,6 +304,18 @@ class _MqttTransmitter(Transmitter):
         self._link.disconnect()
 
 
+_TRANSMITTERS: dict[str, Callable[[Any], Transmitter]] = {
+    "can": _CanTransmitter,
+    "serial": _SerialTransmitter,
+    "udp": _UdpTransmitter,
+    "mavlink": _UdpTransmitter,
+    "tcp": _TcpTransmitter,
+    "file": _FileTransmitter,
+    "mqtt": _MqttTransmitter,
+}
+"""The far ends of sources by their types."""
+
+
 class NullModem:
     """A context manager; what is written to ``emulator_device`` can be read from ``logger_device``."""
 
@@ -369,9 +330,7 @@ class NullModem:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join()
         for descriptor in (self._near, self._near_port, self._far, self._far_port):

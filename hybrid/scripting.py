@@ -13,10 +13,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from acquisition.core.progress import bar
+from acquisition.recording.reader import describe, read_recording
+from analysis.tables.table import percent_of, read_table, require, table_actuators, table_of
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
     from acquisition.core.channel import Channel
@@ -24,7 +27,6 @@ if TYPE_CHECKING:
     from analysis.speed_power import Conditions, SpeedPower
     from analysis.windows.held import HeldWindows
     from hybrid.calibrators.predict import Prediction
-    from hybrid.calibrators.predictor import Predictor
     from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.effects.catalogue import Catalogue
     from hybrid.evaluation.study import Evaluation
@@ -69,8 +71,6 @@ def write(
 
 def info(recording: str | Path) -> dict[str, Any]:
     """What is in a recording: channels with counts, rates, spans and sources, and whether it was closed."""
-    from acquisition.recording.reader import describe, read_recording
-
     return describe(read_recording(recording))
 
 
@@ -83,8 +83,6 @@ def check(data: str | Path | pd.DataFrame, own: Sequence[str] = ()) -> DataQuali
 
     if not isinstance(data, str | Path):
         return check_table(data, own)
-    from acquisition.recording.reader import read_recording
-
     return check_recording(read_recording(data), own=own)
 
 
@@ -102,7 +100,6 @@ def prepare(
     ``smooth`` takes the motion from the Kalman smoother, with standard deviations; ``flags`` adds a quality flag
     beside every value. What was done stands in ``table.attrs``.
     """
-    from acquisition.recording.reader import read_recording
     from analysis.prepare import Preparation
     from analysis.prepare import prepare as prepare_recording
 
@@ -121,8 +118,6 @@ def windows(
 
     With ``any_commands`` all stretches that have data, whatever the actuators do; ``held`` tells them apart.
     """
-    import pandas as pd
-
     from analysis.windows.held import held_windows
     from analysis.windows.recordings import WindowOptions, windows_of_recordings
 
@@ -139,8 +134,6 @@ def manoeuvres(recording: str | Path, length_m: float | None = None, own: Sequen
     ``length_m`` between perpendiculars gives indices in ship lengths and the limits that depend on it; ``own`` find
     manoeuvres of one's own, ``FILE.py:FUNCTION``.
     """
-    import pandas as pd
-
     from analysis.manoeuvres.report import manoeuvres_of
 
     rows = [
@@ -162,11 +155,9 @@ def speed_power(
     recordings and by the vessel file: ``vessel``, else that of the ship which the first recording names.
     """
     from acquisition.config.vessel_file import vessel_of_ship
-    from acquisition.recording.reader import read_recording
     from analysis.speed_power import Conditions
     from analysis.speed_power import speed_power as analyse
     from analysis.speed_power.conditions import load_conditions
-    from analysis.tables.table import table_of
     from hybrid.vessel.files import load_vessel
     from hybrid.vessel.windage import known_conditions
 
@@ -211,8 +202,6 @@ def simulate(
 
 def effects(*files: str | Path) -> pd.DataFrame:
     """The catalogue of effects that a model may lack, with those of ``files``: one row a parameter."""
-    import pandas as pd
-
     from hybrid.effects.catalogue import catalogue_with
 
     rows = [
@@ -275,10 +264,12 @@ def validate(
 
     Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
     """
+    from hybrid.calibrators.predict import predictor_of
     from hybrid.evaluation.validate import refuse_training_data
     from hybrid.evaluation.validate import validate as validate_dataset
+    from hybrid.vessel.files import trials_of
 
-    by = _predictor(recordings, calibrator, vessel, horizon_s)
+    by = predictor_of(trials_of(as_paths(recordings)), calibrator, vessel, horizon_s)
     dataset = _dataset(recordings, by.horizon_s, stride_s, part, any_commands, repair, rebuild_positions, by.plant)
     if by.trained is not None and not allow_seen:
         refuse_training_data(dataset.sources, by.trained)
@@ -346,13 +337,13 @@ def predict(
     from functools import partial
 
     from analysis.tables.resample import resample
-    from analysis.tables.table import read_table, require, table_actuators
     from analysis.windows.recordings import second_by_second
-    from hybrid.calibrators.predict import parse_time
+    from hybrid.calibrators.predict import parse_time, predictor_of
     from hybrid.calibrators.predict import predict as predict_at
     from hybrid.prediction.planned_commands import read_commands
+    from hybrid.vessel.files import trials_of
 
-    by = _predictor(recording, calibrator, vessel, horizon_s)
+    by = predictor_of(trials_of([Path(recording)]), calibrator, vessel, horizon_s)
     table = read_table(recording)
     require(table)
     recorded = second_by_second(partial(resample, table))
@@ -372,16 +363,16 @@ def diagnose(
     part: str = "0..100",
     repair: bool = False,
     rebuild_positions: bool | None = None,
-    identify: bool = False,
+    identify: bool | None = None,
 ) -> DiagnosisRun:
     """What the model of ``vessel`` lacks, by recordings: the effects named, their sizes, the gap before and after.
 
     ``tolerance_percent`` of the force range is how far off the model may be anyway; ``effect_files`` add effects to
-    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before. Faults
-    of the record that no effect could be are repaired, with ``repair`` the scales and delays of sensors, too;
-    ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps jitter.
+    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before,
+    ``None`` where many of them prove wrong. Faults of the record that no effect could be are repaired, with
+    ``repair`` the scales and delays of sensors, too; ``rebuild_positions`` takes positions by dead reckoning,
+    ``None`` where their time stamps jitter.
     """
-    from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.workflows.diagnose import diagnose_files
 
@@ -414,7 +405,6 @@ def identify(
     own, without it about a ship length. Each recording is checked before: values that stood still are set aside,
     and no stretch goes over a jump of the positions.
     """
-    from analysis.tables.table import percent_of
     from analysis.windows.recordings import trial_names
     from hybrid.identification.identify import identify_tables, judge, repertoire_of
     from hybrid.vessel.files import save_vessel
@@ -522,18 +512,6 @@ def _model(recordings: Paths, vessel: str | Path | Vessel | None) -> ReferenceMo
     return reference_model(trials_of(as_paths(recordings)), vessel)
 
 
-def _predictor(
-    recordings: Paths,
-    calibrator: TrainedCalibrator | str | Path | None,
-    vessel: str | Path | None,
-    horizon_s: int | None,
-) -> Predictor:
-    from hybrid.calibrators.predictor import predictor_of
-    from hybrid.vessel.files import trials_of
-
-    return predictor_of(trials_of(as_paths(recordings)), calibrator, vessel, horizon_s)
-
-
 def _dataset(
     recordings: Paths,
     horizon_s: int,
@@ -546,7 +524,6 @@ def _dataset(
     *,
     shorter: bool = False,
 ) -> Any:
-    from analysis.tables.table import percent_of
     from hybrid.prediction.dataset import load_dataset
 
     with bar("reading") as progress:
@@ -559,7 +536,6 @@ def _dataset(
 
 def _with_truths(dataset: Dataset, recordings: Paths, part: str, rebuilt: bool) -> Dataset:
     """The data set with its windows' tracks by each sensor as it was measured."""
-    from analysis.tables.table import percent_of
     from analysis.windows.recordings import tables_of_recordings
     from hybrid.evaluation.truth import with_truths
 

@@ -43,7 +43,7 @@ def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     from hybrid.workflows.demo import demonstrate
 
     said: list[str] = []
-    done = demonstrate(tmp_path, seed=7, say=said.append, progress=lambda what: lambda share: None)
+    done = demonstrate(tmp_path, seed=7, say=said.append)
     assert done.played.counts.keys() >= set(NAMES)
     assert sum(done.lost.values()) == 0
     assert read_recording(done.recording).closed

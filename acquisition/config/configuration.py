@@ -27,7 +27,6 @@ from acquisition.config.sections import (
     ActuatorSection,
     AlarmSection,
     AnySource,
-    CanFileSource,
     CanFrames,
     CanSource,
     Carried,
@@ -120,7 +119,6 @@ class TrialConfig:
 
     @property
     def actuators(self) -> Actuators:
-        """The ship's actuators."""
         return from_text(self.trial.actuators)
 
     @property
@@ -162,21 +160,18 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     file, ship = parse_for_ship(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    _check_names(file.source, path)
     known = with_declared(tuple(each.channel for each in ship.declared))
+    _check_names(file.source, path)
     _check_units(file.source, known, text, path)
-    _check_channels(file.source, ship, text, path)
+    _check_channels(file.source, ship, known, text, path)
     _check_kinds(file.source, path)
     _check_inputs(file.source, text, path)
     _check_dbc(file.source, path)
     listed = {name for source in file.source for name in source.channels}
     declared = [each.channel for each in ship.declared if each.channel.group == "declared"]
+    channels = declared_as_text(each for each in declared if each.name in listed)
     return TrialConfig(
-        trial=replace(
-            file.trial.as_trial(),
-            actuators=as_text(ship.actuators),
-            channels=declared_as_text(each for each in declared if each.name in listed),
-        ),
+        trial=replace(file.trial.as_trial(), actuators=as_text(ship.actuators), channels=channels),
         sources=file.source,
         recording=file.recording,
         text=text,
@@ -193,18 +188,13 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
 
 
 def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
-    names = [source.name for source in sources]
+    names, where = [source.name for source in sources], str(path)
     for name in names:
         if names.count(name) > 1:
-            raise ConfigurationError(
-                f"two sources are called {name!r}", where=str(path), fix="give each its own name"
-            )
+            raise ConfigurationError(f"two sources are called {name!r}", where=where, fix="give each its own name")
         if not name.replace("_", "").replace("-", "").isalnum():
-            raise ConfigurationError(
-                f"source name {name!r} is not valid in a topic",
-                where=str(path),
-                fix="use letters, digits, - and _",
-            )
+            fix = "use letters, digits, - and _"
+            raise ConfigurationError(f"source name {name!r} is not valid in a topic", where=where, fix=fix)
 
 
 def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], text: str, path: Path | str) -> None:
@@ -223,38 +213,36 @@ _MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"
 """The key under which each kind of source maps messages to channels."""
 
 
-def _check_channels(sources: tuple[AnySource, ...], ship: Ship, text: str, path: Path | str) -> None:
+def _check_channels(
+    sources: tuple[AnySource, ...], ship: Ship, known: Mapping[str, Channel], text: str, path: Path | str
+) -> None:
     """Refuse a channel that no message of the source can carry: it would never have a value."""
     for number, source in enumerate(sources):
         possible = possible_channels(source, ship.actuators, ship.declared)
-        known = with_declared(tuple(each.channel for each in ship.declared))
         for channel in source.channels:
             if channel not in possible:
                 otherwise = _SENTENCES_HINT if is_setting(known[channel]) else _DECLARATION_HINT
-                raise ConfigurationError(
-                    f"no message on source {source.name!r} carries {channel}",
-                    where=f"{path}, line {line_of(text, ['source', number, 'channels'])}",
-                    fix=_MAPPING_HINT.get(source.type.partition("_")[0], otherwise),
-                )
+                fix = _MAPPING_HINT.get(source.type.partition("_")[0], otherwise)
+                where = f"{path}, line {line_of(text, ['source', number, 'channels'])}"
+                what = f"no message on source {source.name!r} carries {channel}"
+                raise ConfigurationError(what, where=where, fix=fix)
 
 
 def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
     """Refuse log files beside live sources: their times belong to another day."""
     files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
     if files and len(files) < len(sources):
-        raise ConfigurationError(
-            f"{', '.join(files)} are log files, but other sources are live",
-            where=str(path),
-            fix="use separate configurations for live sources and log files",
-        )
+        what = f"{', '.join(files)} are log files, but other sources are live"
+        fix = "use separate configurations for live sources and log files"
+        raise ConfigurationError(what, where=str(path), fix=fix)
 
 
 def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
-    for source in sources:
+    for source in (each for each in sources if isinstance(each, CanFrames)):
         where = f"{path}, source {source.name!r}"
-        if isinstance(source, CanFrames) and source.dbc is not None and not source.dbc.exists():
+        if source.dbc is not None and not source.dbc.exists():
             raise ConfigurationError(f"DBC file {source.dbc} does not exist", where=where)
-        if isinstance(source, CanFrames) and source.dbc is None and source.signals:
+        if source.dbc is None and source.signals:
             raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 
 
@@ -262,25 +250,22 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
     """Refuse two sources that would read the same port or serial line."""
     for number, source in enumerate(sources):
         for earlier in sources[:number]:
-            key = _shared_input(source, earlier)
-            if key is not None:
-                raise ConfigurationError(
-                    f"source {source.name!r} has the same {key} as {earlier.name!r}",
-                    where=f"{path}, line {line_of(text, ['source', number, key])}",
-                    why="only one source can read it",
-                    fix=f"correct `{key}`, or merge the two sources",
-                )
+            if key := _shared_input(source, earlier):
+                what = f"source {source.name!r} has the same {key} as {earlier.name!r}"
+                where = f"{path}, line {line_of(text, ['source', number, key])}"
+                why, fix = "only one source can read it", f"correct `{key}`, or merge the two sources"
+                raise ConfigurationError(what, where=where, why=why, fix=fix)
 
 
-def _shared_input(one: AnySource, other: AnySource) -> str | None:
-    """The key of the input that two sources would both open; None if there is none."""
+def _shared_input(one: AnySource, other: AnySource) -> str:
+    """The key of the input that two sources would both open; empty if there is none."""
     if isinstance(one, _LISTENING) and isinstance(other, _LISTENING) and one.port == other.port:
         first, second = (_LOCAL.get(each.address, each.address) for each in (one, other))
-        return "port" if first == second or "" in (first, second) else None
+        return "port" if first == second or "" in (first, second) else ""
     if isinstance(one, _SERIAL) and isinstance(other, _SERIAL):
         first, second = (os.path.realpath(each.device) for each in (one, other))  # a device may have several names
-        return "device" if first == second else None
-    return None
+        return "device" if first == second else ""
+    return ""
 
 
 _LISTENING = (UdpSource, MavlinkSource)
@@ -323,12 +308,12 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
         made = {each for pair, more in PAIRS.items() if set(pair) <= source.values.keys() for each in more}
         return frozenset(source.values.keys() | made)
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
-    sentences = set() if isinstance(source, CanSource) else _in_sentences(actuators)
+    nautical |= set() if isinstance(source, CanSource) else _in_sentences(actuators)
     if isinstance(source, MqttLinks):
-        return nautical | sentences | source.values.keys()
+        return nautical | source.values.keys()
     if _has_groups(source):
-        return nautical | sentences | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
-    return nautical | sentences
+        return nautical | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
+    return nautical
 
 
 def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
@@ -336,14 +321,12 @@ def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
     kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
     kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
     kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
-    return {
-        each.channel.name for each in declared if any(isinstance(origin, tuple(kinds)) for origin in each.origins)
-    }
+    return {each.channel.name for each in declared if any(type(origin) in kinds for origin in each.origins)}
 
 
 def _has_groups(source: CanFrames) -> bool:
     """Whether a source is configured to carry NMEA 2000: any line may be a gateway's, but most are not."""
-    if isinstance(source, CanSource | FileSource | CanFileSource):
+    if isinstance(source, CanSource | FileSource):
         return True
     return bool(source.form or source.devices or source.dbc)
 

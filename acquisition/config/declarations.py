@@ -35,8 +35,7 @@ _TAG = re.compile(r"[A-OQ-Z][A-Z0-9]{2}|P[A-Z0-9]{2,}")
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class Conversion:
-    """The conversion of a received number to a channel's value: ``scale * (number in the channel's unit) +
-    offset``.
+    """A received number as a channel's value: ``scale * (number in the channel's unit) + offset``.
 
     ``unit`` is the number's; by default the origin's own unit if the protocol defines one, else the channel's.
     With ``full_scale``, in the channel's unit, the number is a percentage of it.
@@ -187,11 +186,12 @@ Declarations = tuple[DeclaredChannel, ...]
 
 @plain_dataclass(frozen=True, slots=True)
 class PackFile:
-    """A pack as read: its name in the file that uses it, its path, its text."""
+    """A pack as read: its name in the file that uses it, its path, its text, the names of its devices."""
 
     name: str
     path: Path
     text: str
+    each: tuple[str, ...]
 
 
 def find_pack(name: str, folder: Path) -> Path:
@@ -212,22 +212,21 @@ def read_packs(
     ``text`` and ``path`` are of the file that names them. Raises :class:`ConfigurationError`.
     """
     files = []
-    for number, each in enumerate(packs):
-        if each.name in carried:
-            files.append(PackFile(each.name, Path(each.name), carried[each.name]))
+    for number, pack in enumerate(packs):
+        if pack.name in carried:
+            files.append(PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each))
             continue
         try:
-            found = find_pack(each.name, folder)
+            found = find_pack(pack.name, folder)
         except ConfigurationError as error:
             raise error.at(f"{path}, line {line_of(text, ['pack', number, 'name'])}") from error
-        files.append(PackFile(each.name, found, read_text(found)))
+        files.append(PackFile(pack.name, found, read_text(found), pack.each))
     return tuple(files)
 
 
 def declarations_of(
     sections: tuple[ChannelSection, ...],
-    packs: tuple[PackSection, ...],
-    files: tuple[PackFile, ...],
+    packs: tuple[PackFile, ...],
     known: Mapping[str, Channel],
     text: str,
     path: Path | str,
@@ -236,10 +235,13 @@ def declarations_of(
 
     ``known`` are the ship's channels. Raises :class:`ConfigurationError` naming the file and the line.
     """
-    _refuse_twins(sections, text, path)
+    for name, count in Counter(each.name for each in sections).items():
+        if count > 1:
+            what, fix = f"channel {name} is declared twice", "list all its origins in one `from`"
+            raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['channel'])}", fix=fix)
     said = [(each, path, text, number) for number, each in enumerate(sections)]
-    for pack, file in zip(packs, files, strict=True):
-        said += [(each, file.path, file.text, number) for each, number in _of_pack(pack, file)]
+    for pack in packs:
+        said += [(each, pack.path, pack.text, number) for each, number in _of_pack(pack)]
     found: dict[str, DeclaredChannel] = {}
     for section, where, of, number in said:
         if section.name not in found:
@@ -250,20 +252,11 @@ def declarations_of(
     return tuple(found.values())
 
 
-def _refuse_twins(sections: tuple[ChannelSection, ...], text: str, path: Path | str) -> None:
-    twice = [name for name, count in Counter(each.name for each in sections).items() if count > 1]
-    if twice:
-        raise ConfigurationError(
-            f"channel {twice[0]} is declared twice", where=f"{path}, line {line_of(text, ['channel'])}",
-            fix="list all its origins in one `from`",
-        )  # fmt: skip
-
-
-def _of_pack(pack: PackSection, file: PackFile) -> Iterator[tuple[ChannelSection, int]]:
+def _of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
     """A pack's channels with their number in its file, those with ``{each}`` once for each name."""
-    raw = parse_toml(file.text, file.path)
+    raw = parse_toml(pack.text, pack.path)
     for place, name in enumerate(pack.each):
-        filled = validate(_filled(raw, name, place), file.text, file.path, _Pack).channel
+        filled = validate(_filled(raw, name, place), pack.text, pack.path, _Pack).channel
         for number, section in enumerate(filled):
             if place == 0 or "{each}" in raw["channel"][number]["name"]:
                 yield section, number
@@ -284,15 +277,12 @@ def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> Declared
     name = section.name
     if name in known:
         if section.unit is not None or section.range is not None or section.state or section.meaning:
-            raise ConfigurationError(
-                f"{name} is already a channel of the ship",
-                fix="give only its name and `from`, or choose another name",
-            )
+            fix = "give only its name and `from`, or choose another name"
+            raise ConfigurationError(f"{name} is already a channel of the ship", fix=fix)
         channel = known[name]
     elif section.unit is None or section.range is None:
-        raise ConfigurationError(
-            f"channel {name} has no {'unit' if section.unit is None else 'range'}", fix="add it"
-        )
+        lacking = "unit" if section.unit is None else "range"
+        raise ConfigurationError(f"channel {name} has no {lacking}", fix="add it")
     else:
         channel = declare(name, section.unit, *section.range, section.meaning, section.state)
     for origin in section.origins:

@@ -34,6 +34,7 @@ from acquisition.config.declarations import (
     ChannelSection,
     Conversion,
     Declarations,
+    Finite,
     PackFile,
     PackSection,
     declarations_of,
@@ -55,7 +56,6 @@ from acquisition.core.channels import BY_NAME, channel_names, trial_names, with_
 from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import absolute
-from acquisition.core.topics import covers, overlap
 from acquisition.core.trial import Trial
 from acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
@@ -75,8 +75,7 @@ def _own_channel(name: str, info: ValidationInfo) -> str:
 
 
 def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared = ()) -> str:
-    """Check the name of a channel of a ship, or a declared one; :class:`ValueError` with similar names for
-    another."""
+    """Check the name of a ship's or a declared channel. Raises :class:`ValueError` with similar names."""
     known = channel_names(actuators, declared)
     if name not in known:
         near = get_close_matches(name, known, n=1, cutoff=0.4) or trial_names(actuators)
@@ -106,14 +105,6 @@ def _absolute(path: Path, info: ValidationInfo) -> Path:
 
 
 ChannelName = Annotated[str, AfterValidator(_own_channel)]
-ReductionRatios = dict[
-    Annotated[str, AfterValidator(_own_shaft)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]
-]
-"""Engine turns for one turn of the shaft, by actuator."""
-
-RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]]
-"""The rpm at 100 %, by actuator."""
-
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
 Form = Literal[
@@ -122,8 +113,11 @@ Form = Literal[
 ]  # fmt: skip
 """The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
-FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
+ReductionRatios = dict[Annotated[str, AfterValidator(_own_shaft)], FinitePositive]
+"""Engine turns for one turn of the shaft, by actuator."""
+RatedSpeeds = dict[Annotated[str, AfterValidator(_own_rotor)], FinitePositive]
+"""The rpm at 100 %, by actuator."""
 Angle = Annotated[float, Field(ge=-180, le=360)]
 IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lower=True)]
 
@@ -159,8 +153,7 @@ class Ship(NamedTuple):
 
 @dataclass(frozen=True)
 class Carried:
-    """What a recording carries besides its configuration: DBC files by source, packs' texts by name, the ship's
-    actuators."""
+    """What a recording carries besides its configuration: DBC files by source, packs by name, the actuators."""
 
     dbc_files: Mapping[str, Path] = field(default_factory=dict)
     packs: Mapping[str, str] = field(default_factory=dict)
@@ -170,8 +163,7 @@ class Carried:
 def parse_for_ship(
     text: str, path: Path | str, model: type[Model], carried: Carried | None = None
 ) -> tuple[Model, Ship]:
-    """A TOML text as ``model``, with the channels of the ship whose actuators it lists as ``[[actuator]]``, and
-    those that it declares.
+    """A TOML text as ``model``, with the channels of the ship that it lists as ``[[actuator]]`` or declares.
 
     Without such a list the actuators are those ``carried`` by a recording, as are the files that it names; else
     those of the ship named in ``[trial]``, else R/V Gunnerus'. Paths are relative to the file's folder. Raises
@@ -183,7 +175,7 @@ def parse_for_ship(
     actuators = listed or carried.actuators or actuators_of_ship(str(given.trial.vessel), folder) or DEFAULT
     packs = read_packs(given.pack, folder, carried.packs, text, path)
     hers = {name: BY_NAME[name] for name in channel_names(actuators)}
-    declared = declarations_of(given.channel, given.pack, packs, hers, text, path)
+    declared = declarations_of(given.channel, packs, hers, text, path)
     context = {
         "actuators": actuators,
         "declared": tuple(each.channel for each in declared if each.channel.name not in hers),
@@ -232,7 +224,6 @@ class Thrusters(BaseModel):
 
     @property
     def numbers(self) -> dict[str, int]:
-        """Each actuator's number."""
         return self.__pydantic_extra__
 
     @model_validator(mode="before")
@@ -265,8 +256,8 @@ class Mounting:
 
     heading_deg: Angle = 0.0
     wind_angle_deg: Angle = 0.0
-    forward_m: FiniteFloat = 0.0
-    starboard_m: FiniteFloat = 0.0
+    forward_m: Finite = 0.0
+    starboard_m: Finite = 0.0
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -288,12 +279,10 @@ class Device:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Source:
-    """The settings of every source: its name, the channels it provides, the clock that stamps them, its
-    mounting.
+    """The settings of every source: name, the channels it provides, the clock that stamps them, mounting.
 
-    ``rates_hz`` are the expected rates of channels, by which the display grades them. ``budget_kb_s`` limits
-    how much of a live source is stored in the long run [kB/s]; by default four times a full CAN bus of 500
-    kbit/s.
+    ``rates_hz`` are the expected rates of channels, by which the display grades them. ``budget_kb_s`` limits how
+    much of a live source is stored in the long run [kB/s]; by default four full CAN buses of 500 kbit/s.
     """
 
     name: str
@@ -351,11 +340,9 @@ class _Port(_Source):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Sentences(_Engines):
-    """The settings of every source of NMEA 0183. With ``rated_rpm``, percentages in TRD, TRC and PRC become
-    rpm.
+    """The settings of every source of NMEA 0183; by ``rated_rpm`` percentages in TRD, TRC and PRC become rpm.
 
-    ``theoretical_wind`` is the reference of MWV's "T" on this vessel: instruments differ, and the sentence does
-    not tell.
+    ``theoretical_wind`` is the reference of MWV's "T" on this vessel, which the sentence does not tell.
     """
 
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
@@ -398,17 +385,12 @@ class TcpSource(_Port, _Lines):
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class FileSource(_Lines):
-    """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end."""
+    """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end.
 
-    type: Literal["file"]
-    path: AbsolutePath
+    ``can_file`` is an older name of one with CAN frames.
+    """
 
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class CanFileSource(_Lines):
-    """An older name of a log file of CAN frames."""
-
-    type: Literal["can_file"]
+    type: Literal["file", "can_file"]
     path: AbsolutePath
 
 
@@ -487,6 +469,36 @@ _TOPICS = r"^(?:(?:\+|[^+#/\x00]*)/)*(?:\+|#|[^+#/\x00]*)$"
 """Topics that may have wildcards: ``+`` stands for one level, ``#`` for the rest."""
 
 
+def covers(pattern: str, topics: str) -> bool:
+    """Whether a pattern matches a topic, or all topics of another pattern: ``+`` is one level, ``#`` the rest.
+
+    >>> covers("ship/NMEA/#", "ship/NMEA/GPGGA"), covers("ship/+/x", "ship/#"), covers("#", "$SYS/uptime")
+    (True, False, False)
+    """
+    theirs = topics.split("/")
+    for number, level in enumerate(pattern.split("/")):
+        if level == "#":
+            return number > 0 or not topics.startswith("$")
+        if number >= len(theirs) or theirs[number] == "#" or level not in ("+", theirs[number]):
+            return False
+    return len(theirs) == len(pattern.split("/"))
+
+
+def overlap(one: str, other: str) -> bool:
+    """Whether some topic matches both patterns.
+
+    >>> overlap("ship/+/Heading", "ship/MRU/+"), overlap("ship/MRU/Roll", "ship/MRU/Pitch")
+    (True, False)
+    """
+    shorter, longer = sorted((one.split("/"), other.split("/")), key=len)
+    for level, beside in zip(shorter, longer, strict=False):
+        if "#" in (level, beside):
+            return True
+        if "+" not in (level, beside) and level != beside:
+            return False
+    return len(shorter) == len(longer) or longer[len(shorter)] == "#"
+
+
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class TopicValue(Conversion):
     """An MQTT topic that carries a channel; ``unit`` ``ddmm`` means degrees and minutes in one number.
@@ -518,8 +530,7 @@ PAIRS: dict[tuple[str, str], tuple[str, ...]] = {
 class _Mqtt(_Sentences):
     """The settings of every source of MQTT messages: ``topics`` with sentences, ``values`` with a topic each.
 
-    ``topics`` may have wildcards. Messages are stamped with the time that they contain, unless ``clock`` is
-    "receiver".
+    ``topics`` may have wildcards. Messages are stamped with the time that they contain, by default.
     """
 
     topics: tuple[Annotated[str, StringConstraints(pattern=_TOPICS, min_length=1)], ...] = ()
@@ -608,12 +619,12 @@ class OwnSource(_Mqtt):
     )
 
 
-LineSource = SerialSource | UdpSource | TcpSource | FileSource | CanFileSource
+LineSource = SerialSource | UdpSource | TcpSource | FileSource
 CanFrames = CanSource | LineSource
 MavlinkLinks = MavlinkSource | MavlinkTcpSource | MavlinkSerialSource | MavlinkFileSource
 MqttLinks = MqttSource | MqttFileSource | OwnSource
 AnySource = CanFrames | MavlinkLinks | MqttLinks
-FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource, MqttFileSource)
+FILE_SOURCES = (FileSource, MavlinkFileSource, MqttFileSource)
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -637,8 +648,7 @@ class RecordingSection:
 class CopiesSection:
     """The existing folder that finished parts are copied to: on another disk, below its mount point.
 
-    Beyond ``keep_gb`` the oldest parts are deleted from the recording disk once their copies have been
-    verified; by default none are.
+    Beyond ``keep_gb``, if given, the oldest parts are deleted where they were recorded once a copy is verified.
     """
 
     folder: AbsolutePath
@@ -669,8 +679,8 @@ class AlarmSection:
 
     name: Annotated[str, Field(min_length=1, max_length=60)]
     figure: str
-    above: FiniteFloat | None = None
-    below: FiniteFloat | None = None
+    above: Finite | None = None
+    below: Finite | None = None
     for_s: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 2.0
     command: tuple[str, ...] = ()
 
@@ -702,9 +712,9 @@ class RunSheet:
     vessel: str = ""
     place: str = ""
     origin: Origin | None = None
-    water_depth_m: FiniteFloat | None = None
-    draught_m: FiniteFloat | None = None
-    trim_m: FiniteFloat | None = None
+    water_depth_m: Finite | None = None
+    draught_m: Finite | None = None
+    trim_m: Finite | None = None
     loading: str = ""
     sea_state: str = ""
     crew_notes: str = ""
@@ -728,8 +738,7 @@ class RunSheet:
 class TrialSection(RunSheet):
     """The run sheet of a trial to record, which needs a name. Without an origin the first fix becomes it.
 
-    ``magnetic_variation_deg`` (east positive) is applied to a magnetic compass until a device reports the
-    variation.
+    ``magnetic_variation_deg`` (east positive) serves a magnetic compass until a device reports the variation.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=100)]

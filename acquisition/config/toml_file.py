@@ -71,7 +71,6 @@ def validate(
 
 
 def _keys_of(model: type[Model]) -> set[str]:
-    """Every key of a model of a file, in any of its tables."""
     every = TypeAdapter(model).json_schema()
     return {key for each in (every, *every.get("$defs", {}).values()) for key in each.get("properties", ())}
 

@@ -33,11 +33,9 @@ def find_vessel(name_or_file: str | Path, folder: Path | None = None) -> Path:
     path = (folder or Path.cwd()) / text
     if path.is_file():
         return path
-    raise ConfigurationError(
-        f"no vessel {text!r}",
-        why=f"it is neither a file nor one of {', '.join(vessel_names())}",
-        fix="give one of these names, or the path of a vessel file",
-    )
+    why = f"it is neither a file nor one of {', '.join(vessel_names())}"
+    fix = "give one of these names, or the path of a vessel file"
+    raise ConfigurationError(f"no vessel {text!r}", why=why, fix=fix)
 
 
 def vessel_of_ship(ship: str, folder: Path) -> Path | None:
@@ -52,10 +50,8 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
         named = [path for path, names in told.items() if ship in names]
         found = [path for path in named if path.stem == ship] or named
         if len(found) > 1:
-            raise ConfigurationError(
-                f"{' and '.join(path.name for path in found)} are both of the ship {ship!r}", where=str(place),
-                fix="choose one with --vessel, or rename one",
-            )  # fmt: skip
+            what = f"{' and '.join(path.name for path in found)} are both of the ship {ship!r}"
+            raise ConfigurationError(what, where=str(place), fix="choose one with --vessel, or rename one")
         if found:
             return found[0]
     return None
@@ -123,8 +119,7 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
 
 
 def _merged(below: Tree, above: Tree) -> Tree:
-    """``below`` overridden by ``above``; a table with another ``model`` is replaced, actuators are matched by
-    name."""
+    """``below`` overridden by ``above``: tables of the same ``model`` key by key, actuators by name."""
     result = dict(below)
     for key, value in above.items():
         under = result.get(key)

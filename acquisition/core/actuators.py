@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
 
-from acquisition.core.channel import Channel, circle
+from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 
 VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
@@ -26,7 +26,6 @@ RUDDER = "rudder_angle_deg"
 """The auxiliary rudder channel of a ship whose list of actuators has no rudder."""
 
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]*")
-_HIGHEST_RPM = 3000
 _ORDER = "_order"
 
 
@@ -40,7 +39,7 @@ class Actuator:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The control channels of this actuator."""
-        return tuple(CONTROLS[each](self.name) for each in KINDS[self.kind].controls)
+        return tuple(CONTROLS[each].channel(self.name) for each in KINDS[self.kind].controls)
 
     @property
     def noun(self) -> str:
@@ -70,70 +69,50 @@ class Actuator:
     @property
     def orders(self) -> tuple[Channel, ...]:
         """The auxiliary channels of the orders to this actuator."""
-        place = "" if self.name == self.kind else f"{self.name.replace('_', ' ')} "
-        controls = zip(KINDS[self.kind].controls, self.channels, strict=True)
+        order = f"Order to the {'' if self.name == self.kind else self.name.replace('_', ' ') + ' '}"
         return tuple(
-            Channel(name_of_order(each.name), each.unit, each.low, each.high, "auxiliary",
-                    f"Order to the {place}{control}", each.circular)
-            for control, each in controls
-        )  # fmt: skip
+            replace(each, name=name_of_order(each.name), group="auxiliary", meaning=f"{order}{control}")
+            for control, each in zip(KINDS[self.kind].controls, self.channels, strict=True)
+        )
 
 
 Actuators = tuple[Actuator, ...]
 """A ship's actuators, in the order of their control channels."""
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ").capitalize()
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What a control of an actuator means to a recording: its channel's ending, unit, range from ``-high`` to
+    ``high``, and meaning, in which ``{}`` is the actuator and ``{end}`` its end of the ship."""
+
+    ending: str
+    unit: str
+    high: float
+    meaning: str
+
+    def channel(self, name: str) -> Channel:
+        """The channel of this control of the actuator called ``name``."""
+        meaning = self.meaning.format(name.replace("_", " ").capitalize(), end=_end(name))
+        circular = self.high == 180.0
+        return Channel(f"{name}{self.ending}", self.unit, -self.high, self.high, "command", meaning, circular)
 
 
-def _shaft(name: str) -> Channel:
-    return Channel(
-        f"{name}_rpm", "rpm", -_HIGHEST_RPM, _HIGHEST_RPM, "command", f"{_words(name)} shaft, negative in reverse"
-    )
+CONTROLS: dict[str, Control] = {
+    "shaft": Control("_rpm", "rpm", 3000, "{} shaft, negative in reverse"),
+    "azimuth": Control("_angle_deg", "deg", 180.0, "{} azimuth, positive turns the thrust to starboard"),
+    "tunnel thruster": Control("_rpm", "rpm", 3000, "{} thruster, positive pushes the {end} to starboard"),
+    "rudder": Control("_angle_deg", "deg", 90.0, "{} angle, positive turns the ship to starboard"),
+    "pitch": Control("_pitch_percent", "%", 150.0, "{} pitch, of the full one ahead, negative astern"),
+    "nozzle": Control("_angle_deg", "deg", 90.0, "{} nozzle, positive turns the jet's thrust to starboard"),
+}
+"""The controls of actuators by name."""
 
-
-def _azimuth(name: str) -> Channel:
-    meaning = f"{_words(name)} azimuth, positive turns the thrust to starboard"
-    return circle(f"{name}_angle_deg", "command", meaning, -180.0)
+ANGLES = ("azimuth", "rudder", "nozzle")
+"""The controls that are steering angles."""
 
 
 def _end(name: str) -> str:
     return "stern" if "stern" in name or "aft" in name else "bow"
-
-
-def _tunnel(name: str) -> Channel:
-    meaning = f"{_words(name)} thruster, positive pushes the {_end(name)} to starboard"
-    return Channel(f"{name}_rpm", "rpm", -_HIGHEST_RPM, _HIGHEST_RPM, "command", meaning)
-
-
-def _rudder(name: str) -> Channel:
-    meaning = f"{_words(name)} angle, positive turns the ship to starboard"
-    return Channel(f"{name}_angle_deg", "deg", -90.0, 90.0, "command", meaning)
-
-
-def _pitch(name: str) -> Channel:
-    meaning = f"{_words(name)} pitch, of the full one ahead, negative astern"
-    return Channel(f"{name}_pitch_percent", "%", -150.0, 150.0, "command", meaning)
-
-
-def _nozzle(name: str) -> Channel:
-    meaning = f"{_words(name)} nozzle, positive turns the jet's thrust to starboard"
-    return Channel(f"{name}_angle_deg", "deg", -90.0, 90.0, "command", meaning)
-
-
-CONTROLS: dict[str, Callable[[str], Channel]] = {
-    "shaft": _shaft,
-    "azimuth": _azimuth,
-    "tunnel thruster": _tunnel,
-    "rudder": _rudder,
-    "pitch": _pitch,
-    "nozzle": _nozzle,
-}
-"""The controls of actuators by name: how each makes its channel from the actuator's name."""
-
-ANGLES = ("azimuth", "rudder", "nozzle")
-"""The controls that are steering angles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,12 +149,11 @@ _ASIDE = ("tunnel", "thruster", "bow", "stern", "aft", "fore")
 
 def _by_rule(stem: str, ending: str) -> Channel:
     """The control channel of an actuator of unknown kind."""
-    angle = _rudder if "rudder" in stem else _azimuth
-    return {"_rpm": _shaft, "_angle_deg": angle, "_pitch_percent": _pitch}[ending](stem)
+    angle = "rudder" if "rudder" in stem else "azimuth"
+    return CONTROLS[{"_rpm": "shaft", "_angle_deg": angle, "_pitch_percent": "pitch"}[ending]].channel(stem)
 
 
 def _kind_by_rule(stem: str, endings: set[str]) -> str:
-    """The kind of an actuator, inferred from its channels only."""
     if "_angle_deg" in endings:
         return "azimuth" if "_rpm" in endings else "rudder"
     if "_pitch_percent" in endings:
@@ -197,7 +175,7 @@ def channel_by_rule(name: str) -> Channel | None:
             continue
         if stem.endswith(_ORDER):
             of = _by_rule(stem.removesuffix(_ORDER), ending)
-            return Channel(name, of.unit, of.low, of.high, "auxiliary", f"Order: {of.meaning}", of.circular)
+            return replace(of, name=name, group="auxiliary", meaning=f"Order: {of.meaning}")
         return _by_rule(stem, ending)
     return None
 
@@ -214,14 +192,11 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     names = [each.name for each in result]
     for each in result:
         if each.kind not in KINDS:
-            raise ConfigurationError(
-                f"actuator {each.name}: no kind {each.kind!r}", fix=f"write one of {', '.join(KINDS)}"
-            )
+            what = f"actuator {each.name}: no kind {each.kind!r}"
+            raise ConfigurationError(what, fix=f"write one of {', '.join(KINDS)}")
         if not NAME_PATTERN.fullmatch(each.name) or each.name.endswith(_ORDER):
-            raise ConfigurationError(
-                f"actuator name {each.name!r} cannot be part of a channel's name",
-                fix=f"use small letters, digits and _, beginning with a letter and not ending in {_ORDER}",
-            )
+            fix = f"use small letters, digits and _, beginning with a letter and not ending in {_ORDER}"
+            raise ConfigurationError(f"actuator name {each.name!r} cannot be part of a channel's name", fix=fix)
         if names.count(each.name) > 1:
             raise ConfigurationError(f"two actuators are called {each.name!r}", fix="give each its own name")
     return result
@@ -297,11 +272,7 @@ def kind_of_control(name: str, actuators: Actuators) -> str:
 
 
 def part_of_control(name: str, actuators: Actuators) -> str:
-    """The part of its actuator that a control channel belongs to, as orders call it: a shaft, an azimuth, a
-    rudder ...
-
-    Raises :class:`KeyError` for a channel that is no control of the ship.
-    """
+    """The name of a control channel's control: a shaft, an azimuth ... Raises :class:`KeyError` for none."""
     pairs = (pair for each in actuators for pair in zip(KINDS[each.kind].controls, each.channels, strict=True))
     return {channel.name: control for control, channel in pairs}[name]
 
@@ -340,10 +311,6 @@ def from_text(text: str) -> Actuators:
     return check_actuators(Actuator(name, kind) for name, _, kind in parts)
 
 
-def _default() -> Actuators:
-    tree = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))
-    return check_actuators(Actuator(each["name"], each["kind"]) for each in tree["actuator"])
-
-
-DEFAULT: Actuators = _default()
+_LISTED = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))["actuator"]
+DEFAULT: Actuators = check_actuators(Actuator(each["name"], each["kind"]) for each in _LISTED)
 """The actuators of recordings that do not state any: R/V Gunnerus', from her vessel file."""

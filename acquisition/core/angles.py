@@ -40,11 +40,9 @@ def is_possible(channel: Channel, values: Floats) -> Bools:
 
 
 def are_angles(values: Floats) -> Bools:
-    """A mask [n] of the angles [deg] of a series that are measurements rather than codes for no value, in
-    whatever turn.
+    """A mask [n] of the angles [deg] of a series, in whatever turn, that are measurements, not codes for no value.
 
-    They are measurements if their part of the series, between steps of half a turn and more, has more than two
-    values.
+    Those are whose part of the series, between steps of half a turn and more, has more than two values.
     """
     there = np.flatnonzero(np.isfinite(values))
     steps = np.abs(np.diff(values[there])) >= 180.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
@@ -55,15 +56,15 @@ class Series:
             self.source_index[which],
         )
 
-    def append(self, later: Series) -> Series:
-        """These samples followed by later ones."""
-        sources = tuple(dict.fromkeys((*self.sources, *later.sources)))
-        numbers = np.array([sources.index(each) for each in later.sources], np.int32)
-        return Series(
-            np.concatenate([self.measured_ns, later.measured_ns]),
-            np.concatenate([self.received_ns, later.received_ns]),
-            np.concatenate([self.value, later.value]),
-            np.concatenate([self.quality, later.quality]),
-            sources,
-            np.concatenate([self.source_index, numbers[later.source_index]]),
-        )
+    @classmethod
+    def joined(cls, parts: Sequence[Series]) -> Series:
+        """The samples of one series after the other."""
+        sources = tuple(dict.fromkeys(name for part in parts for name in part.sources))
+        places = [np.array([sources.index(name) for name in part.sources], np.int32) for part in parts]
+        index = [place[part.source_index] for place, part in zip(places, parts, strict=True)]
+
+        def column(name: str) -> NDArray[Any]:
+            return np.concatenate([getattr(part, name) for part in parts])
+
+        numbers = column("measured_ns"), column("received_ns"), column("value"), column("quality")
+        return cls(*numbers, sources, np.concatenate(index))

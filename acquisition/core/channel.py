@@ -49,6 +49,6 @@ class Channel:
         return 0.0 if turned == 360.0 else turned  # -1e-20 % 360.0 is 360.0 in floating point
 
 
-def circle(name: str, group: Group, meaning: str, low: float = 0.0) -> Channel:
-    """A channel of an angle [deg] whose turn begins at ``low``."""
-    return Channel(name, "deg", low, low + 360.0, group, meaning, circular=True)
+def circle(name: str, group: Group, meaning: str) -> Channel:
+    """A channel of an angle [deg] from 0 to 360."""
+    return Channel(name, "deg", 0.0, 360.0, group, meaning, circular=True)

@@ -1,5 +1,4 @@
-"""Channels that a user declares in addition to those of every trial: their checks, and their text in a
-recording.
+"""Channels that a user declares in addition to those of every trial: their checks, their text in a recording.
 
 A declared channel is recorded, checked, resampled, exported and plotted like the others; its definition is
 stored in the recording, since nothing else knows it.
@@ -35,14 +34,12 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
     unit = canonical(unit)
     ending = ending_of(unit)
     if not _UNIT.fullmatch(unit):
-        raise ConfigurationError(
-            f"unit {unit!r} of channel {name} is not known", fix="write it like kW, m3/h or kg/m3"
-        )
+        what = f"unit {unit!r} of channel {name} is not known"
+        raise ConfigurationError(what, fix="write it like kW, m3/h or kg/m3")
     if not _NAME.fullmatch(name) or len(name) > _MOST_LETTERS:
-        raise ConfigurationError(
-            f"channel name {name!r} is not valid in a topic", why=f"it has other than small letters, digits and"
-            f" single _, or more than {_MOST_LETTERS} letters", fix="write it like fuel_rate_lph",
-        )  # fmt: skip
+        what = f"channel name {name!r} is not valid in a topic"
+        why = f"it has other than small letters, digits and single _, or more than {_MOST_LETTERS} letters"
+        raise ConfigurationError(what, why=why, fix="write it like fuel_rate_lph")
     if not name.endswith(ending):
         raise ConfigurationError(f"channel {name} is in {unit}", fix=f"let its name end in {ending}")
     if not (isfinite(low) and isfinite(high) and low < high):
@@ -53,18 +50,14 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
 
 def as_text(channels: Iterable[Channel]) -> str:
     """Declared channels as JSON for a recording's metadata; empty for none."""
-    said = [
-        {"name": each.name, "unit": each.unit, "low": each.low, "high": each.high, "meaning": each.meaning,
-         "state": each.state}
-        for each in channels
-    ]  # fmt: skip
+    keys = "name", "unit", "low", "high", "meaning", "state"
+    said = [{key: getattr(each, key) for key in keys} for each in channels]
     return json.dumps(said) if said else ""
 
 
 @lru_cache(maxsize=64)
 def declared_from_text(text: str) -> Declared:
-    """The inverse of :func:`as_text`; text that is no list of channels, such as another program's, declares
-    none."""
+    """The inverse of :func:`as_text`; text that is no list of channels (another program's) declares none."""
     try:
         return tuple(declare(**each) for each in json.loads(text)) if text else ()
     except (ValueError, TypeError):

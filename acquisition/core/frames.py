@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from datetime import UTC, datetime, timedelta
 from enum import IntEnum, IntFlag
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Literal, NamedTuple
 
 Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
@@ -42,13 +42,18 @@ class FrameFlag(IntFlag):
     """What an MQTT broker had kept of a topic, of an age that nobody knows."""
 
 
+@cache
+def can_flags(standard: bool, remote: bool = False, error: bool = False) -> FrameFlag:
+    """The flags of a CAN frame: with an identifier of 11 bits, without data, of an error."""
+    return FrameFlag(standard * FrameFlag.STANDARD_ID | remote * FrameFlag.REMOTE | error * FrameFlag.ERROR)
+
+
 class Frame(NamedTuple):
     """Undecoded bytes as received from one wire, with the times of reception.
 
     ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line
     without its line end, one MAVLink datagram, or one MQTT message after its topic and a zero byte.
-    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any. ``sender`` is the
-    network address of the sender.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame; ``sender`` is a network address.
     """
 
     origin: str
@@ -96,11 +101,10 @@ def label_parts(source: str) -> tuple[str, str, list[str]]:
 
 @lru_cache(maxsize=4096)
 def sensor_of(source: str) -> str:
-    """Line and device of a sample's source; a satellite receiver is one device, whichever satellite systems it
-    reports.
+    """Line and device of a sample's source; a satellite receiver is one device, whatever satellites it reports.
 
-        >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
-        True
+    >>> sensor_of("bridge/GP@GN01:GGA") == sensor_of("bridge/GN@GN01:RMC derived") == "bridge/GN@GN01"
+    True
     """
     line, device, _ = label_parts(source)
     talker, at, tag = device.partition("@")

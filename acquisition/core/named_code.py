@@ -62,8 +62,7 @@ def absolute(name: str, folder: Path | None = None) -> str:
 def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     """The object of a name: one of ``ours``, an entry point of ``seatrial.<group>``, or ``FILE.py:NAME``.
 
-    A file is executed. Raises :class:`ConfigurationError` if there is no such object, :class:`OwnCodeError` if
-    the file's code fails.
+    A file is executed. Raises :class:`ConfigurationError` if there is none, :class:`OwnCodeError` if it fails.
     """
     if ours and name in ours:
         return imported(ours[name])
@@ -128,11 +127,8 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
 
     ``method`` names the method of the class ``code`` to check.
     """
-    wanted = (
-        f"{method}({', '.join(('self', *arguments))})"
-        if method
-        else f"{name.rpartition(':')[2]}({', '.join(arguments)})"
-    )
+    given = ("self", *arguments) if method else arguments
+    wanted = f"{method or name.rpartition(':')[2]}({', '.join(given)})"
     called = getattr(code, method, None) if method else code
     try:
         inspect.signature(called).bind(*([code] if method else []), *arguments)  # type: ignore[arg-type]
@@ -148,7 +144,12 @@ def _entries(group: str) -> dict[str, EntryPoint]:
 
 def _attribute(file: Path, name: str) -> Any:
     """The object that a file defines under this name. Raises :class:`ConfigurationError`."""
-    module = _executed(file.resolve(), _content(file))
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
+        raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error
+    module = _executed(file.resolve(), content)
     if name and hasattr(module, name):
         return getattr(module, name)
     own = [key for key, each in vars(module).items() if getattr(each, "__module__", "") == module.__name__]
@@ -157,18 +158,6 @@ def _attribute(file: Path, name: str) -> Any:
     raise ConfigurationError(
         what, where=str(file), why=f"it defines {defined}", fix=f"write {file}:{(own or ['NAME'])[0]}"
     )
-
-
-def _content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(
-            "cannot be read",
-            where=str(file),
-            why=error.strerror or str(error),
-            fix="give a Python file as FILE.py:NAME",
-        ) from error
 
 
 @lru_cache

@@ -87,7 +87,6 @@ class ModelResult(Result):
 
     @property
     def first_lines(self) -> list[str]:
-        """The lines printed first."""
         return [str(each) for each in (self.measurements, self.model) if each]
 
     @property

@@ -38,7 +38,6 @@ def from_json(kind: type[Result], values: Any) -> Result:
 
 
 def _plain(value: Any) -> Any:
-    """The plain value of a numpy object."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")

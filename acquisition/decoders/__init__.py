@@ -21,11 +21,13 @@ What a decoder may say, besides channels that a message carries as they are, in 
 from __future__ import annotations
 
 import typing
+from abc import ABC, abstractmethod
 from collections import Counter, deque
 
 from acquisition.config.declarations import Declarations, GroupField, SentenceField, Transducer, carried_by
-from acquisition.config.sections import AnySource, CanFileSource, CanFrames, CanSource, MavlinkLinks, MqttLinks
+from acquisition.config.sections import AnySource, CanFrames, CanSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
+from acquisition.core.channel import Channel
 from acquisition.core.channels import with_declared
 from acquisition.core.frames import Fix, Frame, Group, Protocol
 
@@ -39,18 +41,41 @@ NO_SATELLITES = frozenset({0, 6, 7, 8})
 """Fixes by the numbers of GGA that are none by satellites: none at all, dead reckoning, typed in, a simulator's."""
 
 
-class Decoder(typing.Protocol):
-    """One protocol's step from frame to samples."""
+class Decoder(ABC):
+    """One protocol's step from frame to samples.
 
-    refused: Counter[str]
-    """How many frames or values were refused, by reason."""
-    notices: Notices
-    """What there is to tell since it was last emptied; the caller empties it."""
-    fixes: dict[str, Fix]
-    """What each sensor's satellite receiver said last of its fix."""
+    ``refused`` counts frames and values by reason; ``notices`` are what there is to tell since the caller emptied
+    them last; ``fixes`` what each sensor's satellite receiver said last of its fix.
+    """
 
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        self.notices: Notices = deque()
+        self.fixes: dict[str, Fix] = {}
+
+    @abstractmethod
     def decode(self, frame: Frame) -> list[Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
+
+
+class ChannelReader(typing.Protocol):
+    """What reads one declared channel in a message."""
+
+    @property
+    def channel(self) -> Channel:
+        """The channel."""
+
+
+Carrier = typing.TypeVar("Carrier")
+Reader = typing.TypeVar("Reader", bound=ChannelReader)
+
+
+class DeclaredReaders(dict[Carrier, list[Reader]]):
+    """The readers of the declared channels of one line, bus or link, by the kind of message that carries them."""
+
+    def channels_in(self, kind: Carrier) -> frozenset[str]:
+        """The channels that these messages carry: what they would say of them otherwise counts no more."""
+        return frozenset(each.channel.name for each in self.get(kind, ()))
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
@@ -82,7 +107,7 @@ def decoders_by_protocol(
 
         return {"mqtt": [MqttDecoder(config, decoder, with_declared(tuple(each.channel for each in declared)))]}
     sentences: list[Decoder] = [decoder]
-    if isinstance(config, CanFileSource):
+    if config.type == "can_file":
         return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
     return {"nmea0183": sentences, "can": _of_can(config, actuators, declared)}
 

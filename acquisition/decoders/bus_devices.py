@@ -70,7 +70,9 @@ class BusDevices:
             del self._name_at[former_address]
             self._label_at.pop(former_address, None)
         if address == _NO_ADDRESS:
-            self._lose_label(name)
+            if (label := self._label_of.pop(name, None)) is not None:
+                text = f"device {label} (NAME {name}) found no free address and is silent"
+                self._notices.append(("warning", text))
             return False
         if name not in self._label_of and len(self._label_of) >= _MOST_NAMES:
             return False
@@ -86,11 +88,6 @@ class BusDevices:
             text = f"address {address} was taken over from device {former_label} by device {label} (NAME {name})"
             self._notices.append(("warning", text))
         return former_label not in (None, label) or former_name is not None
-
-    def _lose_label(self, name: str) -> None:
-        label = self._label_of.pop(name, None)
-        if label is not None:
-            self._notices.append(("warning", f"device {label} (NAME {name}) found no free address and is silent"))
 
     def _new_label(self, address: int, name: str) -> str:
         """The label of a NAME that was never heard before."""

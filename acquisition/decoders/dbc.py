@@ -8,7 +8,6 @@ as "Invalid" in the file's own tables of values hold for both.
 from __future__ import annotations
 
 import re
-from collections import Counter, deque
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
@@ -22,9 +21,9 @@ from acquisition.config.sections import Signal
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Fix, Frame, FrameFlag, Group
+from acquisition.core.frames import Frame, FrameFlag, Group
 from acquisition.core.units import Linear
-from acquisition.decoders import Notices
+from acquisition.decoders import Decoder
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea2000 import parameter_group
@@ -100,7 +99,7 @@ class _Wanted(NamedTuple):
     step: Linear
 
 
-class DbcDecoder:
+class DbcDecoder(Decoder):
     """The configured signals of one DBC file on one bus; ``devices`` tells who has which address there."""
 
     def __init__(
@@ -111,9 +110,7 @@ class DbcDecoder:
         devices: BusDevices | None = None,
         known: Mapping[str, Channel] = BY_NAME,
     ) -> None:
-        self.refused: Counter[str] = Counter()
-        self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        super().__init__()
         self._clock = clock
         self._devices = devices or BusDevices((), self.notices)
         self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}

@@ -15,6 +15,7 @@ from acquisition.config.declarations import GroupField, complaints_about
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import Linear
+from acquisition.decoders import DeclaredReaders
 from acquisition.decoders.parameter_groups import SHORTEST_BYTES, Field, Message, Value
 
 _PLACE = re.compile(r"(\d{1,4}):(\d{1,2})")
@@ -50,35 +51,28 @@ class _GroupChannel(NamedTuple):
         return value if isinstance(value, str) else self.step.apply(value)
 
 
-class DeclaredGroups:
-    """The declared channels on one bus, by their groups.
+class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
+    """What groups say of declared channels, by their numbers.
 
     ``shortest`` are the groups among them that come in several frames, with the least length [bytes] that holds
     what is asked for. Raises :class:`ConfigurationError` for a field that is not known, and units that do not fit.
     """
 
     def __init__(self, wanted: Sequence[tuple[Channel, GroupField]]) -> None:
-        self._channels: dict[int, list[_GroupChannel]] = {}
+        super().__init__()
         self.shortest: dict[int, int] = {}
         for channel, origin in wanted:
             with complaints_about(channel):
                 found = _group_channel(channel, origin)
-            self._channels.setdefault(origin.group, []).append(found)
+            self.setdefault(origin.group, []).append(found)
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
                 last_bit = max(each.start + each.bits for each in (found.field, *(each for each, _ in found.where)))
                 self.shortest[origin.group] = max(self.shortest.get(origin.group, 1), -(-last_bit // 8))
 
-    def __contains__(self, group: int) -> bool:
-        return group in self._channels
-
-    def channels_in(self, group: int) -> frozenset[str]:
-        """The channels that these groups carry: what they would say of them otherwise counts no more."""
-        return frozenset(each.channel.name for each in self._channels.get(group, ()))
-
     def read(self, group: int, address: int, message: Message) -> list[tuple[str, Value]]:
         """The channels in a message, each with its value or the reason why there is none."""
         found: dict[str, Value] = {}
-        for each in self._channels.get(group, ()):
+        for each in self.get(group, ()):
             value = each.read(address, message)
             if value is not None and isinstance(found.get(each.channel.name, ""), str):
                 found[each.channel.name] = value

@@ -7,23 +7,24 @@ and a reversed propeller would look like one ahead; VFR_HUD has whole degrees of
 from __future__ import annotations
 
 import os
-from collections import Counter, deque
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from math import atan2, hypot, isfinite, isnan, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import pymap3d
 
-from acquisition.config.declarations import Declarations, MavlinkField, carried_by
+from acquisition.config.declarations import Declarations, MavlinkField, carried_by, complaints_about
 from acquisition.config.sections import MavlinkFileSource, MavlinkLinks
 from acquisition.core.actuators import DEFAULT, Actuators, shafts
+from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME, channel_names, with_declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group
 from acquisition.core.units import DEG_PER_RAD, Linear
-from acquisition.decoders import Notices
+from acquisition.decoders import DeclaredReaders, Decoder
 from acquisition.decoders.clock import SourceClock, is_possible
-from acquisition.decoders.declared_messages import DeclaredMessages
 from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
@@ -124,15 +125,80 @@ def is_read(message_id: int) -> bool:
     return message_id in _NAMES
 
 
-class MavlinkDecoder:
+_WHOLE = re.compile(r"(u?)int(\d+)_t")
+
+
+class _MessageChannel(NamedTuple):
+    """A channel that a message carries."""
+
+    channel: Channel
+    origin: MavlinkField
+    step: Linear
+    unknown: int | None
+
+    def read(self, message: Any) -> list[tuple[str, float]]:
+        if any(getattr(message, name) != code for name, code in self.origin.where.items()):
+            return []
+        value = getattr(message, self.origin.field)
+        if self.origin.index is not None:
+            value = value[self.origin.index]
+        return [(self.channel.name, nan if value == self.unknown else self.step.apply(float(value)))]
+
+
+class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
+    """What messages say of declared channels; ``names`` are the messages by number.
+
+    Raises :class:`ConfigurationError` for a message or field that the dialect has not, and units that do not fit.
+    """
+
+    def __init__(self, wanted: Sequence[tuple[Channel, MavlinkField]]) -> None:
+        super().__init__()
+        self.names: dict[int, str] = {}
+        kinds = {each.msgname: each for each in dialect.mavlink_map.values()}
+        for channel, origin in wanted:
+            with complaints_about(channel):
+                kind = _kind_of(origin, kinds)
+                step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
+            self.names[kind.id] = origin.message
+            found = _MessageChannel(channel, origin, step, _unknown(kind, origin.field))
+            self.setdefault(origin.message, []).append(found)
+
+    def read(self, name: str, message: Any) -> list[tuple[str, float]]:
+        """The channels in a message with their values, NaN for one that is not known."""
+        return [value for each in self.get(name, ()) for value in each.read(message)]
+
+
+def _kind_of(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
+    """The dialect's message that a declaration names, if it has its fields and they are numbers."""
+    kind = kinds.get(origin.message)
+    if kind is None:
+        near = ", ".join(get_close_matches(origin.message, kinds, n=3)) or "ATTITUDE"
+        raise ConfigurationError(f"MAVLink has no message {origin.message}", fix=f"write one such as {near}")
+    for name in (origin.field, *origin.where):
+        if name not in kind.fieldnames:
+            fields = ", ".join(kind.fieldnames)
+            raise ConfigurationError(f"{origin.message} has no field {name!r}", fix=f"write one of {fields}")
+    length = kind.array_lengths[kind.ordered_fieldnames.index(origin.field)]
+    fits = origin.index is None if length == 0 else origin.index is not None and origin.index < length
+    if kind.fieldtypes[kind.fieldnames.index(origin.field)] == "char" or not fits:
+        what = f"has {length} elements: give the `index` of one" if length else "is one value: leave out `index`"
+        raise ConfigurationError(f"field {origin.field} of {origin.message} {what}")
+    return kind
+
+
+def _unknown(kind: Any, field: str) -> int | None:
+    """What a field of whole numbers holds where the value is not known: by MAVLink's custom the highest."""
+    found = _WHOLE.fullmatch(kind.fieldtypes[kind.fieldnames.index(field)])
+    return None if found is None else 2 ** (int(found[2]) - (found[1] == "")) - 1
+
+
+class MavlinkDecoder(Decoder):
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
     def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads, or a declared channel
         one that is not known."""
-        self.refused: Counter[str] = Counter()
-        self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         known = with_declared(tuple(each.channel for each in declared))

@@ -21,6 +21,7 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame, FrameFlag, Group, Sample
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, is_unit
+from acquisition.decoders import Decoder
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea0183 import Nmea0183Decoder, split_tag
 from acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
@@ -105,7 +106,7 @@ def _at(found: Any, path: str) -> Any:
     return _at(found[head], rest) if rest and isinstance(found, dict) and head in found else None
 
 
-class MqttDecoder:
+class MqttDecoder(Decoder):
     """The messages of one broker, or one log; ``sentences`` decodes those that are lines of NMEA 0183.
 
     Values that make others only together (``PAIRS``) wait for each other, if both have a topic: one is sent on
@@ -124,7 +125,7 @@ class MqttDecoder:
             self._values.setdefault(entry.topic, []).append((channel, entry))
         self._known = known
         self._steps = {channel: entry.step_to(known[channel]) for channel, entry in config.values.items()}
-        self._partners = _mapped_partners(config.values)
+        self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
         self._of_lines: set[str] = set()
@@ -237,10 +238,6 @@ class MqttDecoder:
         before = self._waiting.get(sample.quantity)
         self._waiting[sample.quantity] = sample
         return [] if before is None else [[before]]
-
-
-def _mapped_partners(values: Mapping[str, TopicValue]) -> dict[str, str]:
-    return {name: _PARTNERS[name] for name in values if _PARTNERS.get(name) in values}
 
 
 def _pair(one: Sample, other: Sample) -> Group:

@@ -7,23 +7,23 @@ Before a sentence may stand what a multiplexer or gateway says of it, a TAG bloc
 from __future__ import annotations
 
 import re
-from collections import Counter, deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import reduce
 from operator import xor
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from acquisition.config.declarations import SentenceField, Transducer
 from acquisition.config.sections import Clock, Thrusters
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
+from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group, sensor_of
-from acquisition.decoders import Notices
+from acquisition.core.units import Linear
+from acquisition.decoders import DeclaredReaders, Decoder
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
-from acquisition.decoders.declared_sentences import DeclaredSentences
-from acquisition.decoders.machinery_sentences import machinery_readers
-from acquisition.decoders.sentences import Fields, Reading, readers
+from acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
 _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
@@ -94,7 +94,89 @@ def split_sentence(line: bytes) -> tuple[str, list[str]] | None:
     return tag, fields
 
 
-class Nmea0183Decoder:
+_ANY = "?"
+"""Stands for a unit that XDR tells by a letter that is not in its table."""
+
+_XDR_UNITS = {
+    ("A", "D"): "deg", ("A", "R"): "rad", ("C", "C"): "degC", ("C", "K"): "K", ("C", "F"): "degF", ("D", "M"): "m",
+    ("D", "I"): "in", ("F", "H"): "Hz", ("H", "P"): "%", ("I", "A"): "A", ("N", "N"): "N", ("P", "B"): "bar",
+    ("P", "P"): "Pa", ("R", "L"): "l/s", ("T", "R"): "rpm", ("U", "V"): "V", ("V", "M"): "m3",
+}  # fmt: skip
+"""The units of XDR by the letters of the transducer's type and of the unit (gpsd's account of NMEA 0183)."""
+
+
+class _Field(NamedTuple):
+    """One field that carries a channel."""
+
+    channel: Channel
+    origin: SentenceField
+    step: Linear
+
+    def read(self, fields: Fields) -> Reading:
+        for place, wanted in self.origin.when.items():
+            if fields.text(int(place) - 1) not in ((wanted,) if isinstance(wanted, str) else wanted):
+                return Reading()
+        number = fields.number(self.origin.field - 1)
+        seconds = None if self.origin.time is None else fields.seconds_of_day(self.origin.time - 1)
+        values = [] if number is None else [(self.channel.name, self.step.apply(number))]
+        return Reading(values, seconds_of_day=seconds)
+
+
+class _Transducer(NamedTuple):
+    """One transducer that carries a channel; the steps by the unit that the sentence tells, "" where it tells none.
+
+    XDR has four fields for each: type, value, unit, name.
+    """
+
+    channel: Channel
+    name: str
+    steps: Mapping[str, Linear]
+
+    def read(self, fields: Fields) -> Reading:
+        for place in range(0, len(fields) - 3, 4):
+            number, letter = fields.number(place + 1), fields.text(place + 2)
+            if fields.text(place + 3) == self.name and number is not None:
+                unit = _XDR_UNITS.get((fields.text(place), letter), letter and _ANY)
+                step = self.steps.get(unit)
+                if step is None:
+                    return Reading(refused="unit unknown")
+                return Reading([(self.channel.name, step.apply(number))])
+        return Reading()
+
+
+def _steps(channel: Channel, origin: Transducer) -> dict[str, Linear]:
+    """The step from each unit of XDR that measures what the channel does; from any, where the origin gives one."""
+    if origin.unit is not None or origin.full_scale is not None:
+        return dict.fromkeys(("", _ANY, *_XDR_UNITS.values()), origin.step_to(channel))
+    steps = {"": origin.step_to(channel)}
+    for unit in _XDR_UNITS.values():
+        with suppress(ConfigurationError):
+            steps[unit] = origin.step_to(channel, unit)
+    return steps
+
+
+class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
+    """What sentences say of declared channels, by their letters."""
+
+    def __init__(self, wanted: Sequence[tuple[Channel, SentenceField | Transducer]]) -> None:
+        super().__init__()
+        for channel, origin in wanted:
+            if isinstance(origin, SentenceField):
+                self.setdefault(origin.sentence, []).append(_Field(channel, origin, origin.step_to(channel)))
+            else:
+                found = _Transducer(channel, origin.transducer, _steps(channel, origin))
+                self.setdefault("XDR", []).append(found)
+
+    def read(self, kind: str, fields: Fields) -> Reading:
+        """What a sentence says; of several origins of one channel in it the first that has a value counts."""
+        readings = [each.read(fields) for each in self[kind]]
+        values = dict(value for each in reversed(readings) for value in each.values)
+        seconds = next((each.seconds_of_day for each in readings if each.seconds_of_day is not None), None)
+        refused = next((each.refused for each in readings if each.refused), "")
+        return Reading(list(values.items()), refused=refused, seconds_of_day=seconds)
+
+
+class Nmea0183Decoder(Decoder):
     """One line; the date comes from ZDA, RMC or TAG blocks, as position sentences tell only the time of day."""
 
     def __init__(
@@ -108,9 +190,7 @@ class Nmea0183Decoder:
         *,
         declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
     ) -> None:
-        self.refused: Counter[str] = Counter()
-        self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        super().__init__()
         self._tell_gga: set[str] = set()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})

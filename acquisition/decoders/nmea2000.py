@@ -7,7 +7,6 @@ several, the meaning: ``bus/35:130306 apparent``.
 
 from __future__ import annotations
 
-from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
 
 from acquisition.config.declarations import GroupField
@@ -15,12 +14,11 @@ from acquisition.config.sections import Clock, Device
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
 from acquisition.core.frames import Fix, Frame, FrameFlag, Group, Quality
-from acquisition.decoders import NO_SATELLITES, Notices
+from acquisition.decoders import NO_SATELLITES, Decoder
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.declared_groups import DeclaredGroups
 from acquisition.decoders.fast_packets import LONGEST_BYTES, FastPackets
-from acquisition.decoders.machinery_groups import machinery_readers
 from acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
     FIELDS,
@@ -36,6 +34,7 @@ from acquisition.decoders.parameter_groups import (
     Reading,
     Value,
     group_time,
+    machinery_readers,
 )
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
@@ -59,7 +58,7 @@ def _nothing(_: Message) -> Reading:
     return Reading([])
 
 
-class Nmea2000Decoder:
+class Nmea2000Decoder(Decoder):
     """One bus."""
 
     def __init__(
@@ -73,9 +72,7 @@ class Nmea2000Decoder:
         declared: Sequence[tuple[Channel, GroupField]] = (),
     ) -> None:
         """Raises :class:`ConfigurationError` for a declared field that is not known."""
-        self.refused: Counter[str] = Counter()
-        self.notices: Notices = deque()
-        self.fixes: dict[str, Fix] = {}
+        super().__init__()
         self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.devices = BusDevices(devices, self.notices)

@@ -1,5 +1,9 @@
 """The parameter groups of NMEA 2000 that we listen to: where their fields are, and one reader function a group.
 
+Which of a ship's rudders and engines a message means is told by its instance: instances count from 0 in the order
+of her list, so that of a pair the port one is 0. No standard group tells the speed of a shaft, nor a propeller's
+pitch; those of engines and gearboxes stand for the speed where the reduction ratio is known.
+
 Fields are named as in canboat's database and are in SI units and radians, positions in degrees. A field of a
 number keeps its three highest raw values to say "not available", "error" and nothing at all (reserved); lookups
 are given as they are.
@@ -8,11 +12,12 @@ are given as they are.
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import pi
 from typing import NamedTuple
 
+from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, rudders, shafts
 from acquisition.core.frames import Quality
 from acquisition.core.units import DEG_PER_RAD
 from acquisition.decoders.clock import utc_ns
@@ -93,83 +98,41 @@ class Message:
 
 
 _ANGLE_RAD, _SPEED_MPS, _FINE_SPEED_MPS, _TIME_S = 1e-4, 0.01, 0.001, 1e-4
-_SID = {"sid": Field(0, 8, 1)}
-_SPEED_NAMES = (
-    "longitudinalSpeedWaterReferenced",
-    "transverseSpeedWaterReferenced",
-    "longitudinalSpeedGroundReferenced",
-    "transverseSpeedGroundReferenced",
-    "sternSpeedWaterReferenced",
-    "sternSpeedGroundReferenced",
-)
 
 FIELDS: dict[int, dict[str, Field]] = {
-    SYSTEM_TIME: {**_SID, "source": Field(8, 4), "date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)},
+    SYSTEM_TIME: {"date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)},
     RUDDER_GROUP: {
         "instance": Field(0, 8, 1),
-        "directionOrder": Field(8, 3),
         "angleOrder": Field(16, 16, _ANGLE_RAD, signed=True),
         "position": Field(32, 16, _ANGLE_RAD, signed=True),
     },
     ENGINE_SPEED: {"instance": Field(0, 8), "speed": Field(8, 16, 0.25)},
     GEARBOX: {"instance": Field(0, 8), "transmissionGear": Field(8, 2)},
     127250: {
-        **_SID,
         "heading": Field(8, 16, _ANGLE_RAD),
         "deviation": Field(24, 16, _ANGLE_RAD, signed=True),
         "variation": Field(40, 16, _ANGLE_RAD, signed=True),
         "reference": Field(56, 2),
     },
-    127251: {**_SID, "rate": Field(8, 32, 3.125e-8, signed=True)},
+    127251: {"rate": Field(8, 32, 3.125e-8, signed=True)},
     127257: {
-        **_SID,
-        "yaw": Field(8, 16, _ANGLE_RAD, signed=True),
         "pitch": Field(24, 16, _ANGLE_RAD, signed=True),
         "roll": Field(40, 16, _ANGLE_RAD, signed=True),
     },
-    127258: {
-        **_SID,
-        "source": Field(8, 4),
-        "ageOfService": Field(16, 16, 1),
-        "variation": Field(32, 16, _ANGLE_RAD, signed=True),
-    },
-    128259: {
-        **_SID,
-        "speedWaterReferenced": Field(8, 16, _SPEED_MPS),
-        "speedGroundReferenced": Field(24, 16, _SPEED_MPS),
-        "speedWaterReferencedType": Field(40, 8),
-        "speedDirection": Field(48, 4),
-    },
+    127258: {"variation": Field(32, 16, _ANGLE_RAD, signed=True)},
+    128259: {"speedWaterReferenced": Field(8, 16, _SPEED_MPS)},
     POSITION: {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)},
-    129026: {
-        **_SID,
-        "cogReference": Field(8, 2),
-        "cog": Field(16, 16, _ANGLE_RAD),
-        "sog": Field(32, 16, _SPEED_MPS),
-    },
+    129026: {"cogReference": Field(8, 2), "cog": Field(16, 16, _ANGLE_RAD), "sog": Field(32, 16, _SPEED_MPS)},
     GNSS_POSITION: {
-        **_SID,
         "date": Field(8, 16, 1),
         "time": Field(24, 32, _TIME_S),
         "latitude": Field(56, 64, 1e-16, signed=True),
         "longitude": Field(120, 64, 1e-16, signed=True),
         "altitude": Field(184, 64, 1e-6, signed=True),
-        "gnssType": Field(248, 4),
         "method": Field(252, 4),
-        "integrity": Field(256, 2),
-        "numberOfSvs": Field(264, 8, 1),
-        "hdop": Field(272, 16, 0.01, signed=True),
-        "pdop": Field(288, 16, 0.01, signed=True),
-        "geoidalSeparation": Field(304, 32, 0.01, signed=True),
-        "referenceStations": Field(336, 8, 1),
     },
-    TIME_AND_DATE: {
-        "date": Field(0, 16, 1),
-        "time": Field(16, 32, _TIME_S),
-        "localOffset": Field(48, 16, 60, signed=True),
-    },
+    TIME_AND_DATE: {"date": Field(0, 16, 1), "time": Field(16, 32, _TIME_S)},
     130306: {
-        **_SID,
         "windSpeed": Field(8, 16, _SPEED_MPS),
         "windAngle": Field(24, 16, _ANGLE_RAD),
         "reference": Field(40, 3),
@@ -177,17 +140,16 @@ FIELDS: dict[int, dict[str, Field]] = {
     130577: {
         "dataMode": Field(0, 4),
         "cogReference": Field(4, 2),
-        "sid": Field(8, 8, 1),
         "cog": Field(16, 16, _ANGLE_RAD),
         "sog": Field(32, 16, _SPEED_MPS),
-        "heading": Field(48, 16, _ANGLE_RAD),
-        "speedThroughWater": Field(64, 16, _SPEED_MPS),
-        "set": Field(80, 16, _ANGLE_RAD),
-        "drift": Field(96, 16, _SPEED_MPS),
     },
-    130578: {name: Field(16 * place, 16, _FINE_SPEED_MPS, signed=True) for place, name in enumerate(_SPEED_NAMES)},
+    130578: {
+        "longitudinalSpeedWaterReferenced": Field(0, 16, _FINE_SPEED_MPS, signed=True),
+        "longitudinalSpeedGroundReferenced": Field(32, 16, _FINE_SPEED_MPS, signed=True),
+        "transverseSpeedGroundReferenced": Field(48, 16, _FINE_SPEED_MPS, signed=True),
+    },
 }
-"""The fields of each group by their names."""
+"""Those fields of each group that are read, by their names."""
 
 SHORTEST_BYTES = {GNSS_POSITION: 43, 130577: 14, 130578: 8}
 """The groups that come in several frames, and the least length that each can have."""
@@ -283,13 +245,9 @@ def _direction_data(message: Message) -> Reading:
 
 
 def _speed_components(message: Message) -> Reading:
-    return Reading(
-        [
-            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
-            ("sway_mps", message["transverseSpeedGroundReferenced"]),
-            *given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
-        ]
-    )
+    ground = ("surge_mps", "longitudinalSpeedGroundReferenced"), ("sway_mps", "transverseSpeedGroundReferenced")
+    water = given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])])
+    return Reading([*((name, message[field]) for name, field in ground), *water])
 
 
 _WINDS = {
@@ -326,4 +284,71 @@ READERS: dict[int, Reader] = {
     130577: _direction_data,
     130578: _speed_components,
 }
-"""The groups that we listen to on every ship; those of her own actuators are in ``machinery_groups.py``."""
+"""The groups that we listen to on every ship; :func:`machinery_readers` adds those of her own actuators."""
+
+
+_NO_INSTANCE = 255
+_NEUTRAL, _REVERSE = 1, 2
+
+
+def _instance(message: Message) -> int:
+    instance = message["instance"]
+    return _NO_INSTANCE if isinstance(instance, str) else int(instance)
+
+
+class _Rudders:
+    """127245: position and order. Of a single rudder the lowest instance that a device tells of is hers."""
+
+    def __init__(self, actuators: Actuators) -> None:
+        self._channels = rudder_channels(actuators)
+        self._tells_orders = bool(rudders(actuators))
+
+    def read(self, message: Message) -> Reading:
+        number = _instance(message)
+        meaning = f"rudder {number}" if number else ""
+        if len(self._channels) == 1:
+            return Reading(self._values(self._channels[0], message), meaning, instance=number)
+        if number >= len(self._channels):
+            return Reading([("rudder", "another instance")], meaning)
+        return Reading(self._values(self._channels[number], message), meaning)
+
+    def _values(self, channel: str, message: Message) -> Values:
+        position: Values = [(channel, message.degrees("position"))]
+        order: Values = [(name_of_order(channel), message.degrees("angleOrder"))] if self._tells_orders else []
+        return [*given(position), *given(order)] or position
+
+
+class _Engines:
+    """127488 and 127493: an engine's speed, which has no sign, and whether its gearbox reverses the shaft."""
+
+    def __init__(self, actuators: Actuators, reduction_ratios: Mapping[str, float]) -> None:
+        self._ratios = {
+            number: (f"{name}_rpm", reduction_ratios[name])
+            for number, name in enumerate(shafts(actuators))
+            if name in reduction_ratios
+        }
+        self._gears: dict[int, int] = {}
+
+    def read_gear(self, message: Message) -> Reading:
+        self._gears[_instance(message)] = int(message["transmissionGear"])
+        return Reading([])
+
+    def read_speed(self, message: Message) -> Reading:
+        number, rpm = _instance(message), message["speed"]
+        if number not in self._ratios:
+            return Reading([("engine", "engine without a reduction ratio")])
+        channel, ratio = self._ratios[number]
+        gear = self._gears.get(number)
+        if gear == _NEUTRAL:
+            return Reading([(channel, "gearbox in neutral")])
+        sign = -1.0 if gear == _REVERSE else 1.0
+        return Reading([(channel, rpm if isinstance(rpm, str) else sign * rpm / ratio)], f"engine {number}")
+
+
+def machinery_readers(actuators: Actuators, reduction_ratios: Mapping[str, float]) -> dict[int, Reader]:
+    """The reader of each of these groups on a ship with these actuators; engines only where a ratio is known."""
+    readers: dict[int, Reader] = {RUDDER_GROUP: _Rudders(actuators).read}
+    if reduction_ratios:
+        engines = _Engines(actuators, reduction_ratios)
+        readers |= {ENGINE_SPEED: engines.read_speed, GEARBOX: engines.read_gear}
+    return readers

@@ -62,7 +62,7 @@ def discover(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda share: None,
 ) -> Discovery:
     """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
 
@@ -70,10 +70,12 @@ def discover(
     ``folder`` is where the configuration will lie. Raises :class:`ConfigurationError` for a vessel or a DBC file
     at fault. What cannot be listened to is told in the result, and is no error.
     """
-    progress = progress or (lambda share: None)
     if dbc is not None:
         load_dbc(dbc)
-    _check_vessel(vessel, folder or Path())
+    folder = folder or Path()
+    if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
+        fix = f"copy it to {folder.absolute()}"
+        raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
     heard = listen(places, duration_s, stop, part_of(progress, 0, 2))
     return discovery_of(heard, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
 
@@ -85,7 +87,7 @@ def discovery_of(
     dbc: Path | None = None,
     folder: Path | None = None,
     stop: threading.Event | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda share: None,
 ) -> Discovery:
     """What has been heard, understood; as :func:`discover`."""
     found = [each for each in heard if each.count and not each.problem]
@@ -94,23 +96,12 @@ def discovery_of(
     config = everything(found, vessel, dbc, (folder or Path()) / f"{name}.toml")
     until = stop if any(each.expected for each in found) else None  # what has been heard live is looked at
     expected = sum(each.expected or each.count for each in found)
-    survey = survey_of(config, _counted(_merged(found), expected, until, progress or (lambda share: None)))
+    in_order = heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
+    survey = survey_of(config, _counted(in_order, expected, until, progress))
     for each in found:
         each.count = survey.health.sources[each.place.name].frames
     missing = missing_channels(survey)
     return Discovery(heard, survey, missing, configuration_text(found, survey, missing, name, vessel))
-
-
-def _check_vessel(vessel: str, folder: Path) -> None:
-    """Raise :class:`ConfigurationError` for a vessel that a configuration in ``folder`` would not find."""
-    if vessel and vessel_of_ship(vessel, folder) is None:
-        path = find_vessel(vessel)
-        raise ConfigurationError("lies elsewhere", where=str(path), fix=f"copy it to {folder.absolute()}")
-
-
-def _merged(found: Sequence[Heard]) -> Iterator[Frame]:
-    """All frames in the order in which they came."""
-    return heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
 
 
 def _counted(

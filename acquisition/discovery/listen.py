@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from math import inf
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -21,7 +21,7 @@ from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of,
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
 from acquisition.decoders.told_time import SENTENCE_BEHIND
 from acquisition.discovery.places import Place
-from acquisition.sources import LogReader, Source, make_source
+from acquisition.sources import make_source
 from acquisition.sources.actisense import Cutter, is_message
 from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
 from acquisition.sources.streams import LineAssembler
@@ -59,7 +59,7 @@ def listen(
     places: Sequence[Place],
     duration_s: float,
     stop: threading.Event | None = None,
-    progress: Progress | None = None,
+    progress: Progress = lambda share: None,
 ) -> list[Heard]:
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are looked into."""
     stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
@@ -72,14 +72,14 @@ def listen(
         thread.start()
     results |= {each.name: look_into(each) for each in places if each.type == "file"}
     while any(thread.is_alive() for thread in threads):
-        (progress or (lambda share: None))(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
+        progress(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
         time.sleep(_POLL_S)
     return [results[each.name] for each in places]
 
 
-def section_of(place: Place, **more: Any) -> AnySource:
+def section_of(place: Place) -> AnySource:
     """The place as a section of a configuration."""
-    section = {"name": place.name, "type": place.type, "channels": (), **place.settings, **more}
+    section = {"name": place.name, "type": place.type, "channels": (), **place.settings}
     source: AnySource = TypeAdapter(AnySource).validate_python(section)
     return source
 
@@ -94,9 +94,9 @@ def look_into(place: Place) -> Heard:
             place = replace(place, type="mavlink_file")
         elif head.startswith(b"SQLite format 3"):
             place = replace(place, type="mqtt_file")
-        count = sum(1 for _ in islice(_frames_of_log(place), _HEAD_FRAMES))
+        count = sum(1 for _ in islice(_received(place), _HEAD_FRAMES))
         expected = path.stat().st_size // _BYTES_A_FRAME
-        heard = Heard(place, lambda: _frames_of_log(place), count, expected)
+        heard = Heard(place, lambda: _received(place), count, expected)
     except SourceError as error:
         return Heard(place, problem=_in_words(error))
     except OSError as error:
@@ -104,23 +104,12 @@ def look_into(place: Place) -> Heard:
     return _with_system(heard)
 
 
-def _frames_of_log(place: Place) -> Iterator[Frame]:
-    source = make_source(section_of(place))
-    assert isinstance(source, LogReader)
-    source.open()
-    try:
-        while (block := source.read(0.0)) is not None:
-            yield from block
-    finally:
-        source.close()
-
-
 def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dict[str, Heard]) -> None:
     """One thread's work: it raises nothing."""
     try:
         found = _with_rate(place, until_s, stop) if place.type == "serial" else place
-        source = make_source(section_of(replace(found, type=_RAW_TYPES.get(found.type, found.type))))
-        frames = list(_received(source, until_s, stop))
+        raw = replace(found, type=_RAW_TYPES.get(found.type, found.type))
+        frames = list(islice(_received(raw, until_s, stop), _MOST_FRAMES))
     except SeatrialError as error:
         results[place.name] = Heard(place, problem=_in_words(error))
     except Exception as error:  # drivers raise what they like
@@ -134,15 +123,15 @@ def _in_words(error: SeatrialError) -> str:
     return f"{error.what}: {error.why}" if error.why else error.what
 
 
-def _received(source: Source, until_s: float, stop: threading.Event) -> Iterator[Frame]:
-    count = 0
+def _received(place: Place, until_s: float = inf, stop: threading.Event | None = None) -> Iterator[Frame]:
+    """The frames of a place as a source gives them, until the end of a log, a time [s] or a word to stop."""
+    source = make_source(section_of(place))
     source.open()
     try:
-        while time.monotonic() < until_s and not stop.is_set() and count < _MOST_FRAMES:
+        while time.monotonic() < until_s and not (stop and stop.is_set()):
             block = source.read(_POLL_S)
             if block is None:
                 return
-            count += len(block)
             yield from block
     finally:
         source.close()
@@ -153,13 +142,15 @@ def _with_rate(place: Place, until_s: float, stop: threading.Event) -> Place:
     if "baud_rate" in place.settings:
         return place
 
-    def read_at(rate: int) -> bytes:
-        section = section_of(replace(place, type="mavlink_serial"), baud_rate=rate)
-        look_until_s = min(time.monotonic() + LOOK_S, until_s)
-        return b"".join(frame.payload for frame in _received(make_source(section), look_until_s, stop))
+    def at(rate: int) -> Place:
+        return replace(place, settings={**place.settings, "baud_rate": rate})
 
-    rate = find_baud_rate(read_at)
-    return replace(place, settings={**place.settings, "baud_rate": rate})
+    def read_at(rate: int) -> bytes:
+        raw = replace(at(rate), type="mavlink_serial")
+        look_until_s = min(time.monotonic() + LOOK_S, until_s)
+        return b"".join(frame.payload for frame in _received(raw, look_until_s, stop))
+
+    return at(find_baud_rate(read_at))
 
 
 def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_RATES) -> int:
@@ -174,10 +165,8 @@ def find_baud_rate(read_at: Callable[[int], bytes], rates: Sequence[int] = BAUD_
         if max(_soundness([received])):
             return rate
     if came:
-        raise SourceError(
-            f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud",
-            fix="give the rate as /dev/ttyUSB0@RATE; check the polarity of the line",
-        )
+        fix = "give the rate as /dev/ttyUSB0@RATE; check the polarity of the line"
+        raise SourceError(f"bytes come, but make no sense at {', '.join(map(str, sorted(rates)))} baud", fix=fix)
     return rates[0]
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import cantools
@@ -289,9 +290,6 @@ def _inline(value: Any) -> str:
 
 def _comment(text: str, mark: str = "# ") -> str:
     """Text behind number signs, on as many lines as it takes; control characters are made visible."""
-    rows, plain = [""], "".join(each if each.isprintable() else "?" for each in text)
-    for word in plain.split(" "):
-        if rows[-1] and len(rows[-1]) + len(word) > _WIDTH - len(mark):
-            rows.append("")
-        rows[-1] += f" {word}" if rows[-1] else word
+    plain = "".join(each if each.isprintable() else "?" for each in text)
+    rows = wrap(plain, _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
     return "".join(f"{mark}{row}\n" for row in rows)

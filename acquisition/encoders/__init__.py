@@ -4,21 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
-from acquisition.config.sections import AnySource, CanSource, MavlinkLinks, MqttLinks
+from acquisition.config.sections import AnySource, CanSource, LineSource, MavlinkLinks, MqttLinks
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
+from acquisition.core.named_code import imported
+
+_PLACES: tuple[tuple[Any, str], ...] = (
+    (CanSource, "acquisition.encoders.can_frames:CanEncoder"),
+    (MavlinkLinks, "acquisition.encoders.mavlink:MavlinkEncoder"),
+    (MqttLinks, "acquisition.encoders.mqtt:MqttEncoder"),
+    (LineSource, "acquisition.encoders.nmea0183:Nmea0183Encoder"),
+)
+"""Imported when first used, like the decoders."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
     """What is sent at once: one CAN frame, one sentence with its line end, one datagram, or one MQTT message.
 
-    Of an MQTT message the payload is topic, zero byte and message, as in a frame.
-
-    ``carries`` names the channels whose values are in it.
+    ``payload`` is as in a frame; ``carries`` names the channels whose values are in it.
     """
 
     payload: bytes
@@ -42,9 +49,8 @@ class Moment:
     @property
     def fix_of(self) -> tuple[str, ...]:
         """The channels that travel in the fix."""
-        return (
-            () if self.latitude_deg is None else self.present("north_m", "east_m", "latitude_deg", "longitude_deg")
-        )
+        fix = "north_m", "east_m", "latitude_deg", "longitude_deg"
+        return () if self.latitude_deg is None else self.present(*fix)
 
     def present(self, *channels: str) -> tuple[str, ...]:
         """Those of ``channels`` that have a value now."""
@@ -62,18 +68,6 @@ def make_encoder(
     config: AnySource, actuators: Actuators = DEFAULT, known: Mapping[str, Channel] = BY_NAME
 ) -> Encoder:
     """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
-    if isinstance(config, CanSource):
-        from acquisition.encoders.can_frames import CanEncoder
-
-        return CanEncoder(config, actuators, known)
-    if isinstance(config, MavlinkLinks):
-        from acquisition.encoders.mavlink import MavlinkEncoder
-
-        return MavlinkEncoder(config, actuators, known)
-    if isinstance(config, MqttLinks):
-        from acquisition.encoders.mqtt import MqttEncoder
-
-        return MqttEncoder(config, actuators, known)
-    from acquisition.encoders.nmea0183 import Nmea0183Encoder
-
-    return Nmea0183Encoder(config.thrusters, actuators, announces=config.clock == "source")
+    place = next(place for kinds, place in _PLACES if isinstance(config, kinds))
+    encoder: Encoder = imported(place)(config, actuators, known)
+    return encoder

@@ -17,7 +17,6 @@ from nmea2000.message import NMEA2000Field, NMEA2000Message
 from acquisition.config.sections import CanSource
 from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import NANO
 from acquisition.core.units import DEG_PER_RAD, Linear
 from acquisition.decoders.clock import DAY_NS
@@ -31,7 +30,7 @@ _ADDRESS = 35
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanSource, actuators: Actuators, known: Mapping[str, Channel] = BY_NAME) -> None:
+    def __init__(self, config: CanSource, actuators: Actuators, known: Mapping[str, Channel]) -> None:
         self._rudders = rudder_channels(actuators)
         self._ratios = [
             (number, f"{name}_rpm", config.reduction_ratios[name])
@@ -42,7 +41,11 @@ class CanEncoder:
         self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
         self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, Linear]]]] = {}
         if config.dbc is not None:
-            self._load_signals(config, known)
+            database = load_dbc(config.dbc)
+            for channel, entry in config.signals.items():
+                message, signal = find_signal(database, entry, config.dbc)
+                step = entry.step_to(known[channel])
+                self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, step
 
     def encode(self, moment: Moment) -> list[Packet]:
         packets = self._system_time(moment) if self._announces else []
@@ -76,38 +79,21 @@ class CanEncoder:
                 packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
         return packets
 
-    def _load_signals(self, config: CanSource, known: Mapping[str, Channel]) -> None:
-        if config.dbc is None:
-            return
-        database = load_dbc(config.dbc)
-        for channel, entry in config.signals.items():
-            message, signal = find_signal(database, entry, config.dbc)
-            self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, entry.step_to(known[channel])
-
     def _system_time(self, moment: Moment) -> list[Packet]:
         days, rest_ns = divmod(moment.time_ns, DAY_NS)
-        fields = {
-            "source": "GPS",
-            "date": dt.date(1970, 1, 1) + dt.timedelta(days=days),
-            "time": rest_ns / NANO,
-        }
+        date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
+        fields = {"source": "GPS", "date": date, "time": rest_ns / NANO}
         return self._group(126992, "systemTime", fields, (), priority=3)
 
     def _group(
         self, group: int, name: str, fields: dict[str, Any], carries: tuple[str, ...], priority: int = 2
     ) -> list[Packet]:
         """One parameter group as frames; fields that are None go out as not available."""
+        given = [
+            NMEA2000Field(id=key, value=each, raw_value=each) for key, each in fields.items() if each is not None
+        ]
         message = NMEA2000Message(
-            PGN=group,
-            id=name,
-            source=_ADDRESS,
-            destination=255,
-            priority=priority,
-            fields=[
-                NMEA2000Field(id=key, value=value, raw_value=value)
-                for key, value in fields.items()
-                if value is not None
-            ],
+            PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=given
         )
         with _LIBRARY:
             first, *others = self._encoder.encode(message)

@@ -11,7 +11,6 @@ from acquisition.config.sections import MavlinkLinks
 from acquisition.core.actuators import Actuators, shafts
 from acquisition.core.angles import wrap_180
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
 from acquisition.core.kinematics import to_earth
 from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from acquisition.encoders import Moment, Packet
@@ -25,7 +24,7 @@ _UNKNOWN_COURSE = 65535
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators, known: Mapping[str, Channel] = BY_NAME) -> None:
+    def __init__(self, config: MavlinkLinks, actuators: Actuators, known: Mapping[str, Channel]) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named = {

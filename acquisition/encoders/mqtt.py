@@ -11,7 +11,6 @@ import orjson
 from acquisition.config.sections import MqttLinks, TopicValue
 from acquisition.core.actuators import Actuators
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import EPOCH, NANO
 from acquisition.core.units import DEGREES_AND_MINUTES, as_degrees_and_minutes
 from acquisition.encoders import Moment, Packet
@@ -35,9 +34,9 @@ def told(time_ns: int) -> str:
 class MqttEncoder:
     """What a source of MQTT would receive; sentences go to the first of its ``topics``, each by its name."""
 
-    def __init__(self, config: MqttLinks, actuators: Actuators, known: Mapping[str, Channel] = BY_NAME) -> None:
+    def __init__(self, config: MqttLinks, actuators: Actuators, known: Mapping[str, Channel]) -> None:
         self._values = {name: (entry, entry.step_to(known[name])) for name, entry in config.values.items()}
-        self._sentences = Nmea0183Encoder(config.thrusters, actuators, announces=False)
+        self._sentences = Nmea0183Encoder(config, actuators, known)
         self._topic = config.topics[0] if config.topics else None
 
     def encode(self, moment: Moment) -> list[Packet]:

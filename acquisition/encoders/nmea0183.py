@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from math import floor
 
-from acquisition.config.sections import Thrusters
+from acquisition.config.sections import LineSource, MqttLinks
 from acquisition.core.actuators import (
     Actuators,
     name_of_order,
@@ -15,6 +15,7 @@ from acquisition.core.actuators import (
     rudder_channels,
     shaft_numbers,
 )
+from acquisition.core.channel import Channel
 from acquisition.core.frames import EPOCH
 from acquisition.core.units import KNOT_MPS
 from acquisition.decoders.nmea0183 import checksum
@@ -42,11 +43,19 @@ def degrees_and_minutes(angle_deg: float, digits: int) -> str:
 
 
 class Nmea0183Encoder:
-    """GGA, HDT, ROT, VBW, MWD; the ship's actuators; ZDA first where the line announces the time."""
+    """GGA, HDT, ROT, VBW, MWD; the ship's actuators; ZDA first where the line announces the time.
 
-    def __init__(self, thrusters: Thrusters, actuators: Actuators, announces: bool) -> None:
-        self._announces = announces
-        self._machinery = MachineryEncoder(thrusters, actuators)
+    Of actuators RSA and ROR, RPM and PRC, TRD and TRC; TRC for TRD where the line takes orders for responses.
+    """
+
+    def __init__(self, config: LineSource | MqttLinks, actuators: Actuators, known: Mapping[str, Channel]) -> None:
+        self._announces = isinstance(config, LineSource) and config.clock == "source"
+        self._thrusters = config.thrusters.numbers
+        self._responses = "TRC" if config.thrusters.channels_from == "demand" else "TRD"
+        angles = rudder_channels(actuators)
+        self._rudders = tuple(reversed(angles)) if len(angles) <= 2 else ()
+        shafts = shaft_numbers(numbered_shafts(actuators))
+        self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
 
     def encode(self, moment: Moment) -> list[Packet]:
         packets = [Packet(sentence(_zda(moment.time_ns)))] if self._announces else []
@@ -55,31 +64,9 @@ class Nmea0183Encoder:
             packets.append(Packet(sentence(fix), carries=moment.fix_of))
         for channels, body in _NAVIGATION.items():
             packets += _said(moment, channels, body)
-        return packets + self._machinery.encode(moment)
+        return packets + self._machinery(moment)
 
-
-Body = Callable[..., str]
-"""A sentence's body from the values of channels, None for one that is not known."""
-
-
-def _said(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
-    """The sentence of some channels; none where no value of them is known."""
-    carries = moment.present(*channels)
-    return [Packet(sentence(body(*map(moment.values.get, channels))), carries=carries)] if carries else []
-
-
-class MachineryEncoder:
-    """RSA and ROR, RPM and PRC, TRD and TRC; TRC in place of TRD where the line takes orders for responses."""
-
-    def __init__(self, thrusters: Thrusters, actuators: Actuators) -> None:
-        self._thrusters = thrusters.numbers
-        self._responses = "TRC" if thrusters.channels_from == "demand" else "TRD"
-        angles = rudder_channels(actuators)
-        self._rudders = tuple(reversed(angles)) if len(angles) <= 2 else ()
-        shafts = shaft_numbers(numbered_shafts(actuators))
-        self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
-
-    def encode(self, moment: Moment) -> list[Packet]:
+    def _machinery(self, moment: Moment) -> list[Packet]:
         packets = _said(moment, self._rudders, partial(_rudders, "RSA"))
         packets += _said(moment, tuple(map(name_of_order, self._rudders)), partial(_rudders, "ROR"))
         for name, number in self._thrusters.items():
@@ -91,6 +78,16 @@ class MachineryEncoder:
             packets += _said(moment, pair, partial(_shaft, number))
             packets += _said(moment, tuple(map(name_of_order, pair)), partial(_shaft_order, number))
         return packets
+
+
+Body = Callable[..., str]
+"""A sentence's body from the values of channels, None for one that is not known."""
+
+
+def _said(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
+    """The sentence of some channels; none where no value of them is known."""
+    carries = moment.present(*channels)
+    return [Packet(sentence(body(*map(moment.values.get, channels))), carries=carries)] if carries else []
 
 
 def _rudders(kind: str, starboard_deg: float | None, port_deg: float | None = None) -> str:

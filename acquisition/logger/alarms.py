@@ -16,13 +16,12 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
-from types import TracebackType
 
 from acquisition.config.sections import AlarmSection
 from acquisition.core.errors import ConfigurationError
 from acquisition.logger.health import Health
 from acquisition.logger.host_clock import host_clock
-from acquisition.logger.receiver import Tell
+from acquisition.recording.parts import Tell
 
 _LOOK_EVERY_S = 1.0
 _CLOCK_EVERY_S = 30.0
@@ -67,10 +66,8 @@ class Alarm:
     def text(self, value: float) -> str:
         """What there is to say, for people."""
         rule = self.rule
-        limits = (
-            (word, limit) for word, limit in (("above", rule.above), ("below", rule.below)) if limit is not None
-        )
-        said = " or ".join(f"{word} {limit:g}" for word, limit in limits)
+        limits = {"above": rule.above, "below": rule.below}
+        said = " or ".join(f"{word} {limit:g}" for word, limit in limits.items() if limit is not None)
         return f"{rule.name}: {rule.figure} is {value:.4g}, {'' if self.raised else 'no more '}{said}"
 
 
@@ -88,9 +85,7 @@ class Alarms:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stopping.set()
         self._thread.join()
 
@@ -106,7 +101,6 @@ class Alarms:
         self._reap(time.monotonic())
 
     def look(self, figures: Mapping[str, float], now_s: float) -> None:
-        """Hold the figures against the rules."""
         for alarm in self._alarms:
             value = figures.get(alarm.rule.figure, math.nan)
             if alarm.look(value, now_s):
@@ -117,7 +111,7 @@ class Alarms:
         if alarm.raised:
             self._health.alarms[name] = text
             self._tell("error", f"ALARM {text}")
-            ring()
+            _ring()
         else:
             self._health.alarms.pop(name, None)
             self._tell("warning", f"alarm over: {text}")
@@ -158,7 +152,7 @@ class Alarms:
         self._commands = running
 
 
-def ring() -> None:
+def _ring() -> None:
     """The bell of the terminal, if there is one."""
     if sys.stderr.isatty():
         with suppress(OSError):

@@ -41,7 +41,8 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     copy, partial = folder / path.name, folder / f".{path.name}.part"
     if not folder.is_dir():
         raise StorageError("does not exist", where=str(folder), fix="mount the disk and make the folder")
-    _require_room(path, folder)
+    if path.exists() and free_bytes(folder)[0] < path.stat().st_size:
+        raise StorageError("cannot be written: the disk is full", where=str(copy), fix="make room on that disk")
     try:
         with path.open("rb") as source, partial.open("wb") as target:
             while piece := source.read(_PIECE_BYTES):
@@ -63,13 +64,6 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     if not sound:
         raise StorageError("reads back differently from what was written", where=str(copy), fix="check the disk")
     return copy
-
-
-def _require_room(path: Path, folder: Path) -> None:
-    if path.exists() and free_bytes(folder)[0] < path.stat().st_size:
-        raise StorageError(
-            "cannot be written: the disk is full", where=str(folder / path.name), fix="make room on that disk"
-        )
 
 
 def same(first: Path, second: Path, rest: Rest = lambda: None) -> bool:
@@ -95,11 +89,8 @@ def _digest(path: Path, rest: Rest) -> bytes:
 def require_other_folder(settings: CopiesSection, folder: Path) -> None:
     """Raise :class:`ConfigurationError` where the copies would be the recordings themselves."""
     if settings.folder.resolve() == folder.resolve():
-        raise ConfigurationError(
-            "is the folder of the recordings",
-            where=f"[copies] {settings.folder}",
-            fix="name a folder on another disk",
-        )
+        where, fix = f"[copies] {settings.folder}", "name a folder on another disk"
+        raise ConfigurationError("is the folder of the recordings", where=where, fix=fix)
 
 
 class _EndedError(Exception):
@@ -121,7 +112,6 @@ class Copies:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begin, in a thread."""
         self._thread = threading.Thread(target=self._work, name="copies", daemon=True)
         self._thread.start()
 
@@ -157,7 +147,11 @@ class Copies:
             finished = [path for path, size in sizes.items()
                         if path != current and (everything or self._sizes.get(path) == size)]  # fmt: skip
             self._sizes = sizes
-            self._copy([path for path in finished if not self._seems_copied(path)])
+            missing = [path for path in finished if not self._seems_copied(path)]
+            self.state.waiting = len(missing)
+            for path in missing:
+                copy_part(path, self._target, self._rest)
+                self.state.waiting -= 1
             self._make_room(finished, sum(sizes.values()))
         except OSError as error:
             if not self.state.trouble:
@@ -167,12 +161,6 @@ class Copies:
         if self.state.trouble:
             self.state.trouble = ""
             self._parts.tell("warning", f"copies to {self._target} go on; nothing is missing there")
-
-    def _copy(self, missing: list[Path]) -> None:
-        self.state.waiting = len(missing)
-        for path in missing:
-            copy_part(path, self._target, self._rest)
-            self.state.waiting -= 1
 
     def _seems_copied(self, path: Path) -> bool:
         copy = self._target / path.name

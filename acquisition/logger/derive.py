@@ -127,7 +127,9 @@ class Derivation:
         """Remember variation and heading; a magnetic heading becomes a true one, where that can be done."""
         if "magnetic_variation_deg" in group:
             self._variation_deg = group["magnetic_variation_deg"].value
-        heading = self._true_heading(group)
+        heading, magnetic = group.get("heading_deg"), group.get("heading_magnetic_deg")
+        if heading is None and magnetic is not None and self._variation_deg is not None:
+            heading = _derived(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
         if heading is not None:
             group["heading_deg"] = self._headings[_line(heading)] = heading
 
@@ -141,12 +143,6 @@ class Derivation:
                 turn_deg = mounting.wind_angle_deg
             turned_deg = (sample.value + turn_deg) % 360.0
             yield sample if turn_deg == 0.0 else _derived(sample, sample.quantity, turned_deg)
-
-    def _true_heading(self, group: Quantities) -> Sample | None:
-        magnetic = group.get("heading_magnetic_deg")
-        if "heading_deg" in group or magnetic is None or self._variation_deg is None:
-            return group.get("heading_deg")
-        return _derived(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
 
     def _heading_deg(self, sample: Sample) -> float | None:
         """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
@@ -190,10 +186,7 @@ class Derivation:
             return {}
         sample, north, east = found
         surge, sway = to_body(north, east, heading_deg)
-        return {
-            "surge_mps": _derived(sample, "surge_mps", surge),
-            "sway_mps": _derived(sample, "sway_mps", sway),
-        }
+        return {name: _derived(sample, name, each) for name, each in (("surge_mps", surge), ("sway_mps", sway))}
 
     def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
         """Velocity to north and east, as told or from course and speed."""

@@ -49,7 +49,8 @@ class Picture:
         now_ns = time.monotonic_ns()
         yield _header(self.health, now_ns)
         yield _second_line(self.health, self.marks)
-        more = [*_clock_and_copies(self.health), *_alarms(self.health)]
+        alarms = (_one_line((f"ALARM {text}", "bold white on red")) for text in tuple(self.health.alarms.values()))
+        more = [*_clock_and_copies(self.health), *alarms]
         yield from more
         yield _channel_table(self.health, self.expected, now_ns, options.max_width)
         yield _source_table(self.health, now_ns)
@@ -63,14 +64,10 @@ def _one_line(*parts: str | tuple[str, str]) -> Text:
 
 
 def _header(health: Health, now_ns: int) -> Text:
-    state = ("● REC ", "bold red")
-    if health.trouble:
-        state = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
-    return _one_line(
-        state,
-        (_clock((now_ns - health.started_ns) // NANO), "bold"),
-        f"  {health.samples:,} samples  {health.part}",
-    )
+    paused = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
+    state = paused if health.trouble else ("● REC ", "bold red")
+    recorded = (_clock((now_ns - health.started_ns) // NANO), "bold")
+    return _one_line(state, recorded, f"  {health.samples:,} samples  {health.part}")
 
 
 def _second_line(health: Health, marks: Mapping[str, str] | None) -> Text:
@@ -78,15 +75,10 @@ def _second_line(health: Health, marks: Mapping[str, str] | None) -> Text:
         return _one_line((health.trouble, "bold red"))
     keys = ", ".join([*(f"{key} {text}" for key, text in (marks or {}).items()), "m a mark"])
     return _one_line(
-        *_disk(health),
+        _disk(health),
         ("" if marks is None else f"  Ctrl-C ends; {keys}", "dim"),
         (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
     )
-
-
-def _alarms(health: Health) -> Iterator[Text]:
-    for text in tuple(health.alarms.values()):
-        yield _one_line((f"ALARM {text}", "bold white on red"))
 
 
 def _clock_and_copies(health: Health) -> Iterator[Text]:
@@ -101,15 +93,14 @@ def _clock_and_copies(health: Health) -> Iterator[Text]:
         yield _one_line(*parts)
 
 
-def _disk(health: Health) -> tuple[tuple[str, str], ...]:
+def _disk(health: Health) -> tuple[str, str]:
     if health.free_bytes is None:
-        return (("disk ?", "yellow"),)
-    left_s = health.seconds_left
-    short = left_s is not None and left_s < _LITTLE_TIME_S
-    text = f"disk {health.free_bytes / 1e9:.1f} GB left"
-    if left_s is not None:
-        text += f", {_lasts(left_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
-    return ((text, "bold red" if short else "green"),)
+        return "disk ?", "yellow"
+    text, left_s = f"disk {health.free_bytes / 1e9:.1f} GB left", health.seconds_left
+    if left_s is None:
+        return text, "green"
+    text += f", {_lasts(left_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
+    return text, "bold red" if left_s < _LITTLE_TIME_S else "green"
 
 
 def _lasts(seconds: float) -> str:
@@ -152,16 +143,9 @@ def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tupl
         return "–", "–", "–", "–", _one_line((text, style))
     grade = channel.grade(now_ns)
     wanted_hz = channel.wanted_hz(now_ns)
-    rates = (
-        f"{channel.rate_hz(now_ns):.1f}/{wanted_hz:.1f} Hz" if wanted_hz else f"{channel.rate_hz(now_ns):.1f} Hz"
-    )
-    return (
-        f"{channel.value:.3f}",
-        rates,
-        f"{channel.age_s(now_ns):.1f}",
-        Text(grade, _GRADE_STYLES[grade]),
-        _one_line(channel.source),
-    )
+    rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
+    shown = Text(grade, _GRADE_STYLES[grade])
+    return f"{channel.value:.3f}", rates, f"{channel.age_s(now_ns):.1f}", shown, _one_line(channel.source)
 
 
 def _source_table(health: Health, now_ns: int) -> Table:
@@ -205,11 +189,6 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
     )
 
 
-def missing_channels(health: Health, expected: frozenset[str]) -> list[str]:
-    """Channels that a source was to provide and of which nothing came."""
-    return [name for name in health.names if name in expected and health.channels[name].count == 0]
-
-
 def preflight_table(found: PreflightReport) -> Group:
     """The channels and what is wrong with them; then what was told while listening, and the room on the disk."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
@@ -227,15 +206,10 @@ def preflight_table(found: PreflightReport) -> Group:
 
 
 def _row(channel: ChannelReport) -> tuple[str | Text, ...]:
-    good = not channel.problem
-    return (
-        Text("✓", "green") if good else Text("✗", "bold red"),
-        channel.name,
-        f"{channel.rate_hz:.1f}" if channel.value is not None else "–",
-        f"{channel.value:.3f}" if channel.value is not None else "–",
-        channel.unit,
-        Text(channel.source, "dim") if good else Text(channel.problem, "red"),
-    )
+    good = Text("✗", "bold red") if channel.problem else Text("✓", "green")
+    rate, value = ("–", "–") if channel.value is None else (f"{channel.rate_hz:.1f}", f"{channel.value:.3f}")
+    source = Text(channel.problem, "red") if channel.problem else Text(channel.source, "dim")
+    return good, channel.name, rate, value, channel.unit, source
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,14 +12,11 @@ from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 from acquisition.logger.maintenance import NEW_PART_NS
 from acquisition.logger.requests import RecorderState, running_recorders
+from acquisition.recording.parts import Tell
 from acquisition.recording.tail import Tail
 
 _QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
 _ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end
-_OFFSET = "utc_minus_monotonic_ns"
-
-Tell = Callable[[str, str], None]
-"""Somebody who wants to know whom we follow: level, text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +69,8 @@ class Follower:
     @property
     def utc_ns(self) -> int:
         """This moment by the clock of the recording [ns]: the host's clock as the part's beginning found it."""
-        clock = self._tail.metadata.get("clock", {}) if self._tail is not None else {}
-        with suppress(KeyError, ValueError):
-            return time.monotonic_ns() + int(clock[_OFFSET])
-        return time.time_ns()
+        offset_ns = None if self._tail is None else _offset_ns(self._tail)
+        return time.time_ns() if offset_ns is None else time.monotonic_ns() + offset_ns
 
     @property
     def path(self) -> Path | None:
@@ -97,7 +91,6 @@ class Follower:
         return NewSamples()
 
     def close(self) -> None:
-        """Let go of the file."""
         if self._tail is not None:
             self._tail.close()
 
@@ -113,7 +106,6 @@ class Follower:
         return [samples] if samples else []
 
     def _go_on(self) -> NewSamples:
-        """Ask who records what, and go on with that."""
         found = running_recorders(self._folder)
         self.recorder = choose_recorder(found, self._name, self._configuration)
         if self.recorder is None:
@@ -152,11 +144,14 @@ class Follower:
 
 
 def _follows(part: Tail, before: Tail) -> bool:
-    """Whether a part goes on where another ended: the same recording and the same clock."""
+    """Whether a part goes on where another ended: the same recording and, as far as they tell, the same clock."""
     if part.metadata.get("part", {}).get("follows") != before.path.name:
         return False
-    try:
-        offsets = [int(each.metadata["clock"][_OFFSET]) for each in (part, before)]
-    except (KeyError, ValueError):
-        return True
-    return abs(offsets[0] - offsets[1]) < NEW_PART_NS
+    ours_ns, theirs_ns = _offset_ns(part), _offset_ns(before)
+    return ours_ns is None or theirs_ns is None or abs(ours_ns - theirs_ns) < NEW_PART_NS
+
+
+def _offset_ns(part: Tail) -> int | None:
+    with suppress(KeyError, ValueError):
+        return int(part.metadata["clock"]["utc_minus_monotonic_ns"])
+    return None

@@ -54,7 +54,6 @@ class SourceHealth:
         return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
 
     def count_in(self, frames: int, monotonic_ns: int) -> None:
-        """That many frames came."""
         self.frames += frames
         self.last_ns = monotonic_ns
 
@@ -88,7 +87,6 @@ class ChannelHealth:
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=2000))
 
     def count_in(self, sample: Sample) -> None:
-        """A sample of this channel was recorded."""
         self.count += 1
         self.value, self.source = sample.value, sample.source
         self.times_ns.append(sample.monotonic_ns)
@@ -161,7 +159,6 @@ class Health:
         self.channels = {name: ChannelHealth() for name in self.names} | self.channels
 
     def count_in(self, sample: Sample) -> None:
-        """A sample was recorded."""
         self.samples += 1
         channel = self.channels.get(sample.quantity)
         if channel is None:

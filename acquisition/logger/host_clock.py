@@ -48,7 +48,6 @@ class HostClock:
         return self.state.startswith("kept")
 
     def as_message(self) -> dict[str, Any]:
-        """The body of a ``/health`` message."""
         known = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
         said = {key: value for key, value in known.items() if value is not None}
         return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **said}

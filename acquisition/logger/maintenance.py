@@ -8,13 +8,12 @@ are followed slowly; a step is told, and the next part of the recording takes th
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Frame, now_ns
 from acquisition.logger.health import SILENT_NS, Health
 from acquisition.logger.host_clock import kernel_state
-from acquisition.recording.parts import RecordingParts
+from acquisition.recording.parts import RecordingParts, Tell
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
 NEW_PART_NS = 1_000_000_000
@@ -24,21 +23,15 @@ TICK_S = 0.05
 """How late the recorder may look at the clock; flush and sync come so much earlier."""
 _HEALTH_EVERY_S = 1.0
 _GROWTH_SHARE = 0.1  # of the newest second in the mean rate of growth
-Note = Callable[[str, str], None]
 
 
 class Timescale:
-    """UTC from the monotonic clock: ``utc = monotonic + offset_ns``."""
+    """UTC from the monotonic clock, ``utc = monotonic + offset_ns``, beginning with the wall clock as given."""
 
     def __init__(self, wall_ns: int, monotonic_ns: int) -> None:
         self.offset_ns = wall_ns - monotonic_ns
         self._wall_offset_ns = self.offset_ns
         self._followed_ns = monotonic_ns
-
-    @classmethod
-    def of_now(cls) -> Timescale:
-        """The time scale that begins with the wall clock as it is."""
-        return cls(*now_ns())
 
     def utc_ns(self, monotonic_ns: int) -> int:
         """The recording's UTC at a moment of the monotonic clock [ns]."""
@@ -83,18 +76,17 @@ def clock_metadata(scale: Timescale) -> dict[str, str]:
 
 
 class Maintenance:
-    """The chores of one recording; call :meth:`due` every :data:`TICK_S` or so, from the recorder's thread."""
+    """What one recording does by the clock; :meth:`tick` wants to be called every :data:`TICK_S` or so."""
 
     def __init__(
-        self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Note
+        self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Tell
     ) -> None:
         self._settings, self._parts, self._health, self._scale, self._note = settings, parts, health, scale, note
         self._flushed_s = self._synced_s = self._reported_s = time.monotonic()
         self._silent: dict[str, int] = {}
-        self._written_bytes = 0.0
+        self._written_bytes = 0
 
-    def due(self) -> None:
-        """Do what is due now."""
+    def tick(self) -> None:
         now_s = time.monotonic()
         self._look_at_the_clock()
         self._parts.tick(now_s)
@@ -122,20 +114,17 @@ class Maintenance:
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
-    def report_sources(self) -> None:
-        """Say the state of each source once more, when nothing more comes."""
-        self._tell_health(time.monotonic_ns())
-
     def _report(self, now_s: float) -> None:
-        now = time.monotonic_ns()
-        self._listen(now)
+        self._listen(time.monotonic_ns())
         self._watch_the_disk(now_s - self._reported_s)
         self._reported_s = now_s
-        self._tell_health(now)
+        self.report_sources()
 
-    def _tell_health(self, now: int) -> None:
+    def report_sources(self) -> None:
+        """Record the state of each source and of the computer's clock."""
         if self._parts.paused:
             return
+        now = time.monotonic_ns()
         for source in self._health.sources.values():
             self._parts.write_health(source.as_message(now), self._scale.utc_ns(now))
         if self._health.clock.state != "unknown":
@@ -154,13 +143,8 @@ class Maintenance:
                 self._note("warning", f"source {source.name!r} is heard again after {gap_s:.1f} s")
 
     def _watch_the_disk(self, since_s: float) -> None:
-        written = float(self._parts.written_bytes)
-        rate = (written - self._written_bytes) / max(since_s, 1e-3)
-        self._written_bytes = written
-        health = self._health
+        health, parts = self._health, self._parts
+        rate = (parts.written_bytes - self._written_bytes) / max(since_s, 1e-3)
+        self._written_bytes = parts.written_bytes
         health.bytes_per_s += _GROWTH_SHARE * (rate - health.bytes_per_s) if health.bytes_per_s else rate
-        health.free_bytes, health.trouble, health.part = (
-            self._parts.room_bytes,
-            self._parts.trouble,
-            self._parts.path.name,
-        )
+        health.free_bytes, health.trouble, health.part = parts.room_bytes, parts.trouble, parts.path.name

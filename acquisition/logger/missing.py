@@ -15,7 +15,7 @@ from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
 from acquisition.logger.redecode import own_configuration
-from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, Tally, is_makers_own, survey_of_recording
+from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, is_makers_own, survey_of_recording
 
 LOOKED_AT = 10_000
 """Frames of a recording from which its summary says why something is missing: some seconds of a busy bus."""
@@ -132,16 +132,10 @@ def why_missing(name: str, survey: Survey) -> str:
 
 def what_comes(name: str, survey: Survey) -> str:
     """What comes that a channel could be made of, and why it is not; empty where nothing does."""
-    return _not_listed(name, survey) or _not_derived(name, survey) or _refused(name, survey)
-
-
-def _not_listed(name: str, survey: Survey) -> str:
-    """It comes, on a line that is not to provide it."""
-    labels = survey.quantities.get(name, {})
-    if not labels:
-        return ""
-    line = label_parts(next(iter(labels)))[0]
-    return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
+    if labels := survey.quantities.get(name):  # on a line that is not to provide it
+        line = label_parts(next(iter(labels)))[0]
+        return f"{_messages(labels)} comes: add {name} to the channels of source {line!r}"
+    return _not_derived(name, survey) or _refused(name, survey)
 
 
 def _not_derived(name: str, survey: Survey) -> str:
@@ -150,15 +144,13 @@ def _not_derived(name: str, survey: Survey) -> str:
         labels = survey.quantities.get(recipe.of, {})
         if name not in recipe.channels or not labels:
             continue
-        lacking = [each for each in recipe.needs if not _comes(each, survey)]
-        if lacking:
-            return f"{_messages(labels)} comes, but no {_words(lacking[0])}: {_remedy(lacking[0], survey)}"
+        lacking = next((each for each in recipe.needs if not _comes(each, survey)), None)
+        if lacking is not None:
+            return f"{_messages(labels)} comes, but no {_words(lacking)}: {_remedy(lacking, survey)}"
         slowest = max(recipe.needs, key=lambda each: _interval_s(each, survey))
-        if _interval_s(slowest, survey) > _FRESH_S:
-            return (
-                f"{_messages(labels)} comes, but {_words(slowest)} only every {_interval_s(slowest, survey):.0f} s:"
-                f" at most {_FRESH_S} s old it serves"
-            )
+        if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
+            every = f"{_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+            return f"{_messages(labels)} comes, but {every}"
     return ""
 
 
@@ -188,19 +180,13 @@ def _refused(name: str, survey: Survey) -> str:
     """A message that could carry it comes, but there is nothing to take from it."""
     could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
     for kind, tally in sorted(could.items(), key=lambda each: -each[1].count):
-        reason = _reason(kind, tally)
+        reason = _UNREAD.get(kind.name, "")
+        for why, _ in tally.refused.most_common(1):
+            reason = _REMEDIES.get(why, f"but is refused: {why}")
         if reason:
             what = kind.device if kind.name == TOPIC_VALUE else kind.name
             return f"{what} comes, {reason}" if reason.startswith(("but", "without")) else f"{what} {reason}"
     return ""
-
-
-def _reason(kind: Kind, tally: Tally) -> str:
-    """Why a message gives nothing, in words; empty where it gives all that it says."""
-    if tally.refused:
-        reason, _ = tally.refused.most_common(1)[0]
-        return _REMEDIES.get(reason, f"but is refused: {reason}")
-    return _UNREAD.get(kind.name, "")
 
 
 def _can_carry(what: Kind, name: str, survey: Survey) -> bool:
@@ -229,11 +215,9 @@ def sources_of(name: str, survey: Survey) -> set[str]:
 
 def _nothing(name: str, survey: Survey) -> str:
     """Nothing that comes could carry it, or nothing comes at all."""
-    silent = [each.name for each in survey.health.sources.values() if not each.frames]
-    providers = [each.name for each in survey.config.sources if name in each.channels]
-    for provider in providers:
-        if provider in silent:
-            return f"nothing at all comes from {provider!r}"
+    for source in survey.config.sources:
+        if name in source.channels and not survey.health.sources[source.name].frames:
+            return f"nothing at all comes from {source.name!r}"
     if topics := _topics(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
     carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
@@ -241,13 +225,13 @@ def _nothing(name: str, survey: Survey) -> str:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
     if origins := _origins(name, survey):
         return f"nothing that comes carries it: {', '.join(origins)} would"
-    own = ", ".join(sorted({kind.name for kind in survey.kinds if _is_own(kind.name)})[:_MOST_NAMED])
-    frames = f"the maker's own frames ({own})" if own else "the maker's own frames"
+    names = {kind.name for kind in survey.kinds}
+    own = {each for each in names if each.startswith("0x") or (each.isdigit() and is_makers_own(int(each)))}
+    frames = "the maker's own frames" + (f" ({', '.join(sorted(own)[:_MOST_NAMED])})" if own else "")
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
 def _topics(name: str, survey: Survey) -> list[str]:
-    """The MQTT topics that are said to carry a channel."""
     sources = (each for each in survey.config.sources if isinstance(each, MqttLinks))
     return [
         each.values[name].topic
@@ -271,11 +255,6 @@ def message_of(origin: Origin) -> str:
     return origin.message if isinstance(origin, MavlinkField) else "XDR"
 
 
-def _is_own(name: str) -> bool:
-    """Whether a message is a proprietary group of NMEA 2000, or a frame of another bus."""
-    return name.startswith("0x") or (name.isdigit() and is_makers_own(int(name)))
-
-
 def _messages(labels: Iterable[str]) -> str:
     """The messages in labels of sources, the most frequent first."""
     return " and ".join(list(Counter(label_parts(each)[2][0] for each in labels))[:2])
@@ -283,9 +262,5 @@ def _messages(labels: Iterable[str]) -> str:
 
 def _words(quantity: str) -> str:
     """A quantity for people: ``magnetic_variation_deg`` is the variation."""
-    known = {
-        "magnetic_variation_deg": "variation",
-        "surge_mps": "speed over ground",
-        "sway_mps": "speed over ground",
-    }
+    known = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
     return known.get(quantity, quantity.rpartition("_")[0].replace("_", " "))

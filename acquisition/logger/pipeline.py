@@ -1,9 +1,8 @@
 """Source -> inbox -> decode -> derive -> select -> record: the only place with threads.
 
 One thread a source does nothing but receive (``receiver.py``), so that a slow disk never delays reception; one
-thread does the rest. An inbox that is full drops frames by number, never silently. No thread ends without a
-word: what a receiver cannot cope with counts as a failed source, what the recorder's thread cannot cope with is
-raised by :meth:`Recorder.stop`.
+thread does the rest. An inbox that is full drops frames by number, never silently. What a receiver cannot cope
+with counts as a failed source, what the recorder's thread cannot cope with is raised by :meth:`Recorder.stop`.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import time
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.errors import SourceError
+from acquisition.core.frames import now_ns
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.maintenance import Maintenance, Timescale
 from acquisition.logger.predictions import Predictions
@@ -23,8 +23,8 @@ from acquisition.recording.parts import RecordingParts
 from acquisition.sources import make_source
 
 _LOOK_S = 0.01
-_COME_BY_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
-_LONGEST_CHORE_S = 20.0  # a memory card may take its time
+_POLL_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
+_LONGEST_TICK_S = 20.0  # a memory card may take its time
 _LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from being closed
 
 
@@ -59,7 +59,7 @@ class Recorder:
         self._config = config
         self._parts = parts
         self.health = health_of(config)
-        self._scale = scale or Timescale.of_now()
+        self._scale = scale or Timescale(*now_ns())
         self._processing = FrameProcessor(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
@@ -76,23 +76,15 @@ class Recorder:
 
         Raises :class:`SourceError` if not a single one can be opened.
         """
+        shared = self._inbox, self._stopping, self.tell
         receivers = [
-            Receiver(
-                make_source(each),
-                self.health.sources[each.name],
-                self._inbox,
-                self._stopping,
-                self.tell,
-                each.budget_kb_s * 1e3,
-            )
+            Receiver(make_source(each), self.health.sources[each.name], *shared, each.budget_kb_s * 1e3)
             for each in self._config.sources
         ]
         for receiver in receivers:
-            thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
-            self._threads.append(thread)
-            thread.start()
-        error = _none_opened(receivers)
-        if error is not None:
+            self._threads.append(threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True))
+            self._threads[-1].start()
+        if (error := _none_opened(receivers)) is not None:
             self._stopping.set()
             raise error
         self._worker.start()
@@ -104,8 +96,8 @@ class Recorder:
 
     @property
     def alive(self) -> bool:
-        """Whether the recorder's thread has done its chores of late: what a watchdog wants to know."""
-        return time.monotonic_ns() - self.health.worked_ns < _LONGEST_CHORE_S * 1e9
+        """Whether the recorder's thread has come round of late: what a watchdog wants to know."""
+        return time.monotonic_ns() - self.health.worked_ns < _LONGEST_TICK_S * 1e9
 
     def stop(self) -> None:
         """Stop receiving, record what was received, and raise what broke the recording, if anything did."""
@@ -142,7 +134,7 @@ class Recorder:
             self._stopping.set()
 
     def _drain(self) -> None:
-        chores = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
+        maintenance = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
         while True:
             finished = self._all_received.is_set()
             if finished and self._parts.paused:
@@ -153,14 +145,14 @@ class Recorder:
                 self._processing.process(self._scale.stamp(frame))
             self._note_texts()
             self._note_predictions()
-            chores.due()
+            maintenance.tick()
             self.health.worked_ns = time.monotonic_ns()
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
-                chores.report_sources()
+                maintenance.report_sources()
                 return
             if self._parts.paused or not len(self._inbox):
-                time.sleep(_COME_BY_S)
+                time.sleep(_POLL_S)
 
     def _note(self, level: str, text: str) -> None:
         """Put an event into the part that is being written, at once; for the recorder's thread only."""

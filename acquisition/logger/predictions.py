@@ -53,9 +53,8 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
     if isinstance(value, list):
         if len(value) > schema["maxItems"]:
             return f"{name} has more than {schema['maxItems']} items"
-        return next(
-            (text for each in value if (text := schema_violation(each, schema["items"], f"an item of {name}"))), ""
-        )
+        texts = (schema_violation(each, schema["items"], f"an item of {name}") for each in value)
+        return next(filter(None, texts), "")
     if isinstance(value, str) and len(value) > schema["maxLength"]:
         return f"{name} has more than {schema['maxLength']} letters"
     return ""
@@ -63,9 +62,8 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
 
 def _misfit_of_object(value: dict[str, Any], schema: Mapping[str, Any], name: str) -> str:
     properties = schema["properties"]
-    for key in schema["required"]:
-        if key not in value:
-            return f"{key} is missing"
+    if missing := [key for key in schema["required"] if key not in value]:
+        return f"{missing[0]} is missing"
     for key, each in value.items():
         if key not in properties:
             return f"{name} has an unknown {key[:40]!r}"
@@ -83,9 +81,8 @@ def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
     if text:
         raise InputError("is no prediction that can be recorded", why=text)
     drawn = encode(PREDICTED_TRACK_TOPIC, {"geojson": geojson}) if geojson else b""
-    return RecordedPrediction(
-        time.monotonic_ns(), round(body["start"] * 1e9), encode(PREDICTION_TOPIC, body), drawn
-    )
+    start_ns = round(body["start"] * 1e9)
+    return RecordedPrediction(time.monotonic_ns(), start_ns, encode(PREDICTION_TOPIC, body), drawn)
 
 
 def _misfit_of_track(track: Mapping[str, list[float]]) -> str:
@@ -117,7 +114,6 @@ class Predictions:
         return ""
 
     def take(self) -> list[RecordedPrediction]:
-        """Those that wait."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def _has_room(self) -> bool:

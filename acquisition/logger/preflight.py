@@ -62,7 +62,6 @@ class PreflightReport:
         return missing + ([self.disk_problem] if self.disk_problem else [])
 
     def as_json(self) -> dict[str, Any]:
-        """The check as an object of JSON's kinds."""
         return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
 
 

@@ -86,8 +86,6 @@ class FrameProcessor:
         self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
         self._variation: Sample | None = None
         self._contradict: set[str] = set()
-        self._seeks_origin = config.trial.origin is None
-        self._in_storm: set[str] = set()
         self._allowances = {each.name: _Allowance() for each in config.sources}
 
     def mute_clocks(self, origin: str) -> None:
@@ -99,8 +97,7 @@ class FrameProcessor:
     def process(self, frame: Frame) -> None:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)
-        if self._in_storm:
-            self._end_storm(frame)
+        self._end_storm(frame)
         if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
             return
         health = self._health.sources[frame.origin]
@@ -164,22 +161,19 @@ class FrameProcessor:
                 has_position = has_position or sample.quantity in POSITION
         if has_position:
             self._record_position({each.quantity: each for each in samples})
-        if self._seeks_origin and self._derivation.origin is not None:
+        if self._trial.origin is None and self._derivation.origin is not None:
             self._keep_origin(*self._derivation.origin, frame.received_ns)
 
     def _record_position(self, samples: dict[str, Sample]) -> None:
         """The fix for the map, from the source that the position channels come from."""
         latitude, longitude = samples.get("latitude_deg"), samples.get("longitude_deg")
         if latitude is not None and longitude is not None:
-            fix, times = (
-                self._fixes.get(sensor_of(latitude.source), Fix()),
-                (latitude.received_ns, latitude.measured_ns),
-            )
+            fix = self._fixes.get(sensor_of(latitude.source), Fix())
+            times = latitude.received_ns, latitude.measured_ns
             self._writer.write_position(latitude.value, longitude.value, *times, fix)
 
     def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:
         """The first fix became the origin: the recording must say so."""
-        self._seeks_origin = False
         self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
         self._writer.write_trial(self._trial)
         text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
@@ -189,14 +183,11 @@ class FrameProcessor:
         """Note what decoding told, within what a source may tell: rubbish can look like news without end."""
         if self._allowances[frame.origin].allows(frame.monotonic_ns):
             self.note(text, frame.received_ns, level, DECODED)
-        else:
-            self._in_storm.add(frame.origin)
 
     def _end_storm(self, frame: Frame) -> None:
         """Once the source may tell something again: how much it could not."""
         allowance = self._allowances[frame.origin]
-        if frame.origin in self._in_storm and frame.monotonic_ns >= allowance.until_ns:
-            self._in_storm.remove(frame.origin)
+        if allowance.left_out and frame.monotonic_ns >= allowance.until_ns:
             text = f"{frame.origin}: {allowance.left_out:,} more events were left out"
             self.note(text, frame.received_ns, "warning", DECODED)
             allowance.left_out = 0

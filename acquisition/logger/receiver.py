@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from operator import attrgetter
 
 from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.health import SourceHealth
+from acquisition.recording.parts import Tell
 from acquisition.sources import Source
 from acquisition.sources.sockets import Senders
 
@@ -26,15 +27,12 @@ _RECORD_BYTES = 60  # what a frame's record takes beside its bytes, about
 _LEISURE_S = 0.01
 _OVER_BUDGET = "over its budget of {:,.0f} kB/s by {{:,}} frames"
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
-Tell = Callable[[str, str], None]
-"""Somebody who puts (level, text) into the recording's event log; called from any thread."""
 
 
 class Inbox:
     """Frames that wait to be recorded: one writer thread a source, one reader thread for all.
 
-    Nobody is woken: the reader comes by often enough, and a thread that is woken for every frame would cost more
-    than the frame.
+    Nobody is woken: the reader comes by often enough, and to wake a thread would cost more than the frame.
     """
 
     def __init__(self, sources: Iterable[str], share: int) -> None:
@@ -82,7 +80,7 @@ class Budget:
 
 
 class Receiver:
-    """What one thread does for one source until ``stopping`` is set. It raises nothing."""
+    """What one thread does for one source until ``stopping`` is set; ``tell`` takes events. It raises nothing."""
 
     def __init__(
         self,
@@ -194,7 +192,6 @@ class Receiver:
         self._back_off_s = POLL_S
 
     def close(self) -> None:
-        """Let go of the source."""
         try:
             self.source.close()
         except Exception as error:  # a cable that was pulled may refuse even this
@@ -242,7 +239,6 @@ class Receiver:
         self._health.state = "failed"
 
     def _open_later(self) -> None:
-        """Wait and try again; the next wait is twice as long."""
         if self._stopping.wait(self._back_off_s):
             return
         self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)

@@ -19,26 +19,25 @@ from pathlib import Path
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
-from acquisition.core.frames import NANO, Frame, iso
+from acquisition.core.frames import NANO, Frame, iso, now_ns
 from acquisition.decoders import BAD_DATA
 from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
 from acquisition.logger.display import Picture, mark_on_keys, status
 from acquisition.logger.health import Health, SourceHealth
-from acquisition.logger.live_view import LiveView
 from acquisition.logger.maintenance import Timescale, clock_metadata
 from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.logger.status_page import StatusPage
 from acquisition.logger.supervision import LOG, LogFormat, log_to, notify
+from acquisition.logger.viewers import LiveView, StatusPage
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source
 
 _LOOK_S = 0.05
 _REDRAW_PER_S = 4.0
 _WATCHDOG_EVERY_S = 1.0
-_CHORES_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
+_TICK_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
 _TELL_EVERY_S = 5.0
 _POLL_S = 0.2
 _WITHOUT_TIMES = (
@@ -75,7 +74,7 @@ def _record_live(
     if config.copies is not None:
         require_other_folder(config.copies, folder)
     check_alarms(config.alarms, health_of(config))
-    scale = Timescale.of_now()
+    scale = Timescale(*now_ns())
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     copies = None if config.copies is None else Copies(config.copies, folder, config.trial.name, parts)
@@ -120,7 +119,6 @@ def _record_live(
 
 
 def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
-    """What other programs may know of this recording."""
     return RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
@@ -142,7 +140,7 @@ def _record_files(
         stack.callback(parts.close)
         try:
             LOG.info("recording to %s", parts.path)
-            record_log_files(config, parts, health, duration_s, stop)
+            _read_log_files(config, parts, health, duration_s, stop)
         except (ConfigurationError, SourceError):
             if not any(source.frames for source in health.sources.values()):
                 stack.pop_all()
@@ -174,31 +172,20 @@ def _with(stack: ExitStack, extra: AbstractContextManager[object], recorder: Rec
 
 @contextmanager
 def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
-    """The live table, on a terminal."""
     if not sys.stderr.isatty():
         yield
         return
     from rich.console import Console
     from rich.live import Live
 
-    with (
-        mark_on_keys(recorder.mark, picture.marks or {}),
-        Live(
-            picture,
-            console=Console(stderr=True),
-            refresh_per_second=_REDRAW_PER_S,
-            screen=True,  # a window that is resized leaves no ruins, and the terminal comes back as it was
-        ),
-    ):
+    # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
+    live = Live(picture, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 
 
-def record_log_files(
-    config: TrialConfig,
-    parts: RecordingParts,
-    health: Health,
-    duration_s: float | None = None,
-    stop: threading.Event | None = None,
+def _read_log_files(
+    config: TrialConfig, parts: RecordingParts, health: Health, duration_s: float | None, stop: threading.Event
 ) -> None:
     """Everything in the configuration's log files, merged by time, until their end.
 
@@ -209,7 +196,7 @@ def record_log_files(
         for source in sources:
             source.open()
             stack.callback(source.close)
-        reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop or threading.Event())
+        reading = _Reading(FrameProcessor(config, parts, health), parts, health, stop)
         frames = heapq.merge(*(reading.frames(source) for source in sources), key=attrgetter("received_ns"))
         reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
@@ -265,8 +252,8 @@ class _Reading:
             self._processing.process(frame)
             if abs(self.now_ns - self._reported_ns) >= NANO:
                 self.report_sources()
-            if number % _CHORES_EVERY == _CHORES_EVERY - 1:
-                self._do_chores(number + 1)
+            if number % _TICK_EVERY == _TICK_EVERY - 1:
+                self._tick(number + 1)
 
     def report_sources(self) -> None:
         """Record the state of each source, at the time that the logs have come to."""
@@ -279,7 +266,9 @@ class _Reading:
         seen = self._health.sources[source.name]
         while (block := source.read(0.0)) is not None:
             if block:
-                if not seen.frames and not _has_times(source, block):
+                # Times since its beginning bear no stamp, but keep the frames' distances.
+                timed = any(each.stamped_ns is not None for each in block) or getattr(source, "timed", False)
+                if not seen.frames and not timed:
                     self._untimed.append(source.name)
                     self._processing.mute_clocks(source.name)
                 for frame in block:
@@ -287,7 +276,7 @@ class _Reading:
                     yield frame
         seen.state = "ended"
 
-    def _do_chores(self, frames: int) -> None:
+    def _tick(self, frames: int) -> None:
         self._parts.sync()
         self._parts.tick(time.monotonic())
         while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
@@ -295,8 +284,3 @@ class _Reading:
         if time.monotonic() - self._told_s >= _TELL_EVERY_S:
             LOG.info("%s frames, up to %s", f"{frames:,}", iso(self.now_ns))
             self._told_s = time.monotonic()
-
-
-def _has_times(source: Source, block: list[Frame]) -> bool:
-    """Whether a log tells times; those since its beginning bear no stamp, but keep the frames' distances."""
-    return any(frame.stamped_ns is not None for frame in block) or getattr(source, "timed", False)

@@ -18,7 +18,6 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
-from acquisition.core.trial import Trial
 from acquisition.logger.health import Health
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import DECODED, FrameProcessor
@@ -70,30 +69,23 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
     next(iter(stream), None)
     text = stream.attachments.get(CONFIGURATION)
     if text is None:
-        raise InputError(
-            "contains no configuration",
-            where=str(path),
-            fix="give one with --config, as `seatrial record` takes it",
-        )
+        fix = "give one with --config, as `seatrial record` takes it"
+        raise InputError("contains no configuration", where=str(path), fix=fix)
     files: dict[str, Path] = {}
     packs: dict[str, str] = {}
-    for name, data in stream.attachments.items():
-        if name.endswith(".dbc"):
-            files[name.removesuffix(".dbc")] = scratch / f"{len(files)}.dbc"
-            files[name.removesuffix(".dbc")].write_bytes(data)
-        elif name.endswith(PACK_ENDING):
-            packs[name.removesuffix(PACK_ENDING)] = data.decode("utf-8", "replace")
+    for attachment, data in stream.attachments.items():
+        name, dot, ending = attachment.rpartition(".")
+        if ending == "dbc":
+            files[name] = scratch / f"{len(files)}.dbc"
+            files[name].write_bytes(data)
+        elif dot + ending == PACK_ENDING:
+            packs[name] = data.decode("utf-8", "replace")
     known = read_trial(path)
     carried = Carried(files, packs, from_text(known.actuators))
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
-    return _on_the_same_plane(config, known)
-
-
-def _on_the_same_plane(config: TrialConfig, known: Trial) -> TrialConfig:
-    """With the origin that a fix in an earlier part of the recording gave it, if there was one."""
     if config.trial.origin is not None or known.origin is None:
         return config
-    latitude_deg, longitude_deg = known.origin
+    latitude_deg, longitude_deg = known.origin  # of a fix in an earlier part of the recording
     trial = replace(config.trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
     return replace(config, trial=trial)
 
@@ -155,8 +147,6 @@ def _frame(entry: Entry, paths: list[Path]) -> Frame:
     try:
         return entry.frame()
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"topic {entry.topic} contains a message that is not a raw input of Seatrial",
-            where=", ".join(map(str, paths)),
-            why=f"{type(error).__name__} {error}",
-        ) from error
+        what = f"topic {entry.topic} contains a message that is not a raw input of Seatrial"
+        where, why = ", ".join(map(str, paths)), f"{type(error).__name__} {error}"
+        raise InputError(what, where=where, why=why) from error

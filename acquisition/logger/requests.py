@@ -36,7 +36,7 @@ _MOST_CLIENTS = 16  # at once; one more, and whoever has kept us waiting longest
 _LOOK_S = 0.2
 
 _MOST_LETTERS = 500
-_MOST_APART_NS = 60_000_000_000
+_MOST_APART_NS = 60_000_000_000  # a moment further off cannot be true: now is taken
 Mark = Callable[[str, int], None]
 """What takes a mark: its text, and when it was set on the monotonic clock [ns]."""
 _QUESTION = orjson.dumps({"ask": "recording"})
@@ -99,9 +99,7 @@ class RequestServer:
             if folder.stat().st_uid != os.getuid():
                 raise PermissionError(f"{folder} belongs to another user")
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            unheard = self.path.with_suffix(
-                ".new"
-            )  # a socket that does not listen yet is taken for one left behind
+            unheard = self.path.with_suffix(".new")  # one that does not listen yet is taken for one left behind
             self._socket.bind(str(unheard))
             self._socket.listen()
             unheard.rename(self.path)
@@ -131,7 +129,10 @@ class RequestServer:
         if "prediction" in message:
             refused = self._predictions.offer(message)
             return _REFUSED + refused.encode() if refused else b"ok"
-        self._mark(*parse_mark(message))
+        text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
+        if not isinstance(text, str) or type(at_ns) is not int:
+            raise TypeError("no mark")
+        self._mark(_writable(text), at_ns if abs(at_ns - now_ns) <= _MOST_APART_NS else now_ns)
         return b"ok"
 
     def _serve(self) -> None:
@@ -207,17 +208,6 @@ def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | N
     return None
 
 
-def parse_mark(message: Mapping[str, Any]) -> tuple[str, int]:
-    """A mark's text and moment; one that cannot be true is replaced by now.
-
-    Raises KeyError or TypeError for what is no mark.
-    """
-    text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
-    if not isinstance(text, str) or type(at_ns) is not int:
-        raise TypeError("no mark")
-    return _writable(text), at_ns if abs(at_ns - now_ns) <= _MOST_APART_NS else now_ns
-
-
 def _writable(text: str) -> str:
     """As much of a text as a mark holds; halves of letters, which no file takes, become question marks."""
     return text[:_MOST_LETTERS].encode(errors="replace").decode()
@@ -232,11 +222,8 @@ def send_mark(text: str, folder: Path | None = None) -> int:
     message = json.dumps(mark, ensure_ascii=False).encode()
     heard = sum(ask(path, message) == b"ok" for path in servers(folder))
     if not heard:
-        raise SourceError(
-            "no recorder is running",
-            where=str(folder or runtime_folder()),
-            fix="start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses",
-        )
+        fix = "start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses"
+        raise SourceError("no recorder is running", where=str(folder or runtime_folder()), fix=fix)
     return heard
 
 
@@ -244,17 +231,10 @@ def running_recorders(folder: Path | None = None) -> list[tuple[Path, RecorderSt
     """The recorders that run here, each with its socket; those that do not answer in time are left out."""
     found = []
     for path in servers(folder):
-        running = _running(ask(path, _QUESTION, _SHORT_PATIENCE_S))
-        if running is not None:
-            found.append((path, running))
+        with suppress(ValueError, TypeError):  # of another version, or none
+            answer = ask(path, _QUESTION, _SHORT_PATIENCE_S)
+            found.append((path, RecorderState(**orjson.loads(answer or b""))))
     return found
-
-
-def _running(answer: bytes | None) -> RecorderState | None:
-    try:
-        return RecorderState(**orjson.loads(answer or b""))
-    except (ValueError, TypeError):  # of another version, or none
-        return None
 
 
 def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> str:

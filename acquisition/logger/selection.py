@@ -41,27 +41,17 @@ Rank = tuple[bool, bool, int, int, int, int]
 
 @dataclass(slots=True)
 class _Holder:
-    source: str
-    rank: Rank
-    last_ns: int
-    told_ns: int | None
-    interval_ns: int = 0
+    """Who has a channel: its last sample, its rank, and the time between its last two messages [ns]."""
 
-    def hears(self, sample: Sample, rank: Rank) -> None:
-        """It has spoken again."""
-        self.interval_ns = self.since(sample)
-        self.source, self.rank, self.last_ns, self.told_ns = (
-            sample.source,
-            rank,
-            sample.monotonic_ns,
-            sample.source_ns,
-        )
+    last: Sample
+    rank: Rank
+    interval_ns: int = 0
 
     def since(self, sample: Sample) -> int:
         """The time since its last message: between the measurements as far as both tell when they were [ns]."""
-        if self.told_ns is not None and sample.source_ns is not None:
-            return sample.source_ns - self.told_ns
-        return sample.monotonic_ns - self.last_ns
+        if self.last.source_ns is not None and sample.source_ns is not None:
+            return sample.source_ns - self.last.source_ns
+        return sample.monotonic_ns - self.last.monotonic_ns
 
 
 class Selector:
@@ -129,15 +119,15 @@ class Selector:
         if holder is None:
             if sample.quantity == self._anywhere and self._waits(sample, rank):
                 return False, ""
-            self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns, sample.source_ns)
+            self._holders[sample.quantity] = _Holder(sample, rank)
             return True, ""
-        if holder.source == sample.source or self._continues(holder, sample):
-            holder.hears(sample, rank)
+        pair = holder.last.source, sample.source
+        if pair[0] == pair[1] or self._continues(holder, sample):
+            holder.last, holder.rank, holder.interval_ns = sample, rank, holder.since(sample)
             return True, ""
-        if rank < holder.rank or sample.monotonic_ns - holder.last_ns > self._patience_ns:
-            text = f"{sample.quantity}: from {holder.source} to {sample.source}"
-            pair = holder.source, sample.source
-            self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns, sample.source_ns)
+        if rank < holder.rank or sample.monotonic_ns - holder.last.monotonic_ns > self._patience_ns:
+            text = f"{sample.quantity}: from {pair[0]} to {pair[1]}"
+            self._holders[sample.quantity] = _Holder(sample, rank)
             return True, "" if _is_one_receiver(*pair) and pair not in self._rivals else text
         return False, ""
 
@@ -154,14 +144,11 @@ class Selector:
 
     def _continues(self, holder: _Holder, sample: Sample) -> bool:
         """Whether the holder itself goes on under another talker: in its turn, and never beside the other name."""
-        pair = holder.source, sample.source
-        if (
-            not _is_one_receiver(*pair)
-            or pair in self._rivals
-            or label_parts(pair[0])[2] != label_parts(pair[1])[2]
-        ):
+        pair = holder.last.source, sample.source
+        messages = [label_parts(each)[2] for each in pair]
+        if not _is_one_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
             return False
-        if holder.interval_ns <= 0 or (holder.told_ns is None) != (sample.source_ns is None):
+        if holder.interval_ns <= 0 or (holder.last.source_ns is None) != (sample.source_ns is None):
             return False
         if holder.since(sample) >= _ITS_TURN * holder.interval_ns:
             return True
@@ -173,9 +160,7 @@ class Selector:
         fix = self._fixes.get(sensor_of(source), _NO_WORD).kind if quantity in POSITION else None
         key = source, quantity, fix
         if key not in self._ranks:
-            if (
-                len(self._ranks) >= _MOST_RANKS
-            ):  # sources are named by what comes off the wire: there is no end to them
+            if len(self._ranks) >= _MOST_RANKS:  # sources are named by what comes off the wire: without end
                 self._ranks.clear()
             self._ranks[key] = self._work_out_rank(source, quantity, fix)
         return self._ranks[key]

@@ -61,7 +61,6 @@ class Tally:
     refused: Counter[str] = field(default_factory=Counter)
 
     def count_in(self, at_ns: int) -> None:
-        """It came once more."""
         self.first_ns = self.first_ns if self.count else at_ns
         self.last_ns = max(self.last_ns, at_ns)
         self.count += 1
@@ -114,9 +113,8 @@ class Survey(FrameProcessor):
     def provided(self, source: str) -> list[str]:
         """The channels that a source could provide, chosen or not, as far as the configuration lists them."""
         listed = next(each.channels for each in self.config.sources if each.name == source)
-        return [
-            name for name in listed if any(label_parts(each)[0] == source for each in self.quantities.get(name, ()))
-        ]
+        lines = {name: {label_parts(each)[0] for each in labels} for name, labels in self.quantities.items()}
+        return [name for name in listed if source in lines.get(name, ())]
 
     def process(self, frame: Frame) -> None:
         self.first_ns = self.first_ns or frame.received_ns
@@ -171,7 +169,6 @@ class Survey(FrameProcessor):
         return fresh
 
     def _kinds_of(self, frame: Frame) -> Iterator[Kind]:
-        """The messages in a frame."""
         if frame.protocol == "can":
             yield self._can_kind(frame)
         elif frame.protocol == "mavlink":
@@ -286,16 +283,15 @@ def _identity(group: int, payload: bytes) -> dict[str, Any]:
 
     message = backend.decode(group, payload)
     told = {} if message is None else {each.id: each.value for each in message.fields}
-    if group == ADDRESS_CLAIM:
-        wanted = {"manufacturer": "manufacturerCode", "function": "deviceFunction", "instance": "deviceInstance"}
-        return {"iso_name": f"{int.from_bytes(payload[:8], 'little'):016x}", **_given(told, wanted)}
     wanted = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
               "serial": "modelSerialCode"}  # fmt: skip
-    return _given(told, wanted)
-
-
-def _given(told: dict[str, Any], wanted: dict[str, str]) -> dict[str, Any]:
-    return {name: str(told[key]).strip() for name, key in wanted.items() if told.get(key) not in (None, "")}
+    iso_name = {}
+    if group == ADDRESS_CLAIM:
+        wanted = {"manufacturer": "manufacturerCode", "function": "deviceFunction", "instance": "deviceInstance"}
+        iso_name = {"iso_name": f"{int.from_bytes(payload[:8], 'little'):016x}"}
+    return iso_name | {
+        name: str(told[key]).strip() for name, key in wanted.items() if told.get(key) not in (None, "")
+    }
 
 
 @cache

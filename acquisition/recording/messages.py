@@ -193,14 +193,8 @@ class MessageSink(ABC):
 
     def write_event(self, message: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Record a message for people: an event mark, a source that failed, a switch of devices."""
-        body = {
-            "timestamp": _timestamp(received_ns),
-            "level": _LEVELS[level],
-            "message": message,
-            "name": name,
-            "file": "",
-            "line": 0,
-        }
+        time, number = _timestamp(received_ns), _LEVELS[level]
+        body = {"timestamp": time, "level": number, "message": message, "name": name}
         self.write(EVENT_TOPIC, encode(EVENT_TOPIC, body), received_ns, received_ns)
 
     def write_health(self, health: dict[str, Any], received_ns: int) -> None:

@@ -178,12 +178,9 @@ class RecordingParts(MessageSink):
         if self._part is not None:
             self._close_part()
         if unwritten := len(self._unsure) + self._unkept + self.lost:
-            raise StorageError(
-                f"{unwritten:,} messages could not be written",
-                where=str(self.path),
-                why=self.trouble,
-                fix="earlier data are safe; free space or mount the disk before the next recording",
-            )
+            what = f"{unwritten:,} messages could not be written"
+            fix = "earlier data are safe; free space or mount the disk before the next recording"
+            raise StorageError(what, where=str(self.path), why=self.trouble, fix=fix)
 
     def _open_part(self, reason: str) -> None:
         path = self._next_path()

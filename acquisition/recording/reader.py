@@ -33,9 +33,7 @@ from acquisition.recording.schemas import (
     RAW_PREFIX,
 )
 
-_ENOUGH_BYTES = (
-    4 * 1024 * 1024
-)  # of chunks that are unpacked together: many small ones cost no more than a large one
+_ENOUGH_BYTES = 4 * 1024 * 1024  # of chunks unpacked together: many small ones cost no more than a large one
 REMEDY = "save what is intact with `seatrial recover`"
 
 
@@ -209,11 +207,8 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
         raise InputError("cannot be opened", where=str(path), why=str(error.strerror)) from error
     if not whatever_it_is and stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
         stream.close()
-        raise InputError(
-            "is not an MCAP recording",
-            where=str(path),
-            fix="give a .mcap file, or convert a table with `seatrial import`",
-        )
+        fix = "give a .mcap file, or convert a table with `seatrial import`"
+        raise InputError("is not an MCAP recording", where=str(path), fix=fix)
     return stream
 
 
@@ -226,28 +221,12 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     )
 
 
-def _bodies(batch: Batch, topic: Topic, path: Path, what: str) -> list[dict[str, Any]]:
-    """What the messages of a batch, all of one topic, say."""
+def _said(batch: Batch, topic: Topic, path: Path, key: str, what: str) -> list[tuple[str, dict[str, Any]]]:
+    """What the messages of a batch, all of one topic, say; each behind what it says under a key."""
     try:
-        return [decode(topic, data) for data in batch.data()]
-    except ValueError as error:
+        return [(str(body[key]), body) for body in (decode(topic, data) for data in batch.data())]
+    except (KeyError, ValueError) as error:
         raise _foreign(path, topic.name, error, what) from error
-
-
-def _events(batch: Batch, topic: Topic, path: Path) -> list[tuple[int, str]]:
-    try:
-        texts = [str(body["message"]) for body in _bodies(batch, topic, path, "event")]
-    except KeyError as error:
-        raise _foreign(path, topic.name, error, "event") from error
-    return list(zip(batch.heads["log_ns"].tolist(), texts, strict=True))
-
-
-def _health(batch: Batch, topic: Topic, path: Path) -> dict[str, dict[str, Any]]:
-    """The last word on each source in a batch of health messages."""
-    try:
-        return {str(body["source"]): body for body in _bodies(batch, topic, path, "state of a source")}
-    except KeyError as error:
-        raise _foreign(path, topic.name, error, "state of a source") from error
 
 
 def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
@@ -275,19 +254,20 @@ def read_recording(path: Path | str) -> Recording:
     start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
         messages += len(batch)
-        start_ns, end_ns = (
-            min(start_ns, int(batch.heads["log_ns"].min())),
-            max(end_ns, int(batch.heads["log_ns"].max())),
-        )
+        log_ns = batch.heads["log_ns"]
+        start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
         _add_samples(samples, batch, stream.topics, stream.path)
         for number, count in batch.counts().items():
             topic = stream.topics[number]
             if topic.name.startswith(RAW_PREFIX):
                 raw[topic.name] += count
             elif topic.name == EVENT_TOPIC:
-                events += _events(batch.of_channels([number]), topic, stream.path)
+                part = batch.of_channels([number])
+                texts = [text for text, _ in _said(part, topic, stream.path, "message", "event")]
+                events += zip(part.heads["log_ns"].tolist(), texts, strict=True)
             elif topic.name == HEALTH_TOPIC:
-                health |= _health(batch.of_channels([number]), topic, stream.path)
+                part = batch.of_channels([number])
+                health |= _said(part, topic, stream.path, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
     return Recording(
@@ -311,17 +291,18 @@ def read_parts(paths: Sequence[Path]) -> Recording:
 
     Raises as :func:`read_recording`.
     """
-    first, *others = map(read_recording, paths)
-    series, raw = dict(first.series), Counter(first.raw)
-    for part in others:
-        raw.update(part.raw)
-        for name, samples in part.series.items():
-            series[name] = series[name].append(samples) if name in series else samples
-    every = [first, *others]
+    every = [read_recording(path) for path in paths]
+    samples: dict[str, list[Series]] = {}
+    for part in every:
+        for name, series in part.series.items():
+            samples.setdefault(name, []).append(series)
+    first = every[0]
     spans = [part for part in every if part.messages] or every
     return replace(
-        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata, series=series,
-        raw=dict(raw), events=[event for part in every for event in part.events],
+        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata,
+        series={name: Series.joined(parts) for name, parts in samples.items()},
+        raw=dict(sum((Counter(part.raw) for part in every), Counter())),
+        events=[event for part in every for event in part.events],
         messages=sum(part.messages for part in every), predictions=sum(part.predictions for part in every),
         closed=all(part.closed for part in every),
         start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),

@@ -2,6 +2,9 @@
 
 The file is read twice: once for the definitions of topics, which may stand behind the messages that need them,
 once for the messages. The copy gets its name only when it has been read back and found to hold all of them.
+
+In the same way a recording whose messages are JSON becomes one whose messages are protobuf. Everything else is
+copied as it is: what others recorded, metadata, attachments, times and numbers of messages.
 """
 
 from __future__ import annotations
@@ -11,9 +14,9 @@ import struct
 from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from itertools import chain
 from pathlib import Path
@@ -26,15 +29,19 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
+from acquisition.core.channel import Channel
+from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import InputError, StorageError
 from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.batches import Batch, batches
-from acquisition.recording.reader import MessageStream, open_recording
+from acquisition.recording.messages import ENCODING, ENCODING_BEFORE, Topic, decode, encode
+from acquisition.recording.reader import REMEDY, MessageStream, open_recording, read_trial
 from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError
 from acquisition.recording.scan import Damage, Intact, scan
+from acquisition.recording.schemas import channel_metadata, kind_of
 
 _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
@@ -67,7 +74,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     Raises :class:`InputError` for more of them than there can be.
     """
     definitions, size_bytes = Definitions(), 0
-    for found in scan_definitions(stream, progress):
+    for found in _scan(stream, progress):
         if not isinstance(found, Intact):
             continue
         if isinstance(found.record, mcap.Header):
@@ -97,7 +104,7 @@ def _definitions_in(record: mcap.McapRecord | None) -> Iterator[mcap.Channel | m
                 yield each
 
 
-def scan_definitions(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+def _scan(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
     """As :func:`scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
@@ -405,9 +412,80 @@ def _write(
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start(profile=definitions.header.profile, library=software_version())
         saved = saving(writer, definitions)
-        for found in scan_definitions(stream, progress):
+        for found in _scan(stream, progress):
             saved.take(found)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()
         os.fsync(file.fileno())
     return saved
+
+
+class Migration(Saving):
+    """Copies records, our messages in JSON as protobuf: ``converted`` counts them by topic.
+
+    ``kept`` are those that fit no schema of today; they stay JSON, and are read as such.
+    """
+
+    def __init__(self, writer: Writer, definitions: Definitions, known: Mapping[str, Channel]) -> None:
+        self.converted: Counter[str] = Counter()
+        self.kept: Counter[str] = Counter()
+        self._known = known
+        self._numbers: dict[str, int] = {}
+        self._kinds: dict[str, int] = {}
+        super().__init__(writer, definitions)
+
+    def keep_topic(self, channel: mcap.Channel) -> None:
+        if not self._define(channel):
+            super().keep_topic(channel)
+
+    def take_message(self, message: mcap.Message) -> None:
+        channel = self.definitions.find(mcap.Channel, message.channel_id)
+        number = None if channel is None else self._define(channel)
+        if channel is None or number is None:
+            super().take_message(message)
+            return
+        try:
+            data = encode(channel.topic, decode(Topic(channel.topic, ENCODING_BEFORE), message.data))
+        except (KeyError, TypeError, ValueError, OverflowError):
+            self.kept[channel.topic] += 1
+            super().take_message(message)
+        else:
+            self.converted[channel.topic] += 1
+            self.add(replace(message, data=data), number, channel.topic)
+
+    def _define(self, channel: mcap.Channel) -> int | None:
+        """The copy's number of one of our topics in JSON; None for any other channel."""
+        topic = channel.topic
+        if channel.message_encoding != ENCODING_BEFORE:
+            return None
+        if topic not in self._numbers:
+            try:
+                kind, metadata = kind_of(topic), channel_metadata(topic, self._known)
+            except (KeyError, IndexError):
+                return None
+            if kind.title not in self._kinds:
+                self._kinds[kind.title] = self.writer.register_schema(kind.title, ENCODING, kind.descriptors)
+            number = self.writer.register_channel(topic, ENCODING, self._kinds[kind.title], metadata)
+            self._numbers[topic] = number
+        return self._numbers[topic]
+
+
+def migrate(source: Path, target: Path, progress: Progress = lambda share: None) -> Migration:
+    """Write the recording ``source`` anew as ``target``, with messages as they are recorded today.
+
+    ``progress`` takes the share done. Raises :class:`InputError` for a damaged recording and for one that has no
+    messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
+    was written. ``source`` is only read.
+    """
+    known = channels_known_to(read_trial(source))
+    return copy_intact(
+        source, target, lambda writer, found: Migration(writer, found, known), _check_migrated, progress
+    )
+
+
+def _check_migrated(migrated: Migration, source: Path) -> None:
+    if migrated.found.damaged_chunks or migrated.found.lost_bytes:
+        raise InputError("is damaged", where=str(source), why=migrated.found.reasons, fix=f"first {REMEDY}")
+    if not migrated.converted:
+        why = f"{migrated.found.messages:,} messages, none of ours in JSON"
+        raise InputError("has nothing to migrate", where=str(source), why=why, fix="use it as it is")

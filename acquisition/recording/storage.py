@@ -66,12 +66,8 @@ def require_room(folder: Path, settings: RecordingSection) -> None:
     """Raise :class:`StorageError` where a recording cannot begin for want of room; the folder need not be there."""
     existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
     if why := shortage(settings, *free_bytes(existing)):
-        raise StorageError(
-            "cannot be recorded to",
-            where=str(folder),
-            why=why,
-            fix="free space, or lower `reserve_mb` in [recording]",
-        )
+        fix = "free space, or lower `reserve_mb` in [recording]"
+        raise StorageError("cannot be recorded to", where=str(folder), why=why, fix=fix)
 
 
 class CommittedFile:

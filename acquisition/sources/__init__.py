@@ -32,6 +32,31 @@ _CLASSES = {
     "mavlink_file": "acquisition.sources.telemetry_log:TelemetryLog",
 }
 
+SQLITE = b"SQLite format 3\0"
+_MAGIC = {
+    b"\x89MCAP": "a recording (`seatrial redecode` decodes one anew)",
+    b"\x89PNG": "a picture",
+    b"\xff\xd8\xff": "a picture",
+    b"PK\x03\x04": "a ZIP archive: unpack it",
+    b"%PDF": "a PDF document",
+    b"PAR1": "a Parquet table: `seatrial import` reads it",
+    b"MATLAB": "a .mat table: `seatrial import` reads it",
+    SQLITE: 'an SQLite database: `type = "mqtt_file"` reads a log of MQTT messages',
+    b"\xff\xfe": "text in UTF-16: save it as UTF-8",
+    b"\xfe\xff": "text in UTF-16: save it as UTF-8",
+    b"BZh": "packed by bzip2: unpack it",
+    b"\xfd7zXZ": "packed by xz: unpack it",
+    b"\x28\xb5\x2f\xfd": "packed by zstd: unpack it",
+    b"MDF ": "an MDF measurement",
+}
+"""What a file looks like, by its first bytes."""
+_MOST_LETTERS = 60
+
+
+def source_error(config: AnySource, what: str, why: str = "", fix: str = "") -> SourceError:
+    """An error of the source that a configuration section describes."""
+    return SourceError(what, where=f"source {config.name!r}", why=why, fix=fix)
+
 
 class Source(ABC):
     """One transport, as the pipeline asks for it; heirs say how it is opened and read.
@@ -80,8 +105,7 @@ class Source(ABC):
             self._link = None
 
     def failure(self, what: str, why: str = "", fix: str = "") -> SourceError:
-        """An error of this source."""
-        return SourceError(what, where=f"source {self.name!r}", why=why, fix=fix)
+        return source_error(self._config, what, why, fix)
 
 
 class LogReader(Source):
@@ -111,6 +135,37 @@ class LogReader(Source):
             return self._next(self._link)
         except OSError as error:
             raise self.failure("file failed", str(error.strerror)) from error
+
+
+def looks_like(head: bytes) -> str:
+    """A few words on a file by its first bytes.
+
+    >>> looks_like(b"time,heading_deg\\n0.0,12.3\\n")
+    'a table with the columns time, heading_deg: `seatrial import` reads tables'
+    """
+    for magic, name in _MAGIC.items():
+        if head.startswith(magic):
+            return name
+    if head[:1] == b"\0" and head[8:9] in (b"\xfd", b"\xfe"):
+        return 'a telemetry log of MAVLink: `type = "mavlink_file"` reads it'
+    printable = sum(32 <= each < 127 or each in b"\t\r\n" or each > 127 for each in head)
+    if printable < 0.9 * len(head):
+        return f"binary, and begins with {head[:8].hex(' ')}"
+    lines = [line.strip() for line in head.decode("utf-8", "replace").splitlines() if line.strip()]
+    first = next((line for line in lines if not line.startswith("#")), "")
+    if first.startswith(("{", "[")):
+        return "JSON, already decoded by another program: what came off the bus is needed"
+    if "$" in first or "!" in first:
+        return f"sentences without a sound checksum ({_shortened(first)})"
+    names = [name.strip(' "') for name in first.replace(";", ",").replace("\t", ",").split(",")]
+    if len(names) > 1 and all(name and not name[0].isdigit() for name in names):
+        return f"a table with the columns {_shortened(', '.join(names))}: `seatrial import` reads tables"
+    return f"text ({_shortened(first)})" if first else "text without a word in it"
+
+
+def _shortened(text: str) -> str:
+    shown = "".join(each if each.isprintable() else "?" for each in text)
+    return shown if len(shown) <= _MOST_LETTERS else f"{shown[:_MOST_LETTERS]}..."
 
 
 def make_source(config: AnySource) -> Source:

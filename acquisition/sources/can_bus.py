@@ -8,9 +8,8 @@ import socket
 import can
 
 from acquisition.config.sections import CanSource
-from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame, FrameFlag
-from acquisition.sources import Source
+from acquisition.core.frames import Frame, FrameFlag, can_flags
+from acquisition.sources import Source, source_error
 from acquisition.sources.sockets import Drops, enlarge, received_at
 
 _MOST_FRAMES_AT_ONCE = 200
@@ -27,22 +26,14 @@ def open_bus(config: CanSource) -> can.BusABC:
             **config.options,
         )
     except (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError) as error:
-        raise SourceError(
-            f"CAN bus {config.interface}:{config.channel} cannot be opened",
-            where=f"source {config.name!r}",
-            why=str(error),
-            fix="connect the interface, or correct `interface`, `channel` and `options`",
-        ) from error
+        what = f"CAN bus {config.interface}:{config.channel} cannot be opened"
+        fix = "connect the interface, or correct `interface`, `channel` and `options`"
+        raise source_error(config, what, str(error), fix) from error
 
 
 def flags_of(message: can.Message) -> FrameFlag:
     """What kind of frame python-can's message was."""
-    flags = FrameFlag.NONE if message.is_extended_id else FrameFlag.STANDARD_ID
-    if message.is_remote_frame:
-        flags |= FrameFlag.REMOTE
-    if message.is_error_frame:
-        flags |= FrameFlag.ERROR
-    return flags
+    return can_flags(not message.is_extended_id, message.is_remote_frame, message.is_error_frame)
 
 
 class CanBus(Source):

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple
 
-from acquisition.core.frames import NANO, FrameFlag
+from acquisition.core.frames import NANO, FrameFlag, can_flags
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.sources.actisense import MARK, Cutter
@@ -154,9 +154,8 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
         if milliseconds >= 60_000 or identifier > (0x7FF if standard else HIGHEST_IDENTIFIER):
             reader.unreadable += 1
             continue
-        time_ns = ((head & 0x3FF) * 60_000 + milliseconds) * MILLI_NS
-        flags = FrameFlag.STANDARD_ID if standard else FrameFlag.NONE
-        yield Entry(time_ns, record[8 : 9 + (head >> 11 & 7)], identifier, flags, turn_ns=_YD_CAN_TURN_NS)
+        time_ns, data = ((head & 0x3FF) * 60_000 + milliseconds) * MILLI_NS, record[8 : 9 + (head >> 11 & 7)]
+        yield Entry(time_ns, data, identifier, can_flags(standard), turn_ns=_YD_CAN_TURN_NS)
 
 
 _SOCKETCAN, _COOKED, _COOKED_2 = _CAN_LINKS = 227, 113, 276  # link types
@@ -233,11 +232,9 @@ def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader) -> Itera
         reader.unreadable += 1
         return
     identifier = int.from_bytes(packet[:4], "big")
-    flags = FrameFlag.NONE if identifier & 0x80000000 else FrameFlag.STANDARD_ID
-    flags |= FrameFlag.REMOTE if identifier & 0x40000000 else FrameFlag.NONE
-    flags |= FrameFlag.ERROR if identifier & 0x20000000 else FrameFlag.NONE
-    data = b"" if flags & FrameFlag.REMOTE else packet[8 : 8 + packet[4]]
-    yield Entry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags)
+    extended, remote, error = (bool(identifier & bit) for bit in (0x80000000, 0x40000000, 0x20000000))
+    data = b"" if remote else packet[8 : 8 + packet[4]]
+    yield Entry(time_ns, data, identifier & HIGHEST_IDENTIFIER, can_flags(not extended, remote, error))
 
 
 class FileForm(NamedTuple):
@@ -255,4 +252,4 @@ FILE_FORMS: dict[str, FileForm] = {
     "pcap": FileForm(lambda head: head.startswith(_PCAP), read_pcap),
     "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), read_pcapng),
 }
-"""Files that are no text by their names; those of python-can stand beside (``library_log.py``)."""
+"""Files that are no text by their names; those of python-can are in ``logfile.py``."""

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from acquisition.core.frames import NANO, FrameFlag, Protocol
+from acquisition.core.frames import NANO, FrameFlag, Protocol, can_flags
 from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.nmea0183 import checksum, split_tag
 from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, day_ns, possible_ns, told_time, zoned_ns
@@ -64,6 +64,12 @@ def message(
     return Entry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
 
 
+def _header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
+    """Priority, group, source and destination of a message, 0 for what its line does not tell."""
+    priority, group, source, destination = match.group("priority", "group", "source", "destination")
+    return int(priority or "0", base), int(group, base), int(source or "0", base), int(destination, base)
+
+
 _CANDUMP_LOG = _pattern(
     r"\((?P<time>[\d.TZ: +-]{1,40})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
     r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-9A-Fa-f]?)(?:_[0-9A-Fa-f])?(?:\s+[RT])?\s*"
@@ -108,17 +114,11 @@ def _frame(time: str | None, identifier: str, data: bytes, remote: bool) -> Entr
     if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
         return None
     number = int(identifier, 16)
-    flags = FrameFlag.REMOTE if remote else FrameFlag.NONE
-    if len(identifier) == 3:
-        flags |= FrameFlag.STANDARD_ID
-    if number & _ERROR_BIT:
-        flags |= FrameFlag.ERROR
+    flags = can_flags(len(identifier) == 3, remote, bool(number & _ERROR_BIT))
     return Entry(time_ns, data, number & HIGHEST_IDENTIFIER, flags)
 
 
-_DATE_TIME = _pattern(
-    r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?"
-)  # fmt: skip
+_DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
 
 
 def _candump_time_ns(text: str) -> int | None:
@@ -145,8 +145,7 @@ def _canboat(match: re.Match[str]) -> Entry | None:
     time_ns = zoned_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
-    header = int(match["priority"]), int(match["group"]), int(match["source"]), int(match["destination"])
-    return message(header, data, time_ns, whole=len(data) > 8)
+    return message(_header(match), data, time_ns, whole=len(data) > 8)
 
 
 _YACHT_DEVICES = _pattern(
@@ -176,8 +175,7 @@ def _n2k_ascii(match: re.Match[str]) -> Entry | None:
     time_ns = day_ns(match["clock"], match["fraction"]) if match["clock"] else None
     if match["clock"] and time_ns is None:
         return None
-    numbers = tuple(int(match[name], 16) for name in ("priority", "group", "source", "destination"))
-    return message(numbers, bytes.fromhex(match["data"]), time_ns, DAY_NS)  # type: ignore[arg-type]
+    return message(_header(match, 16), bytes.fromhex(match["data"]), time_ns, DAY_NS)
 
 
 _IKONVERT = _pattern(
@@ -192,11 +190,9 @@ def _ikonvert(match: re.Match[str]) -> Entry | None:
         data = base64.b64decode(match["data"], validate=True)
     except binascii.Error:
         return None
-    time_ns = (
-        int(match["seconds"]) * NANO + int((match["fraction"] or "").ljust(9, "0")) if match["seconds"] else None
-    )
-    numbers = tuple(int(match[name] or 0) for name in ("priority", "group", "source", "destination"))
-    return message(numbers, data, time_ns)  # type: ignore[arg-type]
+    fraction_ns = int((match["fraction"] or "").ljust(9, "0"))
+    time_ns = int(match["seconds"]) * NANO + fraction_ns if match["seconds"] else None
+    return message(_header(match), data, time_ns)
 
 
 _SEASMART = _pattern(
@@ -217,7 +213,6 @@ def _seasmart(match: re.Match[str]) -> Entry | None:
         return None
     header = 0, int(match["group"], 16), int(match["source"], 16), 255
     digits, turn_ns = match["time"], 2**32 * MILLI_NS
-    time_ns = None
     if max(digits.upper()) <= "F" and int(digits, 16) < _LONGEST_UPTIME_MS:
         time_ns = int(digits, 16) * MILLI_NS
     else:
@@ -267,8 +262,7 @@ def _garmin(match: re.Match[str]) -> Entry | None:
         month, day, year, hour, minute, second, milli = map(int, numbers)
         clock = f"{hour:02d}:{minute:02d}:{second:02d}"
         time_ns = zoned_ns(f"{year:04d}-{month:02d}-{day:02d}", clock, f"{milli % 1000:03d}", None, dt.UTC)
-    header = int(match["priority"]), int(match["group"]), int(match["source"]), int(match["destination"])
-    return None if time_ns is None else message(header, data, time_ns)
+    return None if time_ns is None else message(_header(match), data, time_ns)
 
 
 _OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,})\s*")

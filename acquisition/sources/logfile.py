@@ -11,24 +11,27 @@ nobody does, it is received as fast as it is read.
 from __future__ import annotations
 
 import gzip
+import logging
+import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from io import BytesIO
+from io import BytesIO, TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
-from acquisition.config.sections import CanFileSource, FileSource
+import can
+
+from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame, iso, now_ns
 from acquisition.decoders.nmea0183 import split_sentence, split_tag
-from acquisition.sources import LogReader
+from acquisition.sources import SQLITE, LogReader, looks_like
+from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
-from acquisition.sources.library_log import LibraryLog, library_form
-from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, LINE_FORMS, Entry, LineReader
 from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
-from acquisition.sources.looks import SQLITE, looks_like
 
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
@@ -38,14 +41,17 @@ UNDERSTOOD = (
     "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
+_LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
+Make = Callable[[BinaryIO], Iterable[can.Message]]
+_BLF: Make = can.BLFReader
 
 
 class LogFile(LogReader):
     """One log; ``unreadable`` counts its lines and records that held nothing."""
 
-    def __init__(self, config: CanFileSource | FileSource) -> None:
+    def __init__(self, config: FileSource) -> None:
         super().__init__(config)
-        self._log: _Log | LibraryLog | None = None
+        self._log: _Log | None = None
         self._entries: Iterator[Entry] = iter(())
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
@@ -61,14 +67,14 @@ class LogFile(LogReader):
         """What is broken in the log and where its reading ended; empty for a log that was read to its end."""
         if self._log is None or not self._log.damage:
             return ""
-        where = f"reading ended after {self._count:,} frames"
-        if self._newest_ns is not None:
-            where += f", the last of {_told_time(self._newest_ns)}"
+        where, newest_ns = f"reading ended after {self._count:,} frames", self._newest_ns
+        if newest_ns is not None:
+            utc = newest_ns >= EARLIEST_UTC_NS
+            where += f", the last of {iso(newest_ns) if utc else f'{newest_ns / 1e9:.3f} s after its beginning'}"
         return f"the log is damaged ({self._log.damage}); {where}"
 
     @property
     def remark(self) -> str:
-        """What should be known of the log's times."""
         return self._clock.remark
 
     def _begin(self, file: BinaryIO) -> None:
@@ -128,16 +134,12 @@ def _opened(path: Path, packed: bool) -> BinaryIO:
     return cast(BinaryIO, gzip.GzipFile(path)) if packed else path.open("rb")
 
 
-def _told_time(time_ns: int) -> str:
-    """A log's time for a person: UTC, or since it began."""
-    return iso(time_ns) if time_ns >= EARLIEST_UTC_NS else f"{time_ns / 1e9:.3f} s after its beginning"
-
-
 class _Log:
-    """A log by one of our own functions; what is broken where it ends before its time is its ``damage``."""
+    """A log by a function that reads it; what is broken where it ends before its time is its ``damage``."""
 
     def __init__(self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str) -> None:
-        self._read, self._file, self._reader = read, file, LineReader(form)
+        self._reader = LineReader(form)
+        self._entries = read(file, self._reader)
         self.damage = ""
         self.close = file.close
 
@@ -147,23 +149,97 @@ class _Log:
 
     def __iter__(self) -> Iterator[Entry]:
         try:
-            yield from self._read(self._file, self._reader)
+            yield from self._entries
         except (ValueError, EOFError, zlib.error, struct.error) as error:
             self.damage = str(error)
 
 
-def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log | LibraryLog]:
+def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log]:
     """What begins to read a log: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
         read = next((each.read for each in FILE_FORMS.values() if each.begins(head)), None)
-    library = library_form(head)
+    library = _library_form(head)
     is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
-        return lambda: LibraryLog(library, open_file())
+        read = partial(_library_log, library)
     return lambda: _Log(read or read_lines, open_file(), form)
 
 
 def _is_sound(entry: Entry) -> bool:
     """Whether it is a frame, a message, or a sentence with the right checksum."""
     return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None
+
+
+def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
+    """The entries of a log by one of python-can's readers. Raises :class:`ValueError` for a broken beginning."""
+    size_bytes = file.seek(0, os.SEEK_END) if make is _BLF else 0  # 0 for text
+    file.seek(0)
+    try:
+        return _library_entries(make(file), file, size_bytes, reader)
+    except Exception as error:  # the library promises no set of errors for a broken log
+        file.close()
+        raise ValueError(f"its beginning is broken: {error}") from error
+
+
+def _library_entries(
+    messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader
+) -> Iterator[Entry]:
+    """What python-can trips over ends the log; what it passes over it tells its logger only: that is counted."""
+
+    def count(record: logging.LogRecord) -> bool:
+        reader.unreadable += 1
+        return False
+
+    cut = False
+    for logger in _LIBRARY_LOGGERS:
+        logger.addFilter(count)
+    try:
+        for message in messages:
+            cut = not size_bytes and _is_cut(message)
+            if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
+                time_ns = round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
+                yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message))
+            else:
+                reader.unreadable += 1
+    except OSError:
+        raise
+    except Exception as error:
+        told = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise ValueError(_lost_end(messages, size_bytes) or told) from error
+    finally:
+        file.close()
+        for logger in _LIBRARY_LOGGERS:
+            logger.removeFilter(count)
+    if damage := _lost_end(messages, size_bytes) or ("its last line is cut off" if cut else ""):
+        raise ValueError(damage)
+
+
+def _lost_end(blf: Any, size_bytes: int) -> str:
+    """What is missing at the end of a BLF log, as far as it can tell."""
+    once_bytes = getattr(blf, "file_size", 0)
+    if once_bytes > size_bytes:
+        return f"it was {once_bytes:,} bytes long, {size_bytes:,} are left"
+    return "its last object is cut off" if bytes(getattr(blf, "_tail", b"")).strip(b"\0") else ""
+
+
+def _is_cut(message: can.Message) -> bool:
+    """Whether bytes are missing: the library fills nothing up where a line of ASC ends before its data."""
+    whole = min(message.dlc, 64 if message.is_fd else 8)
+    return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < whole
+
+
+def _library_form(head: bytes) -> Make | None:
+    """What reads a log, by its first bytes; None for what python-can does not read."""
+    first = next((line for line in head.decode("latin-1").lower().splitlines() if line.strip()), "").strip()
+    if head.startswith(b"LOGG"):
+        return _BLF
+    if first.startswith(";"):
+        return lambda file: can.TRCReader(_text(file))
+    if first.startswith(("date ", "base ")):
+        return lambda file: can.ASCReader(_text(file), relative_timestamp=False)
+    return None
+
+
+def _text(file: BinaryIO) -> TextIOWrapper:
+    return TextIOWrapper(file, encoding="utf-8", errors="replace")

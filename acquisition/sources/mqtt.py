@@ -12,16 +12,14 @@ import os
 import sqlite3
 import ssl
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from acquisition.config.sections import MqttSource
+from acquisition.config.sections import MqttSource, covers
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
-from acquisition.core.topics import covers
 from acquisition.decoders.clock import is_possible
-from acquisition.sources import LogReader, Source
-from acquisition.sources.looks import SQLITE, looks_like
+from acquisition.sources import SQLITE, LogReader, Source, looks_like, source_error
 from acquisition.sources.sockets import enlarge
 
 if TYPE_CHECKING:
@@ -40,7 +38,7 @@ _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not auth
 def failure(config: MqttSource, what: str, why: str = "", fix: str = "") -> SourceError:
     """An error of the connection to a broker, which is named; users and passwords are not."""
     address, port = config.endpoint
-    return SourceError(f"MQTT broker {address}:{port} {what}", where=f"source {config.name!r}", why=why, fix=fix)
+    return source_error(config, f"MQTT broker {address}:{port} {what}", why, fix)
 
 
 def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
@@ -53,7 +51,7 @@ def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     except (OSError, ValueError) as error:
         wrong = "`port`, `tls` and `ca_file`" if isinstance(error, ssl.SSLError) else "`address` and `port`"
         raise failure(config, "does not answer", str(error), f"start it, or correct {wrong}") from error
-    answer = _await(config, client, lambda: answers[0] if answers else None)
+    answer = _await(config, client, answers)
     if answer.is_failure:
         fix = "correct `user` and its password" if answer.value in _NOT_ALLOWED else ""
         raise failure(config, "refuses the connection", str(answer), fix)
@@ -93,18 +91,18 @@ def _password(config: MqttSource) -> str | None:
         raise failure(config, "has no password", why, "correct `password_file`") from error
 
 
-def _await(config: MqttSource, client: Client, answer: Callable[[], Any]) -> Any:
+def _await(config: MqttSource, client: Client, answers: list[Any]) -> Any:
     """What the broker answers. Raises :class:`SourceError` if it does not in time."""
     until_s = time.monotonic() + _TIMEOUT_S
-    while (found := answer()) is None:
+    while not answers:
         try:
             pump(config, client, _POLL_S)
         except SourceError:  # a broker that says no hangs up
-            if answer() is None:
+            if not answers:
                 raise
         if time.monotonic() > until_s:
             raise failure(config, "does not answer", "something else may listen there", "correct `port` and `tls`")
-    return found
+    return answers[0]
 
 
 def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
@@ -135,12 +133,11 @@ class MqttConnection(Source):
         answers: list[Any] = []
         client.on_subscribe = lambda *given: answers.append(given[3])
         client.subscribe([(topic, 0) for topic in config.subscriptions])
-        codes = _await(config, client, lambda: answers[0] if answers else None)
+        codes = _await(config, client, answers)
         refused = [topic for topic, code in zip(config.subscriptions, codes, strict=False) if code.is_failure]
         if len(refused) == len(config.subscriptions):
-            raise failure(
-                config, f"refuses {', '.join(refused)}", fix="correct `topics`, or ask for the right to them"
-            )
+            fix = "correct `topics`, or ask for the right to them"
+            raise failure(config, f"refuses {', '.join(refused)}", fix=fix)
         self.remark = f"the broker refuses {', '.join(refused)}" if refused else ""
         return client
 

@@ -93,7 +93,8 @@ class Senders:
         """Whether something from this address (IPv4 or IPv6, without a port) may come in."""
         may = self._known.get(sender)
         if may is None:
-            may = self._is_allowed(sender)
+            address = ipaddress.ip_address(sender.partition("%")[0])
+            may = not self._allowed or any(address in network for network in self._allowed)
             if len(self._known) < _MOST_KNOWN:
                 if not may:
                     self.news.append(("warning", f"{sender} sends and may not"))
@@ -103,7 +104,3 @@ class Senders:
         if not may:
             self.refused["sender that is not allowed"] += 1
         return may
-
-    def _is_allowed(self, sender: str) -> bool:
-        address = ipaddress.ip_address(sender.partition("%")[0])
-        return not self._allowed or any(address in network for network in self._allowed)

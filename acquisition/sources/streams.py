@@ -21,9 +21,8 @@ from acquisition.config.sections import (
     TcpSource,
     UdpSource,
 )
-from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, now_ns
-from acquisition.sources import Source
+from acquisition.sources import Source, source_error
 from acquisition.sources.actisense import Cutter, is_message
 from acquisition.sources.line_forms import Entry, LineReader
 from acquisition.sources.sockets import (
@@ -77,17 +76,14 @@ class LineAssembler:
         return self._frames(self._cutter.end(), times)
 
     def _frames(self, pieces: list[bytes], times: tuple[int, int] | None) -> list[Frame]:
-        received_ns, monotonic_ns = times or now_ns()
-        frames = []
+        clocks, frames = times or now_ns(), []
         for piece in pieces:
             entry = self._reader.entry(piece)
             if entry is None and not is_message(piece):  # those say nothing of the bus
                 entry = Entry(None, piece, protocol="nmea0183")
             if entry is not None:
                 of_can = entry.identifier, entry.flags
-                frames.append(
-                    Frame(self._origin, entry.protocol, entry.payload, received_ns, monotonic_ns, *of_can)
-                )
+                frames.append(Frame(self._origin, entry.protocol, entry.payload, *clocks, *of_can))
         return frames
 
 
@@ -97,6 +93,8 @@ class _Stream(Source):
     def __init__(self, config: StreamSource) -> None:
         super().__init__(config)
         self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name, config.form)
+        if not isinstance(config, SerialSource | MavlinkSerialSource):
+            self.senders = Senders(config.senders)
 
     @abstractmethod
     def _bytes(self, timeout_s: float) -> bytes:
@@ -134,12 +132,9 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
     try:
         return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
     except (ValueError, OSError) as error:  # pyserial's own errors are OSErrors
-        raise SourceError(
-            f"serial line {config.device} cannot be opened",
-            where=f"source {config.name!r}",
-            why=os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error),
-            fix="connect it, stop the program that uses it, or correct `device`",
-        ) from error
+        why = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        fix = "connect it, stop the program that uses it, or correct `device`"
+        raise source_error(config, f"serial line {config.device} cannot be opened", why, fix) from error
 
 
 class SerialPort(_Stream):
@@ -184,12 +179,15 @@ class TcpConnection(_Stream):
 
     senders: Senders
 
-    def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
-        super().__init__(config)
-        self.senders = Senders(config.senders)
-
     def _connect(self) -> socket.socket:
-        opened = self._connection((self._config.address, self._config.port))
+        address, port = self._config.address, self._config.port
+        try:
+            opened = socket.create_connection((address, port), timeout=_CONNECT_TIMEOUT_S)
+        except OSError as error:
+            unresolved = isinstance(error, socket.gaierror)
+            why = str(error.strerror) if unresolved else str(error)
+            fix = "correct `address`" if unresolved else "start the gateway, or correct `address` and `port`"
+            raise self.failure(f"TCP {address}:{port} does not answer", why, fix) from error
         self._peer = str(opened.getpeername()[0])
         if not self.senders.admits(self._peer):
             opened.close()
@@ -198,17 +196,6 @@ class TcpConnection(_Stream):
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         return [frame._replace(sender=self._peer) for frame in super()._receive(timeout_s) or ()]
-
-    def _connection(self, address: tuple[str, int]) -> socket.socket:
-        try:
-            return socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
-        except OSError as error:
-            unresolved = isinstance(error, socket.gaierror)
-            raise self.failure(
-                f"TCP {address[0]}:{address[1]} does not answer",
-                str(error.strerror) if unresolved else str(error),
-                "correct `address`" if unresolved else "start the gateway, or correct `address` and `port`",
-            ) from error
 
     def _bytes(self, timeout_s: float) -> bytes:
         try:
@@ -231,10 +218,6 @@ class UdpPort(_Stream):
     """
 
     senders: Senders
-
-    def __init__(self, config: UdpSource | MavlinkSource) -> None:
-        super().__init__(config)
-        self.senders = Senders(config.senders)
 
     def _connect(self) -> socket.socket:
         opened = _bind_udp(self._config)
@@ -289,14 +272,11 @@ def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
     except OSError as error:
         opened.close()
         unresolved = isinstance(error, socket.gaierror)
-        raise SourceError(
-            f"UDP {config.address}:{config.port} cannot be listened on",
-            where=f"source {config.name!r}",
-            why=str(error.strerror),
-            fix="correct `address`"
-            if unresolved
-            else "stop the program that uses it, or correct `address` and `port`",
-        ) from error
+        fix = (
+            "correct `address`" if unresolved else "stop the program that uses it, or correct `address` and `port`"
+        )
+        what = f"UDP {config.address}:{config.port} cannot be listened on"
+        raise source_error(config, what, str(error.strerror), fix) from error
     return opened
 
 
@@ -316,14 +296,12 @@ def _join(opened: socket.socket, address: str) -> None:
 
     Raises :class:`OSError` if not one of them can join.
     """
-    failure: OSError | None = None
-    joined = 0
-    for index, _ in socket.if_nameindex():
+    interfaces, failures = socket.if_nameindex(), list[OSError]()
+    for index, _ in interfaces:
         membership = struct.pack("4s4si", socket.inet_aton(address), socket.inet_aton("0.0.0.0"), index)
         try:
             opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
-            joined += 1
         except OSError as error:  # one that knows no multicast, or is down
-            failure = error
-    if failure is not None and not joined:
-        raise failure
+            failures.append(error)
+    if failures and len(failures) == len(interfaces):
+        raise failures[-1]

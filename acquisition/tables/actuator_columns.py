@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from acquisition.core.actuators import DEFAULT, KINDS, Actuator, Actuators, name_of_order
+from acquisition.tables.column_names import BOW, ORDER, PORT, STARBOARD, STERN, TUNNEL
 from acquisition.tables.draft import Candidate, Draft
-from acquisition.tables.vocabulary import BOW, ORDER, PORT, STARBOARD, STERN, TUNNEL
 
 _KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
 _ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}
@@ -18,6 +18,7 @@ _LIKE = {
     "tunnel": ("tunnel",),
 }
 """The kinds of a known ship's actuators that a column of a kind may be of, the likeliest first."""
+_SIDES = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
 
@@ -32,14 +33,6 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class FoundActuators:
-    """The actuators that columns tell of, and the columns."""
-
-    actuators: Actuators
-    columns: tuple[Found, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class _Part:
     candidate: Candidate
     kind: str
@@ -47,11 +40,14 @@ class _Part:
     is_order: bool
 
 
-def find_actuators(draft: Draft, ship: Actuators = ()) -> FoundActuators:
-    """The columns of actuators, each with the channel that it becomes; of a known ``ship`` her own."""
+def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[Found]]:
+    """The actuators that columns tell of, or a known ``ship``'s, and the columns with the channels they become."""
     parts = [_part(each) for each in draft.of("rudder", "azimuth", "shaft", "propeller_pitch")]
     azimuths = {each.side for each in parts if each.kind == "azimuth"}
-    parts = [_with_azimuth(each, azimuths) for each in parts]
+    parts = [  # a shaft at the side of an azimuth thruster is the thruster's
+        replace(each, kind="azimuth") if each.kind == "propeller" and each.side in azimuths else each
+        for each in parts
+    ]
     found: dict[str, Found] = {}
     kinds: dict[str, str] = {}
     pitched = {each.side for each in parts if each.candidate.quantity.name == "propeller_pitch"}
@@ -77,7 +73,7 @@ def find_actuators(draft: Draft, ship: Actuators = ()) -> FoundActuators:
     actuators = tuple(Actuator(name, kind) for name, kind in kinds.items())
     if set(actuators) <= set(DEFAULT) and actuators:
         actuators = DEFAULT
-    return FoundActuators(ship or actuators, tuple(found.values()))
+    return ship or actuators, list(found.values())
 
 
 def _part(candidate: Candidate) -> _Part:
@@ -87,34 +83,20 @@ def _part(candidate: Candidate) -> _Part:
         kind = "tunnel"
     if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
         kind = "azimuth"
-    sides = (("port", PORT), ("starboard", STARBOARD), ("bow", BOW), ("stern", STERN))
-    side = next((name for name, known in sides if words & known), "")
+    side = next((name for name, known in _SIDES.items() if words & known), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
     return _Part(candidate, kind, side or number, bool(words & ORDER))
 
 
-def _with_azimuth(part: _Part, azimuths: set[str]) -> _Part:
-    """A shaft at the side of an azimuth thruster is the thruster's."""
-    if part.kind == "propeller" and part.side in azimuths:
-        return _Part(part.candidate, "azimuth", part.side, part.is_order)
-    return part
-
-
 def _hers(part: _Part, ship: Actuators) -> list[Actuator]:
     """The ship's actuators that a column tells of; without a side all of a kind, as of one order to a pair."""
+    words = _SIDES.get(part.side, {part.side})
     for kind in _LIKE[part.kind]:
         of_kind = [each for each in ship if each.kind == kind]
-        if not of_kind:
-            continue
-        at_side = [each for each in of_kind if part.side and _is_at(part.side, each.name)]
-        if at_side or not part.side or len(of_kind) == 1:
+        at_side = [each for each in of_kind if not words.isdisjoint(each.name.split("_"))]
+        if of_kind and (at_side or not part.side or len(of_kind) == 1):
             return at_side or of_kind
     return []
-
-
-def _is_at(side: str, name: str) -> bool:
-    words = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}.get(side, frozenset({side}))
-    return bool(words & set(name.split("_")))
 
 
 def _new(part: _Part, parts: Iterable[_Part], pitched: set[str]) -> Actuator:

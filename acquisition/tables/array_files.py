@@ -126,9 +126,8 @@ def read_netcdf(path: Path) -> RawTable:
     with path.open("rb") as stream:
         is_hdf5 = stream.read(4) == _HDF5
     variables, attributes = _netcdf_4(path) if is_hdf5 else _netcdf_classic(path)
-    time = next((name for name in _TIME_NAMES if name in variables), None) or next(
-        (name for name, (_, _, said) in variables.items() if said.get("standard_name") == "time"), None
-    )
+    said_so = (name for name, (_, _, said) in variables.items() if said.get("standard_name") == "time")
+    time = next((name for name in (*_TIME_NAMES, *said_so) if name in variables), None)
     if time is None:
         raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
     rows = variables[time][0]
@@ -140,7 +139,11 @@ def read_netcdf(path: Path) -> RawTable:
     if since:
         frame[time] = _times_since(frame[time], since)
     units = {name: str(said["units"]) for name, (_, _, said) in along.items() if "units" in said and name != time}
-    meanings = {name: _meaning(said) for name, (_, _, said) in along.items() if _meaning(said)}
+    meanings = {
+        name: str(meaning)
+        for name, (_, _, said) in along.items()
+        if (meaning := said.get("standard_name") or said.get("long_name"))
+    }
     return RawTable(path, frame, trial_of(json.loads(attributes.get("trial", "{}"))), units, meanings)
 
 
@@ -151,10 +154,6 @@ def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any
     # pandas cuts off what is less than a nanosecond, and a count in binary is often short of it
     part_ns = np.rint((counted - whole) * _UNIT_NS[since[1]])
     return start + pd.to_timedelta(whole, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
-
-
-def _meaning(said: Mapping[str, Any]) -> str:
-    return str(said.get("standard_name") or said.get("long_name") or "")
 
 
 _Variables = dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]]

@@ -20,13 +20,22 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from acquisition.core.units import scale_to
-from acquisition.tables import unit_evidence as evidence
+from acquisition.tables import evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
 from acquisition.tables.column_map import from_text, is_south_or_west
 from acquisition.tables.derived_columns import heading_of_quaternion, rate
 from acquisition.tables.draft import SKIP, Candidate, Draft
-from acquisition.tables.motion_evidence import Fit, agreement, fit, increments, integrals, means, restlessness
-from acquisition.tables.unit_evidence import Rate, Told
+from acquisition.tables.evidence import (
+    Fit,
+    Rate,
+    Told,
+    agreement,
+    fit,
+    increments,
+    integrals,
+    means,
+    restlessness,
+)
 
 FASTEST_MPS = 30.0  # what a speed channel holds
 _STEADIER = 2.0  # a reading of the wind by which it changes half as much, in the mean square, is the right one
@@ -68,7 +77,7 @@ def read_channels(known: Known, ship: Actuators) -> Actuators:
     _read_yaw_rate(known)
     for name in _ANGLES:
         _take_best(known, name, _angle_unit)
-    _take_best(known, "heave_m", lambda _, heave, __: _head_or(heave, "m"))
+    _take_best(known, "heave_m", lambda _, heave, __: heave.headed or ("m", "by its name"))
     _read_wind(known)
     return _read_actuators(known, ship)
 
@@ -173,8 +182,8 @@ def _take_position(
     for place, name in ((0, "north_south"), (1, "east_west")):
         for letters in draft.of(name)[:1]:
             entry[name] = letters.column
-            said = draft.raw.columns[letters.column].astype("str").str.strip().str.upper()
-            degrees[place] = np.where(is_south_or_west(said), -degrees[place], degrees[place])
+            negative = is_south_or_west(draft.raw.columns[letters.column])
+            degrees[place] = np.where(negative, -degrees[place], degrees[place])
             draft.note(letters.column, f"{name} of the position", "", "letters")
     numbers = draft.numbers(latitude.column)
     if missing := [each for each in (91.0, 181.0) if np.any(numbers == each)]:
@@ -236,8 +245,8 @@ def _is_x_east(known: Known, x: Candidate, y: Candidate) -> bool | None:
 
 def _angle_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     """Degrees or radians: as the head says, else by the range, else as the heading, else asked."""
-    if candidate.units:
-        return candidate.units[0], "head says so"
+    if candidate.headed:
+        return candidate.headed
     values = evidence.without_codes(known.draft.numbers(candidate.column))
     values = values[np.isfinite(values)]
     if values.size == 0:
@@ -248,10 +257,6 @@ def _angle_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     return evidence.angle_by_range(values, name, known.channels.get("heading_deg", {}).get("unit", "")) or _asked(
         known.draft, f"unit.{candidate.column}", text, ("deg", "rad")
     )
-
-
-def _head_or(candidate: Candidate, unit: str) -> Told:
-    return (candidate.units[0], "head says so") if candidate.units else (unit, "by its name")
 
 
 def _turns_as_the_track(known: Known, candidate: Candidate) -> Told | None:
@@ -323,11 +328,11 @@ def _check_heading(known: Known) -> None:
 
 def _rate_unit(known: Known, candidate: Candidate, found: Fit, kind: Rate) -> Told | None:
     """A rate's unit as the head says, else as the fit does; an oddness between the two is said."""
-    if not candidate.units:
+    if not candidate.headed:
         return evidence.rate_by_fit(found, kind)
     if odd := evidence.odd_factor(candidate.column, candidate.units[0], found, kind):
         known.draft.warnings.append(odd)
-    return candidate.units[0], "head says so"
+    return candidate.headed
 
 
 def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
@@ -405,8 +410,8 @@ def _take_wind(known: Known, kind: str, angle: Candidate | None, speed: Candidat
 
 
 def _wind_unit(known: Known, speed: Candidate, apparent: Candidate | None) -> Told | None:
-    if speed.units:
-        return speed.units[0], "head says so"
+    if speed.headed:
+        return speed.headed
     values = known.draft.numbers(speed.column)
     if not np.any(values[np.isfinite(values)]):
         return "m/s", "all zero"
@@ -468,12 +473,12 @@ def _vector(size: Floats | float, angle_deg: Floats) -> np.ndarray:
 
 
 def _read_actuators(known: Known, ship: Actuators) -> Actuators:
-    found = find_actuators(known.draft, ship)
-    if not ship and as_text(found.actuators):
-        known.draft.tree["actuator"] = [{"name": each.name, "kind": each.kind} for each in found.actuators]
-    for each in found.columns:
+    actuators, columns = find_actuators(known.draft, ship)
+    if not ship and as_text(actuators):
+        known.draft.tree["actuator"] = [{"name": each.name, "kind": each.kind} for each in actuators]
+    for each in columns:
         _take_control(known, each)
-    return ship or found.actuators
+    return actuators
 
 
 def _take_control(known: Known, found: Found) -> None:
@@ -511,8 +516,8 @@ def _take_share(known: Known, found: Found, unit: str) -> None:
 
 
 def _turns_unit(draft: Draft, candidate: Candidate) -> Told | None:
-    if candidate.units:
-        return candidate.units[0], "head says so"
+    if candidate.headed:
+        return candidate.headed
     values = draft.numbers(candidate.column)
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"

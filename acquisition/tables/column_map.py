@@ -193,15 +193,12 @@ def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
     declared = tuple(each.channel for each in ship.declared if each.channel.group == "declared")
     known = with_declared(declared)
     for name, column in loaded.channels.items():
-        complaint = _complaint(known[name], column)
-        if complaint:
+        if complaint := _complaint(known[name], column):
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
     if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
-        raise ConfigurationError(
-            "in_name is for seconds, with a zone and without a start",
-            where=f"{path}, line {line_of(text, ['time', 'in_name'])}",
-        )
+        what = "in_name is for seconds, with a zone and without a start"
+        raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
     return loaded, tuple(each for each in declared if each.name in loaded.channels)
 
 
@@ -247,11 +244,9 @@ class _Asked:
         given = list(map(str, self.raw.columns.columns if names is None else names))
         if name not in given:
             near = get_close_matches(name, given, n=1, cutoff=0.4) or given
-            raise ConfigurationError(
-                f"asks for column {name!r}, which {self.raw.path} has not",
-                where=line_in_map(self.map_path, keys),
-                fix=f"did you mean {', '.join(map(repr, near))}?",
-            )
+            what = f"asks for column {name!r}, which {self.raw.path} has not"
+            where = line_in_map(self.map_path, keys)
+            raise ConfigurationError(what, where=where, fix=f"did you mean {', '.join(map(repr, near))}?")
         self.used.add(name)
         return name
 
@@ -287,10 +282,13 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             step = entry.step_to(known[name], units.get(entry.column) if columns.long else None)
             result.table[name] = _turned_back(known[name], step.scale * values + step.offset)
             result.sources[name] = f"table: {entry.column}"
-    _add_position(result, columns, asked)
-    _add_heading(result, columns, asked)
+    if columns.position:
+        _add_position(result, columns.position, asked)
+    if columns.orientation:
+        _add_heading(result, columns.orientation, asked)
     result.sources.update(derive(result.table, columns.derive))
-    _add_true_wind(result, columns, asked)
+    if columns.apparent_wind:
+        _add_true_wind(result, columns.apparent_wind, asked)
     given = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
     result.passed_over = tuple(name for name in map(str, given) if name not in asked.used)
     return result
@@ -352,10 +350,8 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     try:
         local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
     except ValueError as error:
-        raise InputError(
-            f"holds no time like {form} in its name", where=str(raw.path), why=str(error),
-            fix="rename the file, or give `start` in the map's [time]",
-        ) from error  # fmt: skip
+        where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
+        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
     seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
     counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
     return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
@@ -366,20 +362,14 @@ def _turned_back(channel: Channel, values: Floats) -> Floats:
     return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(channel, values), values)
 
 
-def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
-    entry = columns.position
-    if entry is None:
-        return
     latitude = _degrees(asked, entry, "latitude", entry.north_south)
     longitude = _degrees(asked, entry, "longitude", entry.east_west)
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
-        raise InputError(
-            f"columns {entry.latitude!r} and {entry.longitude!r} contain no position",
-            where=str(asked.raw.path),
-            fix="check the unit of [position] in the map",
-        )
+        what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
+        raise InputError(what, where=str(asked.raw.path), fix="check the unit of [position] in the map")
     first = int(np.flatnonzero(valid)[0])
     origin = result.trial.origin or (float(latitude[first]), float(longitude[first]))
     result.trial = replace(result.trial, origin_latitude_deg=origin[0], origin_longitude_deg=origin[1])
@@ -402,29 +392,24 @@ def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> F
     else:
         wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
         if wrong.size:
-            raise InputError(
-                f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes",
-                where=str(asked.raw.path),
-                fix='say unit = "deg" under [position] if these are decimal degrees',
-            )
+            what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
+            fix = 'say unit = "deg" under [position] if these are decimal degrees'
+            raise InputError(what, where=str(asked.raw.path), fix=fix)
         values = from_degrees_and_minutes(values)
     if letters is None:
         return values
-    column = (
-        asked.raw.columns[asked.known(letters, ("position", "north_south"))].astype("str").str.strip().str.upper()
-    )
+    column = asked.raw.columns[asked.known(letters, ("position", "north_south"))]
     return np.where(is_south_or_west(column), -values, values)
 
 
 def is_south_or_west(letters: pd.Series[Any]) -> Bools:
     """Which letters of hemispheres are south or west. O is west beside E (oeste, ouest, ovest), in the letters or
     in the name of their column, and east beside W (Ost). Raises :class:`InputError` where neither is there."""
+    letters = letters.astype("str").str.strip().str.upper()
     beside = set(letters) | set(re.findall(r"(?<![A-Z])[EW](?![A-Z])", str(letters.name).upper()))
     if "O" in beside and not beside & {"E", "W"}:
-        raise InputError(
-            f"column {letters.name!r} has the letter O, which is east in some languages and west in others",
-            fix="write E and W",
-        )
+        what = f"column {letters.name!r} has the letter O, which is east in some languages and west in others"
+        raise InputError(what, fix="write E and W")
     return np.asarray(letters.isin(["S", "W"] if "W" in beside else ["S", "W", "O"]))
 
 
@@ -438,28 +423,22 @@ def from_text(column: pd.Series[Any]) -> Floats:
     return np.asarray(np.where(negative, -size, size), dtype=float)
 
 
-def _add_heading(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+def _add_heading(result: TableFile, entry: Orientation, asked: _Asked) -> None:
     """The heading of a quaternion."""
-    entry = columns.orientation
-    if entry is None:
-        return
     x, y, z, w = (asked.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
     result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, entry.frame)
     result.sources["heading_deg"] = f"table: {entry.z} ... derived from the quaternion"
 
 
-def _add_true_wind(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
+def _add_true_wind(result: TableFile, entry: ApparentWind, asked: _Asked) -> None:
     """The wind over ground from the wind past the ship: take away the ship's own motion, turn by the heading."""
-    entry = columns.apparent_wind
-    if entry is None:
-        return
-    needed = [name for name in ("heading_deg", "surge_mps", "sway_mps") if name not in result.table]
-    if needed:
+    own = ("heading_deg", "surge_mps", "sway_mps")
+    if needed := [name for name in own if name not in result.table]:
         where = line_in_map(asked.map_path, ["apparent_wind"])
         raise ConfigurationError(f"apparent_wind needs {', '.join(needed)}", where=where, fix="map them too")
     angle = np.deg2rad(asked.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit))
     speed = asked.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
-    motion = [result.table[name].to_numpy(dtype=float) for name in ("heading_deg", "surge_mps", "sway_mps")]
+    motion = [result.table[name].to_numpy(dtype=float) for name in own]
     result.table["wind_direction_deg"], result.table["wind_speed_mps"] = true_wind(angle, speed, *motion)
     for name in ("wind_direction_deg", "wind_speed_mps"):
         result.sources[name] = f"table: {entry.angle}, {entry.speed} derived from apparent wind"

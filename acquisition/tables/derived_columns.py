@@ -32,11 +32,11 @@ def derive(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
         return {}
     seconds = seconds_of(pd.DatetimeIndex(table.index))
     sources: dict[str, str] = {}
-    for wanted in _DERIVATIONS:
-        made = wanted(table, seconds) if set(names) & set(_DERIVATIONS[wanted]) else None
-        for name in _DERIVATIONS[wanted] if made else ():
-            if name in names and name not in table and made:
-                table[name], sources[name] = made[0][name], f"table derived from {made[1]}"
+    for make, channels in _DERIVATIONS.items():
+        wanted = [name for name in channels if name in names and name not in table]
+        if wanted and (made := make(table, seconds)):
+            table[wanted] = np.column_stack([made[0][name] for name in wanted])
+            sources |= dict.fromkeys(wanted, f"table derived from {made[1]}")
     return sources
 
 

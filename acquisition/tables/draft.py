@@ -13,10 +13,9 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import to_house
+from acquisition.tables.column_names import Match, Quantity, headed, matches, units_called, words_of
 from acquisition.tables.table_files import RawTable
 from acquisition.tables.time_columns import known_day, known_zone
-from acquisition.tables.unit_names import headed, units_called
-from acquisition.tables.vocabulary import Match, Quantity, matches, words_of
 
 SKIP = "skip"
 """The answer that leaves a column out."""
@@ -55,6 +54,11 @@ class Candidate:
     cover: float
     units: tuple[str, ...]
     words: frozenset[str]
+
+    @property
+    def headed(self) -> tuple[str, str] | None:
+        """The unit in its head, and that it is from there."""
+        return (self.units[0], "head says so") if self.units else None
 
 
 @dataclass(slots=True)
@@ -100,12 +104,8 @@ class Draft:
         self.readings.append(Reading(column, taken_for, unit, tuple(each for each in reasons if each)))
 
 
-def _is_number(text: str) -> float:
-    return float(text)
-
-
 _CHECKS: dict[str, Callable[[str], object]] = {
-    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": _is_number
+    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": float
 }  # fmt: skip
 """What tells whether an answer that is no choice can be one: it raises :class:`ValueError`."""
 KEYS = frozenset({*_CHECKS, "date_order", "time_unit", "x_axis", "course", "wind", "unit.speed", "unit.wind"})

@@ -30,7 +30,7 @@ from acquisition.core.channels import (
 )
 from acquisition.core.declared import Declared, declared_from_text
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
@@ -124,13 +124,12 @@ def import_proposed(
     if proposal.unanswered:
         raise InputError(f"{proposal.unanswered[0]}", where=str(raw.path))
     refuse_overwriting(output, force)
-    if not _holds(Path(map_path), proposal.text):
+    known = Path(map_path)
+    if not (known.is_file() and known.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
     columns, declared = column_map_of(proposal.text, map_path)
-    ship = None if vessel is None else load_actuators(vessel)
-    summary = _record(_through_map(raw, columns, declared, map_path, ship, vessel), output)
-    with atomic_file(map_path) as partial:
-        partial.write_text(proposal.text, encoding="utf-8")
+    summary = _record(_through_map(raw, columns, declared, map_path, vessel), output)
+    write_text(map_path, proposal.text)
     return summary
 
 
@@ -138,17 +137,14 @@ def propose_for(
     raw: RawTable, answers: Mapping[str, str] | None = None, vessel: Path | str | None = None
 ) -> Proposal:
     """As :func:`propose`, for the ship of a vessel's name or file."""
-    if vessel is None:
-        return propose(raw, answers)
-    return propose(raw, answers, load_actuators(vessel), name_of_ship(vessel))
+    return propose(raw, answers, _actuators_of(vessel), "" if vessel is None else name_of_ship(vessel))
 
 
 def is_standard(raw: RawTable) -> bool:
     """Whether a table's columns are named as the channels: most of them, ``time`` among them."""
     given = list(map(str, raw.columns.columns))
     channels = channels_of_trial(raw.trial)
-    long = long_map(raw, channels)
-    if long is not None:
+    if (long := long_map(raw, channels)) is not None:
         return bool(long.channels)
     ours = [name for name in given if name == "time" or _is_ours(name, channels) or find_channel(name)]
     return bool(raw.trial.actuators) or ("time" in given and 2 * len(ours) > len(given))
@@ -158,11 +154,6 @@ def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another f
     """Raise :class:`InputError` where a file is there already that ``force`` does not give up."""
     if not force and Path(path).exists():
         raise InputError("already exists", where=str(path), fix=f"{fix}, or use --force to replace it")
-
-
-def _holds(path: Path, text: str) -> bool:
-    """Whether a file holds that very text."""
-    return path.is_file() and path.read_bytes() == text.encode()
 
 
 def _record(file: TableFile, output: Path | str) -> ImportSummary:
@@ -204,19 +195,20 @@ def read_table_file(
     ``allow_missing``; :class:`ConfigurationError` for a wrong map or vessel file.
     """
     raw = read_raw(path)
-    ship = None if vessel is None else load_actuators(vessel)
-    long = long_map(raw, channel_names(ship or DEFAULT)) if map_path is None else None
-    if long is not None:
+    if map_path is not None:
+        return _through_map(raw, *load_column_map(map_path), map_path, vessel, allow_missing)
+    ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
+    long = long_map(raw, channel_names(ship or DEFAULT))
+    if long is None:
+        file, fix = _standard(raw, ignore_unknown, ship), f"add the column, {fix}"
+    else:
         file = apply_column_map(raw, long, path)
         file = _for_ship(file, ship or actuators_in_columns(map(str, file.table), file.trial), raw)
-        fix = "give it a constant in a map (--columns), or use --allow-missing"
-    elif map_path is None:
-        file = _standard(raw, ignore_unknown, ship)
-        fix = "add the column, give it a constant in a map (--columns), or use --allow-missing"
-    else:
-        columns, declared = load_column_map(map_path)
-        return _through_map(raw, columns, declared, map_path, ship, vessel, allow_missing)
     return _checked(file, raw, vessel, allow_missing, fix)
+
+
+def _actuators_of(vessel: Path | str | None) -> Actuators:
+    return () if vessel is None else load_actuators(vessel)
 
 
 def _through_map(
@@ -224,11 +216,11 @@ def _through_map(
     columns: ColumnMap,
     declared: Declared,
     map_path: Path | str,
-    ship: Actuators | None,
     vessel: Path | str | None,
     allow_missing: bool = False,
 ) -> TableFile:
     """A table through its map, of the ship that is given, or the map names, or its columns tell of."""
+    ship = _actuators_of(vessel)
     file = apply_column_map(raw, columns, map_path, declared)
     ship = (
         ship
@@ -269,24 +261,18 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
     for name in names:
         if name not in channels:
             hers = ", ".join(each.name for each in ship)
-            raise ConfigurationError(
-                f"{_with_hint(name, channels)} is not a channel of a ship with actuators {hers}",
-                where=line_in_map(map_path, ["channels", name]),
-                fix="correct the name, or give the ship with --vessel FILE",
-            )
+            what = f"{_with_hint(name, channels)} is not a channel of a ship with actuators {hers}"
+            where = line_in_map(map_path, ["channels", name])
+            raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
 
-def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> TableFile:
+def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile:
     """A table whose columns are named as the channels."""
     given = list(map(str, raw.columns.columns))
     if "time" not in given:
         near = get_close_matches("time", given, n=1)
-        raise InputError(
-            "has no column `time`",
-            where=str(raw.path),
-            why=f"it has {', '.join(near or given[:6])}",
-            fix="rename the column, or name it in a column map (--columns)",
-        )
+        where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
+        raise InputError("has no column `time`", where=where, why=f"it has {', '.join(near or given[:6])}", fix=fix)
     told = from_text(raw.trial.actuators) if raw.trial.actuators else ()
     ship = ship or told or actuators_in_columns(given, raw.trial)
     channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
@@ -295,11 +281,9 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
     )
     if unknown and not ignore_unknown:
         ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
-        raise InputError(
-            f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}",
-            where=str(raw.path),
-            fix=f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}",
-        )
+        what = f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}"
+        fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
+        raise InputError(what, where=str(raw.path), fix=fix)
     names = [name for name in channels if name in given]
     columns = {name: _in_its_turn(channels[name], parse_numbers(raw, name)) for name in names}
     table = pd.DataFrame(columns, index=parse_times(raw, "time"))

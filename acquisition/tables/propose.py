@@ -21,7 +21,7 @@ from acquisition.core.errors import InputError
 from acquisition.tables.channel_columns import FASTEST_MPS, Known, best, read_channels
 from acquisition.tables.column_map import Long, widen
 from acquisition.tables.draft import Draft, Question, Reading, as_toml, candidates_of, check_keys, with_answers
-from acquisition.tables.motion_evidence import grid_of
+from acquisition.tables.evidence import grid_of
 from acquisition.tables.table_files import RawTable, parse_numbers, read_times
 from acquisition.tables.time_columns import TimeColumn, resolve_times
 from acquisition.tables.time_reading import read_time
@@ -80,27 +80,24 @@ def propose(
 
 def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
     """A map's keys as a reader expects them: plain values, the ship, the time, the channels."""
-    order = (
-        "absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
-        "channels",
-    )  # fmt: skip
-    return {key: tree[key] for key in (*order, *tree) if key in tree}
+    first = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation")
+    return {key: tree[key] for key in (*first, "channels", *tree) if key in tree}
 
 
 def _find_long(draft: Draft) -> None:
     """Spread a table that has a row for each value."""
     found = candidates_of(draft.raw)
-    roles = {
-        name: [each.column for each in found if each.quantity.name == name]
-        for name in ("variable", "value", "unit")
-    }
-    keys = [each.column for each in found if each.quantity.name in ("time", "date")]
-    for variable in roles["variable"]:
+
+    def of(*names: str) -> list[str]:
+        return [each.column for each in found if each.quantity.name in names]
+
+    keys, values = of("time", "date"), of("value")
+    for variable in of("variable"):
         column = draft.raw.columns[variable]
         names = column.dropna().unique()
         text = not pd.api.types.is_numeric_dtype(column.dtype)
-        if text and keys and roles["value"] and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
-            long = Long(variable, roles["value"][0], next(iter(roles["unit"]), None))
+        if text and keys and values and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
+            long = Long(variable, values[0], next(iter(of("unit")), None))
             draft.tree["long"] = {key: value for key, value in vars(long).items() if value is not None}
             draft.raw, twice = widen(draft.raw, long, keys, names)
             if twice:

@@ -176,10 +176,8 @@ def optional(module: str, extra: str, path: Path) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        raise InputError(
-            f"needs the package {module.replace('_', '-')} to be read", where=str(path),
-            fix=f"pip install 'seatrial[{extra}]', or save it as CSV",
-        ) from error  # fmt: skip
+        what, where = f"needs the package {module.replace('_', '-')} to be read", str(path)
+        raise InputError(what, where=where, fix=f"pip install 'seatrial[{extra}]', or save it as CSV") from error
 
 
 def _trial_beside(path: Path) -> Trial:
@@ -251,12 +249,9 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
     values = pd.to_numeric(column, errors="coerce")
     wrong = np.flatnonzero(no_numbers(column))
     if wrong.size:
-        raise InputError(
-            f"row {wrong[0] + 1} of column {name!r} is not a number: {column.iloc[wrong[0]]!r}",
-            where=str(raw.path),
-            why=f"{wrong.size} cells of the column are not numbers",
-            fix="write missing values as empty cells",
-        )
+        what = f"row {wrong[0] + 1} of column {name!r} is not a number: {column.iloc[wrong[0]]!r}"
+        why = f"{wrong.size} cells of the column are not numbers"
+        raise InputError(what, where=str(raw.path), why=why, fix="write missing values as empty cells")
     return values.to_numpy(dtype=float)
 
 
@@ -272,10 +267,8 @@ def parse_times(
     if empty.size:
         given = column.iloc[empty[0]]
         what = "has no time" if pd.isna(given) else f"holds {given!r}, which is not an ISO 8601 time"
-        raise InputError(
-            f"row {empty[0] + 1} of column {name!r} {what}", where=str(raw.path), why=f"{empty.size} such rows",
-            fix="give every row a time like 2026-05-17T12:00:00Z",
-        )  # fmt: skip
+        what, why = f"row {empty[0] + 1} of column {name!r} {what}", f"{empty.size} such rows"
+        raise InputError(what, where=str(raw.path), why=why, fix="give every row a time like 2026-05-17T12:00:00Z")
     return index
 
 
@@ -308,11 +301,9 @@ def _from_text(raw: RawTable, column: pd.Series[Any], zone: str | None) -> pd.Da
         return pd.DatetimeIndex(times.fillna(local.dt.tz_convert("UTC")))
     if naive.notna().any():
         row = int(np.flatnonzero(naive.notna())[0])
-        raise InputError(
-            f"row {row + 1} of column {column.name!r} has no zone: {text.iloc[row]}",
-            where=str(raw.path),
-            fix='write times like 2026-05-17T12:00:00Z, or give zone = "UTC" in a column map',
-        )
+        what = f"row {row + 1} of column {column.name!r} has no zone: {text.iloc[row]}"
+        fix = 'write times like 2026-05-17T12:00:00Z, or give zone = "UTC" in a column map'
+        raise InputError(what, where=str(raw.path), fix=fix)
     return pd.DatetimeIndex(times)
 
 

@@ -20,8 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.tables.unit_names import is_unit_cell
-from acquisition.tables.vocabulary import LETTERS
+from acquisition.tables.column_names import LETTERS, is_unit_cell
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -54,9 +53,8 @@ class Layout:
 def decode(content: bytes) -> str:
     """The text of a file: by its byte order mark, else UTF-8, else the code page by which it holds most letters of
     known names: that of western Windows, Japan or China."""
-    for mark, encoding in ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16")):
-        if content.startswith(mark):
-            return content.decode(encoding)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -103,8 +101,7 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> tuple[pd.
             names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
             na_values=list(NOT_AVAILABLE),
         )  # fmt: skip
-    nameless = [name for name in frame.columns if name.startswith("Unnamed:") and frame[name].isna().all()]
-    frame = frame.drop(columns=nameless)  # what a delimiter at the end of every line leaves
+    frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
     return frame.apply(lambda column: _ungrouped(column, decimal)), layout.units
 
 
@@ -115,11 +112,14 @@ def frame_of_rows(rows: Sequence[Sequence[Any]]) -> tuple[pd.DataFrame, dict[str
         return pd.DataFrame(), {}
     layout = find_layout(rows[:_PROBE_LINES])
     frame = pd.DataFrame(list(rows[layout.first :]), columns=_unique(layout.names, len(rows[layout.header])))
-    frame = frame.map(lambda cell: _plain(cell)).dropna(how="all")
-    frame = frame.drop(
-        columns=[each for each in map(str, frame) if each.startswith("Unnamed:") and frame[each].isna().all()]
-    )
+    frame = _without_nameless(frame.map(_plain).dropna(how="all"))
     return frame.infer_objects().reset_index(drop=True), layout.units
+
+
+def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
+    """Without the columns that have neither a name nor a value."""
+    empty = [name for name in map(str, frame) if name.startswith("Unnamed:") and frame[name].isna().all()]
+    return frame.drop(columns=empty)
 
 
 def _start_of(text: str, rows: int) -> int:
@@ -167,8 +167,7 @@ def _trimmed(row: Sequence[Any]) -> list[Any]:
 
 
 def _is_value(cell: Any) -> bool:
-    text = str(cell).strip()
-    return not isinstance(cell, str) or bool(_NUMBER.fullmatch(text) or _TIME_LIKE.fullmatch(text))
+    return _is_number(cell) or bool(_TIME_LIKE.fullmatch(cell.strip()))
 
 
 def _is_data(row: Sequence[Any], width: int) -> bool:

@@ -23,15 +23,7 @@ from acquisition.tables.table_files import RawTable
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
 """The day that serial days count from, and its number: Excel's 1900 system, MATLAB's ``datenum``."""
-NS_IN = {
-    "ns": 1,
-    "us": 1_000,
-    "ms": 1_000_000,
-    "s": 10**9,
-    "min": 60 * 10**9,
-    "h": 3600 * 10**9,
-    "d": 86_400 * 10**9,
-}
+NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9, "d": 86_400 * 10**9}
 """How many nanoseconds each unit of counted time has."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
 _HALF_DAY = pd.Timedelta(hours=12)
@@ -156,13 +148,10 @@ def _zoned(raw: RawTable, local: pd.Series[Any], time: TimeColumn) -> pd.Series[
     if isinstance(local.dtype, pd.DatetimeTZDtype):
         return local
     if time.zone is None:
-        raise InputError(
-            f"times of column {time.column!r} have no zone", where=str(raw.path),
-            fix='give zone = "UTC", or a name like "Europe/Oslo", under [time] in the map',
-        )  # fmt: skip
-    zoned: pd.Series[Any] = (
-        local.dt.as_unit("ns").dt.tz_localize(time.zone, ambiguous="NaT", nonexistent="NaT").dt.tz_convert("UTC")
-    )
+        fix = 'give zone = "UTC", or a name like "Europe/Oslo", under [time] in the map'
+        raise InputError(f"times of column {time.column!r} have no zone", where=str(raw.path), fix=fix)
+    naive = local.dt.as_unit("ns").dt
+    zoned: pd.Series[Any] = naive.tz_localize(time.zone, ambiguous="NaT", nonexistent="NaT").dt.tz_convert("UTC")
     return zoned
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -39,32 +40,25 @@ _PARTS = {"%Y": r"(?:19|20)\d\d", "%b": "[A-Za-z]{3}"}
 
 def read_time(draft: Draft) -> tuple[str, ...]:
     """Put what tells the time into the map; the columns that do. Raises :class:`InputError` where none does."""
-    whole = [each for each in _time_candidates(draft) if _kind_of(draft, each.column) == "both"]
-    counted = [each for each in _time_candidates(draft) if _kind_of(draft, each.column) == "count"]
-    clocks = [each for each in _time_candidates(draft) if _kind_of(draft, each.column) in ("clock", "number")]
-    dates = [each for each in draft.of("date", "time") if _kind_of(draft, each.column) in ("date", "number")]
-    if whole:
+    kinds = {each.column: _kind_of(draft, each.column) for each in draft.of("time", "date")}
+
+    def of(*wanted: str) -> list[Candidate]:
+        return [each for each in draft.of("time", "date") if kinds[each.column] in wanted]
+
+    if whole := of("both"):
         return _one_column(draft, whole[0].column)
-    if counted:
-        return _count(draft, counted[0])
-    for clock in clocks:
-        for date in dates:
-            if date.column != clock.column and (found := _two_columns(draft, clock.column, date.column)):
-                return found
-    for clock in clocks:
-        if _kind_of(draft, clock.column) == "clock":
-            return _time_of_day(draft, clock.column)
-    if clocks:
-        return _seconds(draft, clocks[0])
-    raise InputError(
-        "has no time column", where=str(draft.raw.path),
-        why=f"it has {', '.join(map(repr, list(draft.raw.columns.columns)[:8]))}",
-        fix="rename it to `time`, or name it in a column map (--columns)",
-    )  # fmt: skip
-
-
-def _time_candidates(draft: Draft) -> list[Candidate]:
-    return [each for each in draft.of("time", "date") if not draft.is_empty(each.column)]
+    if counted := of("count"):
+        return _count(draft, counted[0].column)
+    for clock, date in product(of("clock", "number"), of("date", "number")):
+        if date.column != clock.column and (found := _two_columns(draft, clock.column, date.column)):
+            return found
+    if clocks := of("clock"):
+        return _time_of_day(draft, clocks[0].column)
+    if numbers := of("number"):
+        return _seconds(draft, numbers[0])
+    why = f"it has {', '.join(map(repr, list(draft.raw.columns.columns)[:8]))}"
+    fix = "rename it to `time`, or name it in a column map (--columns)"
+    raise InputError("has no time column", where=str(draft.raw.path), why=why, fix=fix)
 
 
 def _cells(draft: Draft, column: str) -> pd.Series[Any]:
@@ -120,8 +114,7 @@ def _one_column(draft: Draft, column: str) -> tuple[str, ...]:
     return _put(draft, column, {"column": column, "format": form}, zoned, why)
 
 
-def _count(draft: Draft, candidate: Candidate) -> tuple[str, ...]:
-    column = candidate.column
+def _count(draft: Draft, column: str) -> tuple[str, ...]:
     unit = _count_unit(_cells(draft, column))
     if unit in _SERIALS:
         return _put(draft, column, {"column": column, "format": unit}, False, f"serial days of {unit.capitalize()}")
@@ -174,10 +167,8 @@ def _digits_of_date(draft: Draft, dates: pd.Series[Any]) -> tuple[str, str]:
     spans = sorted((_span(six, form, "", ""), form) for form in fitting)
     if 0.0 < spans[0][0] * _MUCH < spans[1][0] and spans[0][0] < _LONGEST_TRIAL_D:
         return spans[0][1], f"{names[spans[0][1]]}: else it would last {spans[1][0]:.0f} days"
-    answer = draft.ask(
-        "date_order", f"is the date {six.iloc[0]} " + " or ".join(names[each] for each in fitting) + "?",
-        [names[each] for each in fitting],
-    )  # fmt: skip
+    orders = [names[each] for each in fitting]
+    answer = draft.ask("date_order", f"is the date {six.iloc[0]} {' or '.join(orders)}?", orders)
     return next((form for form, name in names.items() if name == answer), fitting[0]), "as answered"
 
 
@@ -210,12 +201,8 @@ def _seconds(draft: Draft, candidate: Candidate) -> tuple[str, ...]:
     if form:
         entry["in_name"] = form
         return _put(draft, column, entry, False, f"{unit}; the first row's time is that in the file's name", unit)
-    draft.ask(
-        "start",
-        f"column {column!r} counts {unit} from a start that is not told; when was it?",
-        (),
-        "1970-01-01T00:00:00Z",
-    )
+    text = f"column {column!r} counts {unit} from a start that is not told; when was it?"
+    draft.ask("start", text, (), "1970-01-01T00:00:00Z")
     draft.warnings.append(
         f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
     )
@@ -233,34 +220,31 @@ def _form_in_name(name: str) -> str:
 def _put(
     draft: Draft, column: str, entry: dict[str, Any], zoned: bool, why: str, unit: str = ""
 ) -> tuple[str, ...]:
-    """Note the time column with its zone, that its text, its name or an answer tells, else UTC."""
+    """Note the time column, and its zone where its text tells none."""
     if not zoned:
-        words = frozenset(
-            re.findall(r"[a-z]+", f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}".lower())
-        )
-        offset = _OFFSET.search(f"{column} {draft.raw.units.get(column, '')}")
-        if offset and int(offset["h"]) and "zone" not in draft.answers:
-            # Etc/GMT-2 is two hours ahead of UTC (POSIX)
-            entry["zone"] = f"Etc/GMT{'-' if offset['sign'] == '+' else '+'}{int(offset['h'])}"
-            why = f"{why}; {offset[0]} by its name"
-        elif words & _UTC_WORDS and "zone" not in draft.answers:
-            entry["zone"], why = "UTC", f"{why}; UTC by its name"
-        else:
-            default = None if words & _LOCAL_WORDS else "UTC"
-            zone = draft.ask(
-                "zone", f"column {column!r} names no zone; which is it (UTC, Europe/Oslo ...)?", (), default
-            )
-            entry["zone"] = zone or "UTC"
-            if "zone" not in draft.answers:
-                draft.warnings.append(
-                    f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another"
-                )
-            why += (
-                f"; {entry['zone']} as answered" if "zone" in draft.answers else "; UTC is assumed, no zone is told"
-            )
+        entry["zone"], reason = _zone(draft, column, entry.get("date", ""))
+        why = f"{why}; {reason}"
     draft.tree["time"] = entry
     draft.note(column, "time", unit or entry.get("unit", ""), why)
     return (column,)
+
+
+def _zone(draft: Draft, column: str, date: str) -> tuple[str, str]:
+    """The zone that an answer or the column's name tells, else UTC; and why."""
+    name = f"{column} {draft.raw.units.get(column, '')}"
+    words, offset = set(re.findall(r"[a-z]+", f"{name} {date}".lower())), _OFFSET.search(name)
+    answered = "zone" in draft.answers
+    if offset and int(offset["h"]) and not answered:
+        # Etc/GMT-2 is two hours ahead of UTC (POSIX)
+        return f"Etc/GMT{'-' if offset['sign'] == '+' else '+'}{int(offset['h'])}", f"{offset[0]} by its name"
+    if words & _UTC_WORDS and not answered:
+        return "UTC", "UTC by its name"
+    text, default = f"column {column!r} names no zone; which is it (UTC, Europe/Oslo ...)?", "UTC"
+    zone = draft.ask("zone", text, (), None if words & _LOCAL_WORDS else default) or default
+    if answered:
+        return zone, f"{zone} as answered"
+    draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
+    return zone, "UTC is assumed, no zone is told"
 
 
 def _form_of(draft: Draft, cells: pd.Series[Any]) -> tuple[str, bool, str]:
@@ -308,10 +292,8 @@ def _order_of_date(
     told = "date_order" in draft.answers
     if not told and spans[ordered[0]] * _MUCH < spans[ordered[1]] and spans[ordered[0]] < _LONGEST_TRIAL_D:
         return forms[ordered[0]], f"{ordered[0].replace('-', ' ')}: else it would last {spans[ordered[1]]:.0f} days"
-    both = [
-        pd.to_datetime(first.group(0)[: first.end("y")], format=form).strftime("%-d %B %Y")
-        for form in forms.values()
-    ]
+    date = first.group(0)[: first.end("y")]
+    both = [pd.to_datetime(date, format=form).strftime("%-d %B %Y") for form in forms.values()]
     answer = draft.ask("date_order", f"is {first.group(0)} the {' or the '.join(both)}?", list(forms))
     return forms[answer or "day-first"], "as answered" if answer else "not clear"
 

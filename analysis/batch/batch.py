@@ -53,7 +53,6 @@ class Summary:
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """The names of the results whose recording is gone."""
         return tuple(row["name"] for row in self.gone_rows)
 
     @property

@@ -255,9 +255,7 @@ def distance_m(one_hz: pd.DataFrame) -> float | None:
 
     ``None`` where there are not two of them.
     """
-    if not {"north_m", "east_m"} <= set(one_hz.columns):
-        return None
-    position = one_hz[["north_m", "east_m"]].to_numpy()
+    position = one_hz.reindex(columns=["north_m", "east_m"]).to_numpy(dtype=float)
     steps = position[: len(position) // _COURSE_STEP_S * _COURSE_STEP_S].reshape(-1, _COURSE_STEP_S, 2)
     means = steps.mean(axis=1)
     means = means[np.isfinite(means).all(axis=1)]
@@ -268,9 +266,7 @@ def distance_m(one_hz: pd.DataFrame) -> float | None:
 
 def thumbnail(one_hz: pd.DataFrame) -> str:
     """The track as points of a polyline in a square of 100 by 100, north up and to scale; empty without one."""
-    if not {"north_m", "east_m"} <= set(one_hz.columns):
-        return ""
-    track = one_hz[["east_m", "north_m"]].dropna().to_numpy() * [1.0, -1.0]
+    track = one_hz.reindex(columns=["east_m", "north_m"]).dropna().to_numpy(dtype=float) * [1.0, -1.0]
     if len(track) < 2:
         return ""
     chosen = track[np.unique(np.linspace(0, len(track) - 1, _THUMBNAIL_POINTS).astype(int))]

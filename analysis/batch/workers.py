@@ -139,7 +139,8 @@ def exclusive_folder(out: Path) -> Iterator[None]:
         except OSError as error:
             raise StorageError("is being written by another batch", where=str(out),
                                fix="wait for it, or name another folder") from error  # fmt: skip
-        remove_partials(out)
+        for partial in out.rglob(".part-*"):
+            shutil.rmtree(partial, ignore_errors=True)
         shutil.rmtree(out / MARKS, ignore_errors=True)
         (out / MARKS).mkdir()
         try:
@@ -147,12 +148,6 @@ def exclusive_folder(out: Path) -> Iterator[None]:
                 yield
         finally:
             shutil.rmtree(out / MARKS, ignore_errors=True)
-
-
-def remove_partials(out: Path) -> None:
-    """Remove what interrupted runs left below ``out``; nobody else may be writing there."""
-    for partial in out.rglob(".part-*"):
-        shutil.rmtree(partial, ignore_errors=True)
 
 
 def attempt(job: Job, work: Callable[[Job], Row]) -> Row:

@@ -91,11 +91,6 @@ class FilteredStates:
     deviation: Floats
     refused: Bools
 
-    @property
-    def nis(self) -> Floats:
-        """Normalised innovation squared [steps, channels]; its mean is 1 for a consistent filter."""
-        return np.asarray((self.innovation / self.deviation) ** 2)
-
 
 @dataclass(frozen=True, slots=True)
 class Track:
@@ -146,14 +141,12 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
     """Filter forwards, smooth backwards. ``start`` is at the first step's time; all in the model's states."""
     if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
         return filter_and_smooth(steps, start, model, gate)
-    from analysis.estimation.kalman_kernel import WIDTH, run_filter, run_smoother
+    from analysis.estimation.kalman_kernel import run_smoother
 
-    F, Q, interval = model.over(np.diff(steps.time_s, prepend=steps.time_s[:1]), WIDTH)
     edges = np.array([0, steps.time_s.size])
-    innovation, variance, *kept = run_filter(
-        steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, F, Q, interval, edges,
-        start.mean[None], start.covariance, gate.limit, gate.patience_s, gate.patience, True,
-    )  # fmt: skip
+    F, interval, (innovation, variance, *kept) = _filtered(
+        steps, start.mean[None], start.covariance, edges, model, gate, keep=True
+    )
     smoothed: tuple[Floats, Floats, Floats] = run_smoother(
         F, interval, steps.row, gate.limit, innovation, variance, *kept
     )
@@ -171,16 +164,24 @@ def innovations_of(
     Stretches of steps begin and end at ``edges`` [stretches + 1], each with its mean in ``starts`` [stretches,
     states] and with ``covariance``.
     """
+    _, _, (innovation, variance, *_) = _filtered(steps, starts, covariance, edges, model, gate, keep=False)
+    return innovation, variance
+
+
+def _filtered(
+    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: Model, gate: Gate, *, keep: bool
+) -> tuple[Floats, Ints, Any]:
+    """Transitions, which of them leads to each step, and what the compiled filter gives."""
     from analysis.estimation.kalman_kernel import WIDTH, run_filter
 
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
     dt_s[edges[:-1]] = 0.0
     F, Q, interval = model.over(dt_s, WIDTH)
-    innovation, variance, *_ = run_filter(
+    found = run_filter(
         steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, F, Q, interval, edges,
-        starts, covariance, gate.limit, gate.patience_s, gate.patience, False,
+        starts, covariance, gate.limit, gate.patience_s, gate.patience, keep,
     )  # fmt: skip
-    return innovation, variance
+    return F, interval, found
 
 
 class _Patience:

@@ -71,13 +71,6 @@ def transpose(work: Floats) -> None:
 
 
 @compiled
-def predict_means(F: Floats, m: Floats, moved: Floats) -> None:
-    """Fill ``moved`` [n, C] with F m."""
-    moved[:] = 0.0
-    add_product(F, m, m.shape[1], moved)
-
-
-@compiled
 def add_inputs(drive: Floats, gain: Floats, features: Floats, moved: Floats) -> None:
     """Add a step's inputs to the means ``moved`` [n, C].
 
@@ -182,7 +175,8 @@ def filter_pass(  # type: ignore[no-untyped-def]
     long = np.zeros(channels, dtype=np.bool_)
     for k in range(T):
         if k > 0:
-            predict_means(F[interval[k]], m, moved)
+            moved[:] = 0.0
+            add_product(F[interval[k]], m, m.shape[1], moved)
             if drive.shape[0] > 0:
                 add_inputs(drive[k - 1], gain[k - 1], features[k - 1], moved)
             m, moved = moved, m

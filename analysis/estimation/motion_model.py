@@ -126,10 +126,9 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
 
     ``noise`` [channels] is the standard deviation of one sample of each.
     """
-    value = data.value.copy()
-    row = np.zeros((data.time_s.size, len(CHANNELS), 9))
-    row[:, HEADING, PSI : R_DOT + 1] = _quadratic(data, HEADING)
-    row[:, YAW_RATE, PSI : R_DOT + 1] = _slope(data, YAW_RATE)
+    value, turning = data.value.copy(), heading_steps(data, *noise[:2])
+    row, jumps = np.zeros((data.time_s.size, len(CHANNELS), 9)), np.zeros((len(CHANNELS), 9), dtype=bool)
+    row[:, :2], jumps[:2] = turning.row, turning.jumps
     row[:, NORTH, N : AN + 1] = _quadratic(data, NORTH)
     row[:, EAST, E : AE + 1] = _quadratic(data, EAST)
     turns = np.rint((value[:, HEADING] - heading_rad) / (2 * np.pi))
@@ -141,10 +140,8 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
         row[:, channel, N : AN + 1], row[:, channel, E : AE + 1] = north * slope, east * slope
         row[:, channel, PSI], row[:, channel, R] = lever, lever * np.nan_to_num(data.offset_s[:, channel])
         value[:, channel] += lever * heading_rad
-    jumps = np.zeros((len(CHANNELS), 9), dtype=bool)
-    for channel, states in {HEADING: [PSI], YAW_RATE: [R], NORTH: [N], EAST: [E], SURGE: [VN, VE]}.items():
+    for channel, states in {NORTH: [N], EAST: [E], SURGE: [VN, VE], SWAY: [VN, VE]}.items():
         jumps[channel, states] = True
-    jumps[SWAY] = jumps[SURGE]
     return Steps(data.time_s, value, row, _variance(noise, data.count), np.zeros(len(CHANNELS)), jumps)
 
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
@@ -87,21 +86,14 @@ class NoiseLevels:
         return _laws(self.yaw_jerk, *waves, _YAW_ORDER)
 
     @property
-    def laws(self) -> tuple[tuple[Law, ...], tuple[Law, ...]]:
-        """The process models of north and east, or along and across the waves."""
-        shape = (self.wave_frequency_radps, self.wave_damping)
-        along, across = self.wave_speed, self.wave_speed * self.wave_across
-        return _laws(self.jerk, along, *shape), _laws(self.jerk, across, *shape)
-
-    @property
     def heading_model(self) -> Model:
-        """The model of the heading alone."""
         return Model((0,) * len(self.yaw_laws), self.yaw_laws)
 
     @property
     def motion_model(self) -> Model:
-        """The model of heading, north and east."""
-        along, across = self.laws
+        """The model of heading, north and east, or along and across the waves."""
+        shape = (self.wave_frequency_radps, self.wave_damping)
+        along, across = (_laws(self.jerk, self.wave_speed * share, *shape) for share in (1.0, self.wave_across))
         quantities = (0,) * len(self.yaw_laws) + (1,) * len(along) + (2,) * len(across)
         return Model(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
 
@@ -124,13 +116,12 @@ def _laws(jerk: float, speed: float, frequency_radps: float, damping: float, ord
     return (slow, WaveMotion(speed, frequency_radps, damping, order)) if speed > 0.0 else (slow,)
 
 
-def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevels:
+def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
     """The maximum-likelihood levels of combined samples; an absent channel keeps its lower bound.
 
     Waves are looked for in the horizontal motion. If there are any, the heading oscillates at about the same
     frequency; if not, oscillations of the heading are the ship's.
     """
-    rules = gate or Gate()
     parts = _stretches(data)
     first = _first_levels(data)
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
@@ -138,12 +129,12 @@ def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevel
     edges = np.cumsum([0, *(part.time_s.size for part in parts)])
     alone = _joined([heading_steps(part, 1.0, 1.0) for part in parts])
     turning = Search(alone, edges, start, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
-                      (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), rules, order=_YAW_ORDER)  # fmt: skip
+                      (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), gate, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
-    given, added = zip(*(_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts), strict=True)
+    given, added = zip(*(_given_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True)
     moving = Search(_joined(given), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
-                     (LEAST["position_m"], LEAST["speed_mps"]), rules, np.concatenate(added))  # fmt: skip
+                     (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
@@ -258,7 +249,7 @@ class Search:
     edges: Ints
     start: Start
     quantities: tuple[int, ...]
-    level_of: NDArray[np.int64]
+    level_of: Ints
     first: Floats
     least: tuple[float, float]
     gate: Gate
@@ -291,7 +282,6 @@ class Search:
 
     @property
     def count(self) -> int:
-        """How many values there are."""
         return int(np.isfinite(self.steps.value).sum())
 
     @property

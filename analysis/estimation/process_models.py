@@ -13,12 +13,11 @@ each part of a quantity, slow motion and waves.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats, Ints
 
 QUANTITIES = 3
 _SAME_S = 1e-9
@@ -51,34 +50,12 @@ def oscillator(dt_s: Floats | float, frequency_radps: Floats | float, damping: f
     )
 
 
-class Law(Protocol):
-    """The interface of a process model."""
-
-    @property
-    def may_jump(self) -> bool:
-        """Whether the quantity may jump, as slow motion may and wave motion may not."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """The number of states: the quantity and its first derivatives, two at least."""
-        ...
-
-    @property
-    def covariance(self) -> Floats | None:
-        """The stationary covariance [size, size], None if it grows without bound."""
-        ...
-
-    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """Transition and added covariance over each of ``dt_s`` [k]: twice [k, size, size]."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class WhiteJerk:
     """The third derivative is white noise; ``jerk`` is the root of its spectral density, unit/s3 per root Hz.
 
-    Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3: the Wiener process acceleration model.
+    Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3: the Wiener process acceleration model. Its covariance grows
+    without bound.
     """
 
     jerk: float
@@ -87,7 +64,7 @@ class WhiteJerk:
     covariance: None = None
 
     def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """As :class:`Law` says."""
+        """Transition and added covariance over each of ``dt_s`` [k]: twice [k, size, size]."""
         forward, added = np.zeros((2, dt_s.size, 3, 3))
         forward[:, [0, 1, 2], [0, 1, 2]] = 1.0
         forward[:, 0, 1] = forward[:, 1, 2] = dt_s
@@ -119,7 +96,6 @@ class WaveMotion:
 
     @property
     def size(self) -> int:
-        """The number of states."""
         return 2 + self.order
 
     @property
@@ -147,7 +123,7 @@ class WaveMotion:
         return np.asarray(unit * self.speed**2 / unit[1, 1])
 
     def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """As :class:`Law` says."""
+        """As :meth:`WhiteJerk.over`."""
         roots, vectors = np.linalg.eig(self._system)
         powers = np.exp(roots * self.frequency_radps * dt_s[:, None])
         forward = np.real(np.einsum("ij,kj,jl->kil", vectors, powers, np.linalg.inv(vectors)))
@@ -155,6 +131,11 @@ class WaveMotion:
         stationary = self.covariance
         added = stationary - forward @ stationary @ forward.transpose(0, 2, 1)
         return forward, (added + added.transpose(0, 2, 1)) / 2.0
+
+
+Law: TypeAlias = WhiteJerk | WaveMotion
+"""A process model of a quantity and its first derivatives, ``size`` states, two at least; ``may_jump`` says whether
+the quantity may jump, as slow motion may and wave motion may not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +150,7 @@ class Model:
     direction_rad: float = 0.0
 
     @property
-    def sizes(self) -> NDArray[np.int64]:
+    def sizes(self) -> Ints:
         """The number of states of each block."""
         return np.array([law.size for law in self.laws], dtype=np.int64)
 
@@ -180,7 +161,7 @@ class Model:
         return [slice(end - law.size, end) for end, law in zip(ends, self.laws, strict=True)]
 
     @property
-    def may_jump(self) -> NDArray[np.bool_]:
+    def may_jump(self) -> Bools:
         """For each state, whether it may jump."""
         return np.repeat([law.may_jump for law in self.laws], self.sizes)
 
@@ -196,7 +177,7 @@ class Model:
                 matrix[derivative::3, block.start + derivative] = shares
         return matrix
 
-    def over(self, dt_s: Floats, width: int = 0) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    def over(self, dt_s: Floats, width: int = 0) -> tuple[Floats, Floats, Ints]:
         """The distinct intervals of ``dt_s`` [k]: transitions and process noises, and the index of each.
 
         Both are [distinct, states, states], or padded with zeros to ``width`` columns; index [k].

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -71,7 +71,6 @@ class ChannelConsistency:
 
     @property
     def consistent(self) -> bool:
-        """Whether the mean NIS lies in its bounds."""
         return self.low <= self.nis <= self.high
 
 
@@ -82,7 +81,6 @@ class Consistency:
     channels: Mapping[str, ChannelConsistency]
 
     def as_json(self) -> dict[str, dict[str, float]]:
-        """The figures by channel."""
         return {name: asdict(each) | {"consistent": each.consistent} for name, each in self.channels.items()}
 
 
@@ -121,27 +119,6 @@ _CHANNELS_OF = {
 """The channels of each level of :class:`.noise_levels.NoiseLevels`."""
 
 
-def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[str, ...]:
-    """One line for each channel with doubtful uncertainties: NIS well out of its bounds, or a level at a bound.
-
-    With six channels one in four good recordings has one just outside its 95 % bounds, and a long recording
-    distinguishes a NIS of 0.97 from 1: deviations that leave 95 % bands between 93 and 97 % are not reported.
-    ``at_bounds`` are names of levels (:attr:`analysis.estimation.noise_levels.NoiseLevels.at_bounds`).
-    """
-    lines = []
-    for name, channel in consistency.channels.items():
-        doubts = []
-        if not channel.consistent and not _HARMLESS[0] <= channel.nis <= _HARMLESS[1]:
-            bands = "too narrow" if channel.nis > channel.high else "too wide"
-            expected = f"expected {channel.low:.2f} to {channel.high:.2f}"
-            doubts.append(f"bands {bands}: mean normalised squared error {channel.nis:.2f}, {expected}")
-        ends = [level for level in at_bounds if name in _CHANNELS_OF[level]]
-        doubts += [f"the noise level {level} could not be determined" for level in ends]
-        if doubts:
-            lines.append(f"{name}: {'; '.join(doubts)}")
-    return tuple(lines)
-
-
 COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
 
@@ -171,8 +148,23 @@ class SmoothedMotion:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """One line for each channel with doubtful uncertainties, with the reason."""
-        return remarks_of(self.consistency, self.noise.at_bounds)
+        """One line for each channel with doubtful uncertainties: NIS well out of its bounds, or a level at a bound.
+
+        With six channels one in four good recordings has one just outside its 95 % bounds, and a long recording
+        distinguishes a NIS of 0.97 from 1: deviations that leave 95 % bands between 93 and 97 % are not reported.
+        """
+        lines = []
+        for name, channel in self.consistency.channels.items():
+            doubts = []
+            if not channel.consistent and not _HARMLESS[0] <= channel.nis <= _HARMLESS[1]:
+                bands = "too narrow" if channel.nis > channel.high else "too wide"
+                bounds = f"{channel.low:.2f} to {channel.high:.2f}"
+                doubts.append(f"bands {bands}: mean normalised squared error {channel.nis:.2f}, expected {bounds}")
+            ends = [level for level in self.noise.at_bounds if name in _CHANNELS_OF[level]]
+            doubts += [f"the noise level {level} could not be determined" for level in ends]
+            if doubts:
+                lines.append(f"{name}: {'; '.join(doubts)}")
+        return tuple(lines)
 
     def standard_deviations(self) -> pd.DataFrame:
         """The standard deviation of each state, in the unit of its column.
@@ -225,14 +217,16 @@ def smooth(
     parts = []
     for block in _blocks(data.time_s):
         track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
-        parts.append(_innovations_of(block, track))
+        core, found = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
+        means = track.mean[core] @ track.model.sums.T
+        parts.append((found.innovation[core], found.deviation[core], found.refused[core], means))
         some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
         mean, covariance = track.at(grid_s[some])
         sums = track.model.sums
         motion[some] = body_states(mean @ sums.T)
         spread[some] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
         slow[some] = body_states((mean * track.model.may_jump) @ sums.T)
-    innovations = _Innovations(*map(np.concatenate, zip(*parts, strict=True)))
+    innovation, deviation, refused, means = map(np.concatenate, zip(*parts, strict=True))
     hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
         values[hidden] = np.nan
@@ -241,8 +235,8 @@ def smooth(
         spread,
         _as_table(slow, grid_ns, rate_hz, table),
         noise,
-        _rejected(table, data, noise, rules, innovations),
-        consistency_of(data.time_s, innovations.innovation, innovations.deviation, innovations.refused),
+        _rejected(table, data, np.sqrt(rules.limit) * noise.by_channel, refused, means),
+        consistency_of(data.time_s, innovation, deviation, refused),
     )
 
 
@@ -294,33 +288,20 @@ def _blocks(time_s: Floats) -> list[_Block]:
     ]  # fmt: skip
 
 
-class _Innovations(NamedTuple):
-    """The innovations of each step; ``mean`` is the smoothed state."""
-
-    innovation: Floats
-    deviation: Floats
-    refused: Bools
-    mean: Floats
-
-
-def _innovations_of(block: _Block, track: Track) -> _Innovations:
-    """The innovations of a block's core steps."""
-    core, filtered = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
-    mean = track.mean[core] @ track.model.sums.T
-    return _Innovations(filtered.innovation[core], filtered.deviation[core], filtered.refused[core], mean)
-
-
 def _rejected(
-    table: pd.DataFrame, data: MotionSamples, noise: NoiseLevels, gate: Gate, innovations: _Innovations
+    table: pd.DataFrame, data: MotionSamples, limit: Floats, refused_steps: Bools, means: Floats
 ) -> pd.DataFrame:
-    """The rejected samples: those of a rejected step that are outliers themselves, or all if none is."""
+    """The rejected samples: those of a rejected step that are outliers themselves, or all if none is.
+
+    An outlier is off the smoothed state ``means`` [steps, 9] by more than its channel's ``limit`` [channels].
+    """
     flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
-    concerned: Bools = np.asarray(innovations.refused.any(axis=1))
+    concerned: Bools = np.asarray(refused_steps.any(axis=1))
     rows = np.flatnonzero((data.step_of >= 0) & concerned[data.step_of])
     values, step = motion_values(table.iloc[rows]), data.step_of[rows]
-    refused = innovations.refused[step] & np.isfinite(values)
+    refused = refused_steps[step] & np.isfinite(values)
     offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
-    off = np.abs(apart_from(values, innovations.mean[step], offset_s)) > np.sqrt(gate.limit) * noise.by_channel
+    off = np.abs(apart_from(values, means[step], offset_s)) > limit
     for channel in range(len(CHANNELS)):
         some = refused[:, channel] & off[:, channel]
         explained = np.bincount(step[some], minlength=data.time_s.size) > 0

@@ -66,7 +66,6 @@ class Mean:
 
     @property
     def half(self) -> float:
-        """Half of the interval."""
         return 0.5 * (self.index.high - self.index.low)
 
 
@@ -226,7 +225,6 @@ def _shown_of(manoeuvre: Manoeuvre, name: str) -> str:
 
 
 def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
-    """The names of the main indices."""
     found = manoeuvre.indices
     main: Iterable[str] = _MAIN.get(manoeuvre.kind, tuple(found)[:3])
     if manoeuvre.kind == "speed_run":
@@ -259,14 +257,9 @@ def _above(index: Index, bound: float) -> bool:
     return bool((index.value if np.isnan(bound) else bound) > (index.limit or np.inf))
 
 
-def criterion_of(name: str) -> str:
-    """The criterion that an index is for; empty for none."""
-    return CRITERIA.get(name, "")
-
-
 def untested(rows: Iterable[IndexRow]) -> list[str]:
     """The criteria of the standards that no run of these is for."""
-    shown = {criterion_of(row.name) for row in rows if row.result}
+    shown = {CRITERIA.get(row.name) for row in rows if row.result}
     return [each for each in dict.fromkeys(CRITERIA.values()) if each not in shown]
 
 
@@ -275,7 +268,7 @@ def verdict(rows: Sequence[IndexRow]) -> str:
     passed, failed, left = ([row for row in rows if row.result == name] for name in ("pass", "fail", "not judged"))
     others = f"; {len(left)} not judged" if left else ""
     if failed:
-        which = ", ".join(f"{criterion_of(row.name)} ({row.test})" for row in failed)
+        which = ", ".join(f"{CRITERIA.get(row.name, '')} ({row.test})" for row in failed)
         return f"The trial does not meet IMO MSC.137(76) in {which}{others}."
     if passed:
         every = {1: "the one value", 2: "both values"}.get(len(passed), f"all {len(passed)} values")

@@ -15,9 +15,8 @@ from operator import attrgetter
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre, add_limits
 from analysis.manoeuvres.measures import (
@@ -149,35 +148,34 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
     return []
 
 
-def _zigzags_and_turns(
-    motion: Motion, smooth: Motion, marks: Sequence[Mark]
-) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
+def _zigzags_and_turns(motion: Motion, smooth: Motion, marks: Sequence[Mark]) -> tuple[list[Manoeuvre], Bools]:
     """Zigzags and turns, and the rows that they take."""
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
-    motion = replace(motion, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
-    every = held_helms(motion, helm)
+    motion = replace(motion, helm_deg=helm, helm_rate_dps=helm_rate_dps(usual, motion.step_s))
+    every = held_helms(motion)
     held = off_the_middle(helm, every)
-    extremes = helm_extremes(motion, helm)
+    calm, rows = turning_points(helm, motion.step_s)
+    extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
     chains = [chain for chain in zigzag_chains(motion, held, extremes) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
     spirals = spiral_steps(motion, [each for each in every if each.first not in swings])
     swings |= {each.first for steps in spirals for each in steps}
-    found = [*(zigzag(motion, helm, chain) for chain in chains), *(spiral(motion, helm, each) for each in spirals)]
-    rates = reverse_spiral_steps(motion, helm, smooth.yaw_rate_dps, ~_taken_by(motion, found)) if helm.any() else []
-    reverse = [reverse_spiral(motion, helm, each) for each in rates]
+    found = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, each) for each in spirals)]
+    rates = reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_taken_by(motion, found)) if helm.any() else []
+    reverse = [reverse_spiral(motion, each) for each in rates]
     found, taken = [*found, *reverse], _taken_by(motion, reverse)
     swings |= {each.first for each in every if taken[each.first : each.end].any()}
     free = [each for each in held if each.first not in swings]
-    found += [turning_circle(motion, helm, each) for each in free if is_turn(motion, helm, each, fastest_mps)]
+    found += [turning_circle(motion, each) for each in free if is_turn(motion, each, fastest_mps)]
     still = [each for each in every if each.first not in swings]
-    found += find_pull_outs(motion, helm, still, smooth.yaw_rate_dps, fastest_mps)
-    found += find_williamson_turns(motion, helm, free)
+    found += find_pull_outs(motion, still, smooth.yaw_rate_dps, fastest_mps)
+    found += find_williamson_turns(motion, free)
     return found, _taken_by(motion, found)
 
 
-def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> NDArray[np.bool_]:
+def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
         taken |= _rows_of(motion, each, each.settings.get("half_command_s", 0.0))
@@ -193,9 +191,10 @@ def helm_of(motion: Motion) -> Floats:
     return np.where(running, motion.helm_deg, 0.0)
 
 
-def held_helms(motion: Motion, helm: Floats) -> list[Plateau]:
+def held_helms(motion: Motion) -> list[Plateau]:
     """The plateaus of the helm."""
-    tolerance, rate = tolerance_of(helm, _LEAST_STEP_DEG), motion.helm_rate_dps
+    helm, rate = motion.helm_deg, motion.helm_rate_dps
+    tolerance = tolerance_of(helm, _LEAST_STEP_DEG)
     return [
         replace(each, first=each.first + offset, end=each.end + offset)
         for offset, end in stretches(~motion.broken)
@@ -215,12 +214,6 @@ def off_the_middle(helm: Floats, held: Sequence[Plateau]) -> list[Plateau]:
     ]  # fmt: skip
 
 
-def helm_extremes(motion: Motion, helm: Floats) -> list[Plateau]:
-    """The reversals of the helm, as plateaus of one row."""
-    calm, rows = turning_points(helm, motion.step_s)
-    return [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]
-
-
 def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
     """Whether a chain is a zigzag: three swings, or two with a crew's mark."""
     start = motion.utc(float(motion.time_s[chain[0].first]))
@@ -228,7 +221,7 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
     return marked or len(chain) >= FEWEST_SWINGS
 
 
-def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -> NDArray[np.bool_]:
+def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -> Bools:
     start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
     return np.asarray((motion.time_s >= start - before_s) & (motion.time_s <= end))
 

@@ -101,7 +101,6 @@ class Manoeuvre:
 
     @property
     def sided_name(self) -> str:
-        """The name, including the side."""
         return f"{self.name} to {self.side}" if self.side and self.side not in self.name else self.name
 
     @property
@@ -141,9 +140,7 @@ class LeftOut:
 
     def as_json(self) -> dict[str, str]:
         """With the keys of the contract."""
-        return {
-            "kind": self.kind, "start": self.start.isoformat(), "end": self.end.isoformat(), "why": self.why
-        }  # fmt: skip
+        return {**asdict(self), "start": self.start.isoformat(), "end": self.end.isoformat()}
 
 
 def side_of(positive_to_starboard: float) -> str:
@@ -298,19 +295,14 @@ def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> 
     if length_m and abs(helm_deg / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE:
         limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
     if length_m and each.kind == "turning_circle":
-        if is_turning_test(helm_deg, largest_deg):
+        shown = "no limits: advance and diameter have them"
+        if is_test := is_turning_test(helm_deg, largest_deg):
             limits["advance_m"] = ADVANCE_LENGTHS * length_m
             limits["tactical_diameter_m"] = TACTICAL_DIAMETER_LENGTHS * length_m
-        notes += _turning_notes(helm_deg, largest_deg)
+            shown = "limits are"
+        if not is_test or abs(helm_deg / TURNING_HELM_DEG - 1.0) > _SAME_HELM_SHARE:
+            notes.append(
+                f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, "
+                f"and this was {helm_deg:.0f} deg, the largest of this recording {largest_deg:.0f} deg"
+            )
     return replace(each, indices=with_limits(each.indices, limits), notes=(*each.notes, *notes))
-
-
-def _turning_notes(helm_deg: float, largest_deg: float) -> list[str]:
-    """Notes on a helm that differs from the standards'."""
-    if is_turning_test(helm_deg, largest_deg) and abs(helm_deg / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE:
-        return []
-    shown = "limits are" if is_turning_test(helm_deg, largest_deg) else "no limits: advance and diameter have them"
-    return [
-        f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, "
-        f"and this was {helm_deg:.0f} deg, the largest of this recording {largest_deg:.0f} deg"
-    ]

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.kinematics import to_body
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import unit_of
+from analysis.manoeuvres.indices import Manoeuvre, indices_of, unit_of
 from analysis.manoeuvres.motion import Motion, noise_of, running_median, stretches
 
 APPROACH_S = 10.0
@@ -83,36 +84,43 @@ def helm_change_s(motion: Motion, change_deg: float) -> float:
     return _SLOWER * abs(change_deg) / motion.helm_rate_dps
 
 
-def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[float, float]:
+def helm_execute_s(motion: Motion, plateau: Plateau) -> tuple[float, float]:
     """The times at which the helm began to move to a plateau and was half-way there [s]."""
     longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
-    before = level_before(motion, helm, plateau, longest_s + 1.0)
+    before = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
     earliest = motion.row_before(plateau.first, longest_s)
-    return execute_s(motion.time_s, helm, plateau, before, earliest)
+    return execute_s(motion.time_s, motion.helm_deg, plateau, before, earliest)
 
 
-def executes_unsure_s(motion: Motion, helm: Floats, change_deg: float, times: Floats) -> Floats:
+def next_execute_s(motion: Motion, last: Plateau, each: Plateau) -> tuple[float, float]:
+    """As :func:`helm_execute_s`, of a helm that goes from one plateau to the next."""
+    return execute_s(motion.time_s, motion.helm_deg, each, last.level, (last.first + last.end) // 2)
+
+
+def executes_unsure_s(motion: Motion, change_deg: float, times: Floats) -> Floats:
     """The uncertainty of the ``times`` of a manoeuvre [s]: first change of the command, first execute, and
     others.
 
     Before the manoeuvre a helmsman or pilot keeps the course: half of that variation of the helm affects the
     first half-way time.
     """
-    begun = motion.row_before(int(np.searchsorted(motion.time_s, times[0])), APPROACH_S)
-    before = helm[begun : int(np.searchsorted(motion.time_s, times[0]))]
+    first = int(np.searchsorted(motion.time_s, times[0]))
+    before = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
     wander_s = 0.5 * float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
-    unsure = np.full(times.size, _execute_unsure_s(motion, helm, change_deg))
+    unsure = np.full(times.size, _execute_unsure_s(motion, change_deg))
     unsure[:2] = np.hypot(unsure[:2], np.sqrt(3.0) * wander_s)
     return unsure
 
 
-def _execute_unsure_s(motion: Motion, helm: Floats, change_deg: float) -> float:
+def _execute_unsure_s(motion: Motion, change_deg: float) -> float:
     """The uncertainty of an execute [s]: half a row for a change within one row, less for one over several;
     plus the effect of the helm's noise on a fit through the middle of the change and on the levels before and
     after, medians of some seconds."""
     rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
     level = 0.5 * np.sqrt(2.0) * 1.25 / np.sqrt(max(_BEFORE_S / motion.step_s, 1.0))
-    noise_s = noise_of(helm) / motion.helm_rate_dps * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
+    noise_s = (
+        noise_of(motion.helm_deg) / motion.helm_rate_dps * np.hypot(level, 1.0 / np.sqrt(max(0.5 * rows, 1.0)))
+    )
     return float(0.5 * motion.step_s / rows + np.sqrt(3.0) * noise_s)
 
 
@@ -308,6 +316,16 @@ def bootstrap_indices(
         believed, within = _without_bias(value, np.array([each.get(name, np.nan) for each in repeats]))
         found[name] = believed, float(np.hypot(within, path_within)) if unit_of(name) == "m" else within
     return found
+
+
+def manoeuvre_of(
+    motion: Motion, kind: str, name: str, span_s: Floats, side: str, settings: Mapping[str, float],
+    found: Mapping[str, tuple[float, float]], **more: Any,
+) -> Manoeuvre:  # fmt: skip
+    """A manoeuvre between two times of ``motion`` [s], with indices of what was ``found``: values and halves of
+    intervals."""
+    start, end = (motion.utc(float(each)) for each in span_s)
+    return Manoeuvre(kind, name, start, end, side, settings, indices_of(found, motion.length_m), **more)
 
 
 def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:

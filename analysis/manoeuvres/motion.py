@@ -19,11 +19,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.core.actuators import RUDDER, Actuator, Actuators, name_of_order
 from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
-from acquisition.core.arrays import Complexes, Floats
+from acquisition.core.arrays import Bools, Complexes, Floats
 from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
 from acquisition.core.errors import InputError
 from analysis.estimation.local_polynomial import local_quadratic
@@ -74,8 +73,8 @@ class Motion:
     thrust: Floats
     drives: Mapping[str, Floats]
     tunnels: Mapping[str, Floats]
-    known: NDArray[np.bool_]
-    broken: NDArray[np.bool_]
+    known: Bools
+    broken: Bools
     path_sd_m: float = 0.0
     orders_are_events: bool = False
     steering: str = "azimuth"
@@ -326,7 +325,7 @@ def _dead_reckoning(
     return (north, east), (apart[0], apart[1])
 
 
-def _jumps(values: Floats, step_s: float, least: float) -> NDArray[np.bool_]:
+def _jumps(values: Floats, step_s: float, least: float) -> Bools:
     """Mask of changes of ``values`` within three seconds by more than ``least`` and far more than elsewhere."""
     rows = max(1, round(1.5 / step_s))
     change = np.zeros(values.size)
@@ -335,7 +334,7 @@ def _jumps(values: Floats, step_s: float, least: float) -> NDArray[np.bool_]:
     return change > max(least, _JUMP_SHARE * float(np.percentile(change, 90)))
 
 
-def _smooth_pieces(values: Floats, broken: NDArray[np.bool_], step_s: float) -> Floats:
+def _smooth_pieces(values: Floats, broken: Bools, step_s: float) -> Floats:
     """``values`` smoothed, each piece between breaks by itself."""
     result = values.copy()
     for first, end in stretches(~broken):
@@ -362,7 +361,7 @@ def _path_sd_m(position_m: float, speed_mps: float, step_s: float) -> float:
     return float(np.hypot(position_m * np.linalg.norm(kernel), speed_mps * step_s * np.linalg.norm(wandering)))
 
 
-def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, int]]:
+def stretches(true: Bools, least_rows: int = 1) -> list[tuple[int, int]]:
     """First row and end of every run of true values that is long enough.
 
     >>> stretches(np.array([True, True, False, True]))
@@ -377,7 +376,6 @@ def _shaft_name(actuator: Actuator) -> str:
 
 
 def _pitch_of(actuator: Actuator) -> str | None:
-    """The channel of an actuator's pitch."""
     return next((each.name for each in actuator.channels if each.unit == "%"), None)
 
 

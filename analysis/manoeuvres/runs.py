@@ -9,17 +9,15 @@ from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.core.angles import circular_mean, difference, wrap_360
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from analysis.manoeuvres.indices import (
     TRACK_REACH_LENGTHS,
     Index,
     LeftOut,
     Manoeuvre,
     index_of,
-    indices_of,
     side_of,
     with_limits,
 )
@@ -33,6 +31,7 @@ from analysis.manoeuvres.measures import (
     execute_s,
     half_width_s,
     level_before,
+    manoeuvre_of,
     mean_between,
     mean_of_blocks,
     means_of,
@@ -77,20 +76,18 @@ def _changes(values: Floats, step_s: float) -> Floats:
     )
 
 
-def straight_rows(smooth: Motion) -> NDArray[np.bool_]:
+def straight_rows(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed heading changes by less than 3 deg in 20 s."""
     return np.abs(_changes(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
 
 
-def steady_rows(smooth: Motion) -> NDArray[np.bool_]:
+def steady_rows(smooth: Motion) -> Bools:
     """Mask of rows in which the smoothed surge speed changes by less than 4 % in 20 s."""
     change = np.abs(_changes(smooth.surge_mps, smooth.step_s))
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
 
-def straight_stretches(
-    motion: Motion, smooth: Motion, free: NDArray[np.bool_], bridge_s: float = 0.0
-) -> list[tuple[int, int]]:
+def straight_stretches(motion: Motion, smooth: Motion, free: Bools, bridge_s: float = 0.0) -> list[tuple[int, int]]:
     """First row and end of the steady straight stretches at one ahead shaft speed of at least half a minute.
 
     Breaks shorter than ``bridge_s``, such as gusts, are bridged.
@@ -108,7 +105,7 @@ def straight_stretches(
     return sorted(found)
 
 
-def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+def find_speed_runs(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """The steady straight stretches at one shaft speed of at least half a minute, with reciprocal pairs marked.
 
     Rejected are those with a slow turn, or a trend of the speed.
@@ -150,15 +147,9 @@ def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     found = {name: mean_of_blocks(getattr(part, column)) for name, column in (
         ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
     found["distance_m"] = (distance_m(part, *span), float("nan"))
-    return Manoeuvre(
-        kind="speed_run",
-        name=f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg",
-        start=motion.utc(span[0]),
-        end=motion.utc(span[1]),
-        side="",
-        settings={**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])},
-        indices=indices_of(found, motion.length_m),
-    )  # fmt: skip
+    name = f"speed run {part.main_rpm.mean():.0f} rpm on {round(heading) % 360} deg"
+    settings = {**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])}
+    return manoeuvre_of(motion, "speed_run", name, span, "", settings, found)
 
 
 class Course(NamedTuple):
@@ -221,7 +212,7 @@ def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float
     return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
 
 
-def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, Plateau, float]]:
+def shaft_steps(motion: Motion, free: Bools) -> list[tuple[Plateau, Plateau, float]]:
     """Every change from one held thrust to the next with its start time [s], where no other manoeuvre is."""
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
@@ -234,7 +225,7 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
     return steps
 
 
-def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """Increases of thrust on a straight course, until the speed is steady; rejected if the ship turns."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     straight, steady = straight_rows(smooth), steady_rows(smooth)
@@ -260,7 +251,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) 
     return found
 
 
-def find_stops(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+def find_stops(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """Thrust stopped or reversed under way, until the ship has stopped.
 
     Rejected if she still has more than a tenth of her speed at the end; one that loses less than two fifths is
@@ -290,24 +281,16 @@ def _change_of_speed(
 ) -> Manoeuvre:
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
-    width = half_width_s(part, (end - start) / 2.0)
-    found = bootstrap_indices(part, np.array([start, end]), width, measure, motion.step_s)
-    indices = indices_of(found, motion.length_m)
+    span, width = np.array([start, end]), half_width_s(part, (end - start) / 2.0)
+    found = bootstrap_indices(part, span, width, measure, motion.step_s)
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
     stops_astern = reverse and kind == "stopping"
     limit = TRACK_REACH_LENGTHS * motion.length_m if motion.length_m and stops_astern else None
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
              "stopping": "stopping with thrust astern" if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
-    return Manoeuvre(
-        kind=kind,
-        name=names[kind],
-        start=motion.utc(start),
-        end=motion.utc(end),
-        side="",
-        settings=settings,
-        indices=with_limits(indices, {"track_reach_m": limit}),
-    )
+    made = manoeuvre_of(motion, kind, names[kind], span, "", settings, found)
+    return replace(made, indices=with_limits(made.indices, {"track_reach_m": limit}))
 
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
@@ -356,13 +339,13 @@ _CRAB_TURN_DEG = 15.0
 _UNSURE_ROWS = 1.5  # the start of a drive is found by a threshold, not by a fit
 
 
-def _running(values: Floats, largest: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _running(values: Floats, largest: float) -> tuple[Bools, Bools]:
     """Masks of where a drive runs and where it stands still, relative to the largest of its kind."""
     floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
-def bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+def bridge(true: Bools, rows: int) -> Bools:
     """``true`` with breaks of at most ``rows`` closed."""
     result = true.copy()
     for first, end in stretches(~true):
@@ -371,7 +354,7 @@ def bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     return result
 
 
-def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre | LeftOut]:
+def find_thruster_tests(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
     """Tests of single drives: one of several main shafts alone for at least a quarter of a minute, and every
     run of a tunnel thruster."""
     largest = max(float(np.percentile(np.abs(each), 99)) for each in motion.drives.values())
@@ -403,11 +386,11 @@ def _unless_turning(each: Manoeuvre) -> Manoeuvre | LeftOut:
     return each if turned < _CRAB_TURN_DEG else LeftOut(each.kind, each.start, each.end, why)
 
 
-def _all(masks: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+def _all(masks: Iterable[Bools]) -> Bools:
     return np.asarray(np.logical_and.reduce(list(masks)))
 
 
-def _tests_of(motion: Motion, kind: str, name: str, rows: NDArray[np.bool_], least_s: float) -> list[Manoeuvre]:
+def _tests_of(motion: Motion, kind: str, name: str, rows: Bools, least_s: float) -> list[Manoeuvre]:
     return [_test(motion, kind, name, first, end)
             for first, end in stretches(rows, max(2, round(least_s / motion.step_s)))]  # fmt: skip
 
@@ -420,15 +403,9 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuv
     found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS * motion.step_s)
     turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
     sideways = aside if kind == "crabbing" else turned
-    return Manoeuvre(
-        kind=kind,
-        name=f"{name} to {side_of(aside)}" if kind == "crabbing" else name,
-        start=motion.utc(span[0]),
-        end=motion.utc(span[1]),
-        side=side_of(sideways),
-        settings=means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])},
-        indices=indices_of(found, motion.length_m),
-    )  # fmt: skip
+    name = f"{name} to {side_of(aside)}" if kind == "crabbing" else name
+    settings = means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])}
+    return manoeuvre_of(motion, kind, name, span, side_of(sideways), settings, found)
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Current, Manoeuvre, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.indices import Current, Manoeuvre, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     Plateau,
     along_and_across,
@@ -30,6 +30,7 @@ from analysis.manoeuvres.measures import (
     executes_unsure_s,
     half_width_s,
     helm_execute_s,
+    manoeuvre_of,
     mean_between,
     smooth_motion,
 )
@@ -42,12 +43,12 @@ _STEADIEST_APPROACH = 0.25
 REMOVED = "_current_removed"
 
 
-def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float) -> bool:
+def is_turn(motion: Motion, each: Plateau, fastest_mps: float) -> bool:
     """Whether a held helm turns a ship, on a straight approach and under way, by at least 90 deg."""
     heading = motion.heading_deg[each.first : each.end]
     seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
-    before = approach_of(motion, helm_execute_s(motion, helm, each)[0] - 1.0)
+    before = approach_of(motion, helm_execute_s(motion, each)[0] - 1.0)
     if motion.broken[each.first : each.end].any():
         return False
     with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
@@ -55,16 +56,16 @@ def is_turn(motion: Motion, helm: Floats, each: Plateau, fastest_mps: float) -> 
     return turned >= _LEAST_TURN_OF_ONE_SIDE_DEG and with_way and straight
 
 
-def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
+def turning_circle(motion: Motion, each: Plateau) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices."""
-    start, half = helm_execute_s(motion, helm, each)
+    start, half = helm_execute_s(motion, each)
     end = float(motion.time_s[each.end - 1])
     part = motion.around(start, end, _MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = half_width_s(part, quarter_s)
     times = np.array([start, half, end])
-    unsure_s = executes_unsure_s(motion, helm, each.level, times)
+    unsure_s = executes_unsure_s(motion, each.level, times)
     current = current_of(smooth_motion(part, width), start, end)
     found = _with_drift_error(bootstrap_indices(part, times, width, circle_indices, unsure_s), current)
     settings = {
@@ -74,19 +75,13 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
         **approach_settings(part, start),
     }
-    indices = indices_of(found, motion.length_m)
-    whole = abs(turned) >= LEAST_CIRCLE_DEG
-    return Manoeuvre(
-        kind="turning_circle" if whole else "course_change",
-        name=f"{'turning circle' if whole else 'turn'} {nominal_deg(each.level):.0f} deg",
-        start=motion.utc(half),
-        end=motion.utc(end),
-        side=side_of(turned),
-        settings=settings,
-        indices=indices,
-        current=current,
-        notes=event_notes(motion),
+    kind, word = (
+        ("turning_circle", "turning circle") if abs(turned) >= LEAST_CIRCLE_DEG else ("course_change", "turn")
     )
+    return manoeuvre_of(
+        motion, kind, f"{word} {nominal_deg(each.level):.0f} deg", times[1:], side_of(turned), settings, found,
+        current=current, notes=event_notes(motion),
+    )  # fmt: skip
 
 
 def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:

@@ -12,11 +12,10 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import Index, Manoeuvre, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     APPROACH_S,
     Measure,
@@ -26,15 +25,16 @@ from analysis.manoeuvres.measures import (
     approach_settings,
     bootstrap_indices,
     crossing_s,
-    execute_s,
     executes_unsure_s,
     half_width_s,
     helm_change_s,
     helm_execute_s,
     is_same_order,
+    manoeuvre_of,
     mean_between,
     mean_of_blocks,
     merge_neighbours,
+    next_execute_s,
 )
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
 
@@ -53,23 +53,21 @@ _WIDER_S = (20.0, 40.0)  # a step of a full-scale ship takes minutes
 _OUT_DEG, _BACK_DEG = (35.0, 90.0), (150.0, 210.0)  # 60 deg off and the reciprocal course, as steered by hand
 
 
-def find_pull_outs(
-    motion: Motion, helm: Floats, held: Sequence[Plateau], rate: Floats, fastest_mps: float
-) -> list[Manoeuvre]:
+def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastest_mps: float) -> list[Manoeuvre]:
     """Helms put amidships from a turn and held until the rate of turn has settled; ``rate`` is smoothed."""
     found = []
     for last, each in pairwise(held):
         turned = motion.heading_deg[last.first : last.end]
         way = motion.speed_mps[each.first] > _LEAST_WAY * fastest_mps
-        if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, helm, last, each)):
+        if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, last, each)):
             continue
-        begun, half = execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2)
+        begun, half = next_execute_s(motion, last, each)
         times = np.array([begun, half, _settled_s(motion, rate, half, float(motion.time_s[each.end - 1]))])
         values = pull_out_indices(motion, times)
         if values and times[2] - half >= _LEAST_HELD_S:
             name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
             scale_s = 4.0 * max(values["time_to_half_rate_s"], motion.step_s)
-            found.append(_test(motion, helm, "pull_out", name, side, last.level, times, pull_out_indices, scale_s))
+            found.append(_test(motion, "pull_out", name, side, last.level, times, pull_out_indices, scale_s))
     return found
 
 
@@ -85,10 +83,10 @@ def _settled_s(motion: Motion, rate: Floats, half: float, end: float) -> float:
     return min(end, half + max(3.0 * unsettled.size * motion.step_s, 2.0 * _LEAST_HELD_S))
 
 
-def _put_amidships(motion: Motion, helm: Floats, last: Plateau, each: Plateau) -> bool:
+def _put_amidships(motion: Motion, last: Plateau, each: Plateau) -> bool:
     """Whether the helm went from a turn directly to amidships, not beyond, and stayed there without
     course-keeping."""
-    noise = noise_of(helm)
+    helm, noise = motion.helm_deg, noise_of(motion.helm_deg)
     middle = abs(each.level) <= max(_AMIDSHIPS_DEG, _AMIDSHIPS_SHARE * abs(last.level)) < abs(last.level)
     against = float(np.max(-np.sign(last.level) * (helm[last.end : each.first + 1] - each.level), initial=0.0))
     stands = each.spread <= _STILL_DEG + _SPREAD_OF_NOISE * noise
@@ -170,11 +168,11 @@ def _has_settled(motion: Motion, run: Sequence[Plateau], each: Plateau) -> bool:
     return bool(abs(rates[3].mean() - rates[2].mean()) < 2.0 * _SETTLED_SHARE * largest)
 
 
-def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
+def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The direct spiral of its steps, with its indices."""
     times = motion.time_s[[steps[0].first, *(row for each in steps for row in (each.first, each.end - 1))]]
     sign = -1.0 if motion.steers_by_thrust else 1.0
-    levels = sign * np.array([helm[(each.first + each.end) // 2 : each.end].mean() for each in steps])
+    levels = sign * np.array([motion.helm_deg[(each.first + each.end) // 2 : each.end].mean() for each in steps])
 
     settled = np.array([_has_settled(motion, steps, each) for each in steps])
 
@@ -183,8 +181,8 @@ def spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
 
     largest = max(steps, key=lambda each: abs(each.level)).level
     name = f"direct spiral {nominal_deg(largest):.0f} deg"
-    found = _test(motion, helm, "spiral", name, float(levels[0]), largest, times, measure)
-    helm_error = noise_of(helm) / np.sqrt(0.5 * min(each.end - each.first for each in steps))
+    found = _test(motion, "spiral", name, float(levels[0]), largest, times, measure)
+    helm_error = noise_of(motion.helm_deg) / np.sqrt(0.5 * min(each.end - each.first for each in steps))
     left_out = [f"step {number} at {levels[number - 1]:.1f} deg" for number in np.flatnonzero(~settled) + 1]
     notes = (f"the rate of turn had not settled, left out: {', '.join(left_out)}",) if left_out else ()
     return replace(found, indices=_with_helm_error(found.indices, 1.96 * float(helm_error)), notes=notes)
@@ -201,7 +199,7 @@ def _with_helm_error(indices: Mapping[str, Index], within_deg: float) -> dict[st
     return wider
 
 
-def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: NDArray[np.bool_]) -> dict[str, float]:
+def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: Bools) -> dict[str, float]:
     """The settled rate of turn of each step, the helm at which she would go straight, and how steep the curve is
     there; of a spiral there and back the height of its loop at no helm.
 
@@ -224,9 +222,7 @@ def spiral_indices(motion: Motion, levels: Floats, spans: Floats, settled: NDArr
     return values
 
 
-def reverse_spiral_steps(
-    motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_]
-) -> list[list[Plateau]]:
+def reverse_spiral_steps(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
     """At least five rates of turn held one after the other from one side to the other, or there and back.
 
     ``rate`` is the smoothed rate of turn, ``free`` where no other manoeuvre is. The ship spends less time
@@ -234,10 +230,10 @@ def reverse_spiral_steps(
     rate is held unevenly: of the rate and its running means the one with most steps is used.
     """
     tried = [rate, *(local_quadratic(rate, width / motion.step_s) for width in _WIDER_S)]
-    return max((_steps_of(motion, helm, each, free) for each in tried), key=lambda runs: sum(map(len, runs)))
+    return max((_steps_of(motion, each, free) for each in tried), key=lambda runs: sum(map(len, runs)))
 
 
-def _steps_of(motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_]) -> list[list[Plateau]]:
+def _steps_of(motion: Motion, rate: Floats, free: Bools) -> list[list[Plateau]]:
     usable = free & ~motion.broken
     largest = float(np.percentile(np.abs(rate[usable]), 99)) if usable.any() else 0.0
     band = max(_BAND_SHARE * largest, _BAND_OF_NOISE * noise_of(rate))
@@ -249,11 +245,12 @@ def _steps_of(motion: Motion, helm: Floats, rate: Floats, free: NDArray[np.bool_
         pause, shorter = each.first - last.end, min(each.end - each.first, last.end - last.first)
         return pause <= shorter and abs(each.level - last.level) > 2.0 * band
 
-    still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(helm)
+    still = _STILL_DEG + _SPREAD_OF_NOISE * noise_of(motion.helm_deg)
 
     def is_steered(run: list[Plateau]) -> bool:
         """Whether the rates were held most of the time, by a helm that was not."""
-        spreads = [np.ptp(np.percentile(helm[(each.first + each.end) // 2 : each.end], [10, 90])) for each in run]
+        second_halves = (motion.helm_deg[(each.first + each.end) // 2 : each.end] for each in run)
+        spreads = [np.ptp(np.percentile(helm, [10, 90])) for helm in second_halves]
         held_rows = sum(each.end - each.first for each in run)
         return held_rows > _HELD_SHARE * (run[-1].end - run[0].first) and float(np.median(spreads)) > still
 
@@ -277,12 +274,12 @@ def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau
     return merge_neighbours(found, joined)
 
 
-def reverse_spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeuvre:
+def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The reverse spiral (Bech) of its steps: the mean helm for each rate, over its second half."""
     sign, random = -1.0 if motion.steers_by_thrust else 1.0, np.random.default_rng(_SEED)
     parts = [slice((each.first + each.end) // 2, each.end) for each in steps]
     helms, rates = (np.array([mean_of_blocks(values[part]) for part in parts])
-                    for values in (sign * helm, motion.yaw_rate_dps))  # fmt: skip
+                    for values in (sign * motion.helm_deg, motion.yaw_rate_dps))  # fmt: skip
     values = reverse_spiral_indices(helms[:, 0], rates[:, 0])
     drawn = [
         reverse_spiral_indices(*(each[:, 0] + each[:, 1] / 1.96 * random.standard_normal(len(steps))
@@ -293,12 +290,9 @@ def reverse_spiral(motion: Motion, helm: Floats, steps: list[Plateau]) -> Manoeu
              for name, value in values.items() if np.isfinite(value)}  # fmt: skip
     start, end = float(motion.time_s[steps[0].first]), float(motion.time_s[steps[-1].end - 1])
     largest = float(np.max(np.abs(rates[:, 0])))
-    return Manoeuvre(
-        kind="reverse_spiral", name=f"reverse spiral {largest:.2g} deg/s", side=side_of(float(rates[0, 0])),
-        start=motion.utc(start), end=motion.utc(end),
-        settings={"steps": float(len(steps)), **approach_settings(motion, start)},
-        indices=indices_of(found, motion.length_m),
-    )  # fmt: skip
+    settings = {"steps": float(len(steps)), **approach_settings(motion, start)}
+    name, side = f"reverse spiral {largest:.2g} deg/s", side_of(float(rates[0, 0]))
+    return manoeuvre_of(motion, "reverse_spiral", name, np.array([start, end]), side, settings, found)
 
 
 def reverse_spiral_indices(helms: Floats, rates: Floats) -> dict[str, float]:
@@ -325,15 +319,15 @@ def _at_zero(values: Floats, others: Floats) -> float:
     return float(np.interp(0.0, values[order], others[order]))
 
 
-def find_williamson_turns(motion: Motion, helm: Floats, held: Sequence[Plateau]) -> list[Manoeuvre]:
+def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoeuvre]:
     """Williamson turns: helm to one side until the heading is some 60 deg off, then to the other until the
     reciprocal course."""
     found = []
     for last, each in pairwise(held):
         if not (_at_once(motion, last, each) and is_same_order(last.level, -each.level)):
             continue
-        begun, first = helm_execute_s(motion, helm, last)
-        _, second = execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2)
+        begun, first = helm_execute_s(motion, last)
+        _, second = next_execute_s(motion, last, each)
         course = approach_of(motion, begun)["approach_unwrapped_deg"]
         end = float(motion.time_s[min(2 * each.end - each.first, motion.time_s.size) - 1])
         side = float(np.sign(motion.at("heading_deg", second) - course))
@@ -341,7 +335,7 @@ def find_williamson_turns(motion: Motion, helm: Floats, held: Sequence[Plateau])
         if _OUT_DEG[0] < out < _OUT_DEG[1] and _BACK_DEG[0] < -back < _BACK_DEG[1]:
             times = np.array([begun, first, second, end])
             name = f"Williamson turn {nominal_deg(last.level):.0f} deg"
-            found.append(_test(motion, helm, "williamson_turn", name, side, last.level, times, williamson_indices))
+            found.append(_test(motion, "williamson_turn", name, side, last.level, times, williamson_indices))
     return found
 
 
@@ -374,7 +368,6 @@ def _at_once(motion: Motion, last: Plateau, each: Plateau) -> bool:
 
 def _test(
     motion: Motion,
-    helm: Floats,
     kind: str,
     name: str,
     side: float,
@@ -387,13 +380,9 @@ def _test(
     what it does takes ``scale_s`` or less."""
     part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
     width = half_width_s(part, min(scale_s, float(times[-1] - times[1]) / (times.size - 1)))
-    found = bootstrap_indices(part, times, width, measure, executes_unsure_s(motion, helm, helm_deg, times))
-    return Manoeuvre(
-        kind=kind, name=name, side=side_of(side),
-        start=motion.utc(float(times[1])), end=motion.utc(float(times[-1])),
-        settings={
-            f"{motion.steering}_deg": helm_deg, "half_command_s": float(times[1] - times[0]),
-            **approach_settings(part, float(times[0])),
-        },
-        indices=indices_of(found, motion.length_m),
-    )  # fmt: skip
+    found = bootstrap_indices(part, times, width, measure, executes_unsure_s(motion, helm_deg, times))
+    settings = {
+        f"{motion.steering}_deg": helm_deg, "half_command_s": float(times[1] - times[0]),
+        **approach_settings(part, float(times[0])),
+    }  # fmt: skip
+    return manoeuvre_of(motion, kind, name, times[[1, -1]], side_of(side), settings, found)

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, indices_of, nominal_deg, side_of
+from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     Plateau,
     approach_of,
@@ -24,13 +24,14 @@ from analysis.manoeuvres.measures import (
     crossing_s,
     distance_m,
     event_notes,
-    execute_s,
     executes_unsure_s,
     half_width_s,
     helm_change_s,
     helm_execute_s,
     is_same_order,
+    manoeuvre_of,
     mean_between,
+    next_execute_s,
     peak,
 )
 from analysis.manoeuvres.motion import Motion
@@ -40,10 +41,7 @@ _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
-_CUT_SHORT_S, _CUT_SHORT_DEG = (
-    4.0,
-    2.0,
-)  # a helm reversed on its way stops for at most this time, and moves by this much
+_CUT_SHORT_S, _CUT_SHORT_DEG = 4.0, 2.0  # a helm reversed on its way stops for and moves by no more
 _FIRST_TURN_SHARE = 0.5  # of the switching angle
 _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # deviation of a helm from the others, and in their ranges
 _SWITCH_SHARE = 0.16  # helms are switched early or late
@@ -135,44 +133,35 @@ def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
     return alternates and bool(np.all(np.abs(turned) < _WIDEST_SWING_DEG))
 
 
-def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
+def executes_of(motion: Motion, chain: list[Plateau]) -> Floats:
     """The times at which each swing's helm began to move and was half-way: [2, swings + 1] s.
 
     The last column is the end of the last swing.
     """
-    times = [helm_execute_s(motion, helm, chain[0])]
-    for last, each in pairwise(chain):
-        times.append(execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2))
+    following = (next_execute_s(motion, *pair) for pair in pairwise(chain))
     end = float(motion.time_s[chain[-1].end - 1])
-    return np.array([*times, (end, end)]).T
+    return np.array([helm_execute_s(motion, chain[0]), *following, (end, end)]).T
 
 
-def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
+def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
-    both = executes_of(motion, helm, chain)
+    both = executes_of(motion, chain)
     executes, times = both[1], np.append(both[0, 0], both[1])
     part = motion.around(times[0], times[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
-    unsure_s = executes_unsure_s(motion, helm, chain[0].level, times)
+    unsure_s = executes_unsure_s(motion, chain[0].level, times)
     found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, unsure_s)
     settings = _settings(part, chain, both)
-    indices = indices_of(found, motion.length_m)
-    indices |= _overshoots_from_order(part, both, indices)
     angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
     steady = () if "reach_s" in found else ("the approach was not steady",)
     if steady == () and "speed_loss" not in found:
         steady = ("the ship was still gathering way at the execute",)
-    return Manoeuvre(
-        kind="zigzag",
-        name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}",
-        start=motion.utc(executes[0]),
-        end=motion.utc(executes[-1]),
-        side=side_of(_first_side(part, executes)),
-        settings=settings,
-        indices=indices,
-        executes=tuple(motion.utc(each) for each in executes[1:-1]),
-        notes=(*steady, *event_notes(motion)),
-    )
+    name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}"
+    made = manoeuvre_of(
+        motion, "zigzag", name, executes[[0, -1]], side_of(_first_side(part, executes)), settings, found,
+        executes=tuple(motion.utc(each) for each in executes[1:-1]), notes=(*steady, *event_notes(motion)),
+    )  # fmt: skip
+    return replace(made, indices={**made.indices, **_overshoots_from_order(part, both, made.indices)})
 
 
 def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Index]) -> dict[str, Index]:

@@ -6,7 +6,7 @@ All checks together give the channel its flags, its counts and its grade.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -207,10 +207,8 @@ BAD_SHARE, SUSPECT_SHARE, JITTER_SHARE = 0.2, 0.01, 0.15
 
 @dataclass(frozen=True, slots=True)
 class ChannelQuality:
-    """One channel in figures. ``gaps`` and ``stuck`` are stretches, the other faults are counted.
-
-    ``flagged`` counts its samples by flag; ``missing`` is about how many samples the gaps lack.
-    """
+    """One channel in figures. ``gaps`` and ``stuck`` are stretches, the other faults are counted; ``missing`` is
+    about how many samples the gaps lack."""
 
     count: int
     rate_hz: float
@@ -222,21 +220,14 @@ class ChannelQuality:
     time_backwards: int
     grade: Grade
     missing: int = 0
-    flagged: dict[int, int] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """The contract's keys."""
-        return {
-            "count": self.count,
-            "rate_hz": self.rate_hz,
-            "gaps": [{"start": iso(each.start_ns), "seconds": each.seconds} for each in self.gaps],
-            "stuck": [{"start": iso(each.start_ns), "seconds": each.seconds} for each in self.stuck],
-            "spikes": self.spikes,
-            "out_of_range": self.out_of_range,
-            "duplicates": self.duplicates,
-            "time_backwards": self.time_backwards,
-            "grade": self.grade,
+        stretches = {
+            name: [{"start": iso(each.start_ns), "seconds": each.seconds} for each in getattr(self, name)]
+            for name in ("gaps", "stuck")
         }
+        return {name: value for name, value in (asdict(self) | stretches).items() if name != "missing"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,7 +276,6 @@ class ChannelFaults:
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(each.size for each in gaps if (each.start_ns, each.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
-        flagged = count_flags(self.flags())
         return ChannelQuality(
             count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
@@ -295,9 +285,8 @@ class ChannelFaults:
             out_of_range=int(self.masks["out_of_range"].sum()),
             duplicates=int(self.masks["duplicate"].sum()),
             time_backwards=len(self.listed["time_backwards"]),
-            grade=grade_of(flagged, missing, named),
+            grade=grade_of(count_flags(self.flags()), missing, named),
             missing=missing,
-            flagged=flagged,
         )
 
 

@@ -16,7 +16,7 @@ from acquisition.core.frames import Quality
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
-from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, count_flags, find_spikes
+from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes
 from analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
 from analysis.quality.findings import (
     ALL,
@@ -134,8 +134,7 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame, own: Sequence[str
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(parts)] = quality.flags.to_numpy()
-    channels = {name: replace(each, count=series[name].value.size, flagged=count_flags(flags[name].to_numpy()))
-                for name, each in quality.channels.items()}  # fmt: skip
+    channels = {name: replace(each, count=series[name].value.size) for name, each in quality.channels.items()}
     return replace(quality, channels=channels, flags=flags)
 
 

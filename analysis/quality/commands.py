@@ -50,8 +50,8 @@ class Ramps:
     seconds: Floats
     slope_per_s: Floats
 
-    def chosen(self, mask: Bools) -> Ramps:
-        return Ramps(self.first[mask], self.last[mask], self.seconds[mask], self.slope_per_s[mask])
+
+_NO_RAMPS = Ramps(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
 
 
 def check_orders(table: pd.DataFrame) -> CheckResult:
@@ -112,7 +112,7 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     telling = (np.abs(ramps.slope_per_s) < slowest) & ~_common(ramps.slope_per_s)
     long_s = ramps.seconds[telling & (ramps.seconds >= _LONG_S)]
     found = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
-    return ramps.chosen(np.full(ramps.first.size, found))
+    return ramps if found else _NO_RAMPS
 
 
 def _common(slope_per_s: Floats) -> Bools:
@@ -131,9 +131,8 @@ def straight_ramps(time_s: Floats, value: Floats) -> Ramps:
     Rounding is that of floating point, or that of the decimals a file was written with where those are fine
     beside the values' range; on a coarse grid equal steps prove nothing.
     """
-    empty = np.zeros(0, np.int64)
     if value.size <= _FEWEST_STEPS:
-        return Ramps(empty, empty, np.zeros(0), np.zeros(0))
+        return _NO_RAMPS
     before_s, after_s = np.diff(time_s)[:-1], np.diff(time_s)[1:]
     line = (value[:-2] * after_s + value[2:] * before_s) / (before_s + after_s)
     rounding = _rounding(value)
@@ -180,7 +179,8 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
         first, stop = frozen_stretches(table, name, series)
         if name in scaled:
             mark(flags, name, series.rows, Quality.SUSPECT)
-        mark(flags, name, _inside(series, first, stop), Quality.BAD)
+        repeats = mask_of_runs(first + 1, stop, series.rows.size)  # the first of a stretch was still measured
+        mark(flags, name, series.rows[repeats], Quality.BAD)
         if first.size:
             findings.append(_frozen_finding(table, name, series, first, stop))
     return CheckResult(flags, (*findings, *scaled.values()))
@@ -219,12 +219,6 @@ def _idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bool
         return np.zeros(starts.size, np.bool_)
     rpm = np.abs(np.interp(series.time_s[starts], turning.time_s, turning.value))
     return np.asarray(rpm <= _IDLE * np.abs(turning.value).max())
-
-
-def _inside(series: Samples, first: Ints, stop: Ints) -> Ints:
-    """The rows that repeat a frozen value: the first of a stretch was still measured."""
-    parts = [series.rows[a + 1 : b] for a, b in zip(first, stop, strict=True)]
-    return np.concatenate(parts) if parts else np.zeros(0, np.int64)
 
 
 def _frozen_finding(table: pd.DataFrame, name: str, series: Samples, first: Ints, stop: Ints) -> Finding:
@@ -320,19 +314,14 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
     say nothing. Azimuth thrusters are not judged: they may pull, or look aft. Without heading or surge nothing is
     said.
     """
-    judged = [each for each in table_actuators(table) if _is_judged(each, table)]
-    if not all(name in table and table[name].notna().any() for name in _NEEDED):
-        judged = []
-    return CheckResult(uniform_flags(table), tuple(filter(None, (_finding(table, each) for each in judged))))
+    steering = [each for each in table_actuators(table) if each.steers_by in ("rudder", "nozzle")]
+    names = {each.angle.name: each for each in steering if each.angle is not None and each.angle.name in table}
+    known = all(name in table and table[name].notna().any() for name in _NEEDED)
+    found = (_helm_finding(table, name, each) for name, each in names.items() if known)
+    return CheckResult(uniform_flags(table), tuple(filter(None, found)))
 
 
-def _is_judged(actuator: Actuator, table: pd.DataFrame) -> bool:
-    angle = actuator.angle
-    return angle is not None and actuator.steers_by in ("rudder", "nozzle") and angle.name in table
-
-
-def _finding(table: pd.DataFrame, actuator: Actuator) -> Finding | None:
-    name = actuator.angle.name if actuator.angle else ""
+def _helm_finding(table: pd.DataFrame, name: str, actuator: Actuator) -> Finding | None:
     turned = KINDS[actuator.kind].turns * turns_with_helm(table, name)
     total = float(np.abs(turned).sum())
     agreement = float(turned.sum()) / total if total else 0.0

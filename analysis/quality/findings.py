@@ -89,8 +89,7 @@ def mark(flags: pd.DataFrame, name: str, rows: Ints, flag: Quality) -> None:
 
 _PRECEDENCE = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD, Quality.MISSING)
 _RANK = np.zeros(max(_PRECEDENCE) + 1, dtype=np.uint8)
-for _rank, _flag in enumerate(_PRECEDENCE):
-    _RANK[_flag] = _rank
+_RANK[[*_PRECEDENCE]] = np.arange(len(_PRECEDENCE))
 
 
 def merge_flags(first: Flags, second: Flags) -> Flags:

@@ -18,14 +18,7 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import BY_NAME, is_circular
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
-from analysis.quality.samples import (
-    Samples,
-    median_step_s,
-    robust_spread,
-    runs,
-    runs_of_equal,
-    samples_of,
-)
+from analysis.quality.samples import Samples, robust_spread, runs, runs_of_equal, samples_of
 from analysis.tables.table import table_controls, utc_index
 
 WRAP_INTERPOLATED = "heading_wrap_interpolated"
@@ -160,7 +153,7 @@ class _Lines:
 def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
     """Lines across the circle of angles that are counted from the seam."""
     step_deg = np.diff(from_seam_deg)
-    hole = np.diff(time_s) > _LONGEST_STEP * median_step_s(time_s)
+    hole = np.diff(time_s) > _LONGEST_STEP * np.median(np.diff(time_s))
     wild = (np.abs(step_deg - expected_deg) > limit_deg) & ~hole
     # Two stray samples may stand level, so that the step between them looks sound.
     wild[1:-1] |= wild[:-2] & wild[2:] & ~hole[1:-1]

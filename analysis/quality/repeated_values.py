@@ -18,7 +18,7 @@ import pandas as pd
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from analysis.kinematics import to_earth
-from analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, steps_between, white_noise
+from analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
 from analysis.tables.table import NANO, TimedValues, times_ns
 
 _SHORTEST, _BESIDE = 8, 100
@@ -35,27 +35,26 @@ def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
     """
     places, times, values = sort_by_time(samples, channel)
     bad = np.zeros(samples.value.size, dtype=bool)
-    starts, lengths = _repeats(values, channel)
-    coarse = lengths.size > 1 and _coarse(values)
-    always_moves = judged_as(channel)[0] != "command" and _never_repeats(values, lengths)
+    starts, lengths = _repeats(values)
+    # On a grid wider than its noise a channel stands on it for a long time now and then.
+    coarse = lengths.size > 1 and (step := grid_step(values)) > noise_besides_rounding(values, step)
+    repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))  # but for the long runs
+    always_moves = judged_as(channel)[0] != "command" and bool(repeats < 0.01 * values.size)
     for start, length in zip(starts, lengths, strict=True):
         inside = slice(start, start + length)
         usual = not coarse or length >= 5 * np.sort(lengths)[-2]
-        silent = (
-            usual
-            and not _at_rest(float(values[start]), channel)
-            and _noise_is_gone(values, start, length, always_moves)
-        )
+        moving = usual and not _at_rest(float(values[start]), channel)
+        silent = moving and _noise_is_gone(values, start, length, always_moves)
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
     return bad
 
 
-def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:
+def _repeats(values: Floats) -> tuple[Ints, Ints]:
     """First places and lengths of the runs of one value, from eight samples on."""
     if values.size < 2 * _SHORTEST:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    starts, lengths = runs_of_equal(steps_between(values, channel.circular) != 0.0)
+    starts, lengths = runs_of_equal(np.diff(values) != 0.0)
     long = lengths >= _SHORTEST
     return starts[long], lengths[long]
 
@@ -65,18 +64,6 @@ def _at_rest(value: float, channel: Channel) -> bool:
     return value == 0.0 and (
         channel.unit in ("rpm", "m/s", "deg/s") or channel.group in ("environment", "declared")
     )
-
-
-def _coarse(values: Floats) -> bool:
-    """Whether the channel is on a grid wider than its noise, and so stands on it for a long time now and then."""
-    step = grid_step(values)
-    return step > 0.0 and step > noise_besides_rounding(values, step)
-
-
-def _never_repeats(values: Floats, lengths: Ints) -> bool:
-    """Whether values repeat in less than one of a hundred samples, but for the long runs."""
-    repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))
-    return bool(repeats < 0.01 * values.size)
 
 
 def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) -> bool:
@@ -207,9 +194,14 @@ def _confirm_step(changes: Floats, candidate: float, noise: float) -> float:
     near = changes[changes < _LARGEST_MULTIPLE * candidate]
     if near.size < max(_FEWEST, 0.02 * changes.size):
         return 0.0
-    concentration = float(np.mean(np.cos(2.0 * np.pi * near / candidate)))
-    apart = float(np.quantile(np.abs(near - candidate * np.rint(near / candidate)), 0.8))
-    return candidate if concentration > _CONCENTRATED and apart < 0.1 * noise else 0.0
+    return candidate if _lie_on_multiples(near, candidate, _CONCENTRATED, noise) else 0.0
+
+
+def _lie_on_multiples(changes: Floats, step: float, least: float, noise: float) -> bool:
+    """Whether changes concentrate on a step's multiples by at least so much, far closer than the noise."""
+    concentration = float(np.mean(np.cos(2.0 * np.pi * changes / step)))
+    apart = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))
+    return concentration > least and apart < 0.1 * noise
 
 
 def _exact_step(changes: Floats, noise: float) -> float:
@@ -219,9 +211,7 @@ def _exact_step(changes: Floats, noise: float) -> float:
     if np.count_nonzero(changes) < _FEWEST or not distances.size:  # an order or two are no grid
         return 0.0
     step = float(np.median(distances[distances < 1.5 * distances.min()]))
-    apart = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))
-    exact = float(np.mean(np.cos(2.0 * np.pi * changes / step))) > _EXACT and apart < 0.1 * noise
-    return step if exact else 0.0
+    return step if _lie_on_multiples(changes, step, _EXACT, noise) else 0.0
 
 
 def _on_plateaus(steps: Floats, step: float) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.angles import unwrap, wrap_180
+from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import is_setting
@@ -33,7 +33,6 @@ class Stretch:
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
         return (self.end_ns - self.start_ns) / NANO
 
 
@@ -89,12 +88,6 @@ def white_noise(values: Floats) -> float:
     return float(np.median(np.abs(np.diff(values, 3))) / 0.6745 / np.sqrt(20.0))
 
 
-def steps_between(values: Floats, circular: bool) -> Floats:
-    """The steps from value to value; on a circle the shorter way."""
-    steps = np.diff(values)
-    return wrap_180(steps) if circular else steps
-
-
 def stretches_of(times: Ints, flagged: Bools) -> list[Stretch]:
     """Runs of flagged samples, measured at ``times`` [ns], as stretches, sized by their number of samples."""
     starts, ends = runs(flagged)
@@ -143,11 +136,6 @@ def mask_of_runs(first: Ints, stop: Ints, count: int) -> Bools:
 def robust_spread(values: Floats) -> float:
     """A standard deviation that outliers do not affect: 1.4826 median |x|."""
     return float(1.4826 * np.median(np.abs(values))) if values.size else 0.0
-
-
-def median_step_s(time_s: Floats) -> float:
-    """The usual time between samples [s]; 0 for fewer than two."""
-    return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
 
 
 def runs_of_equal(changes: Bools) -> tuple[Ints, Ints]:

@@ -70,9 +70,9 @@ class _Track:
         """The time [s] between two rows by the ship's motion, and its precision [1/s]."""
         rate = 0.25 * (self.rate[first - 1] + self.rate[first] + self.rate[last] + self.rate[last + 1])
         moved = self.place[last] - self.place[first]
-        shown = np.sum(rate**2, axis=1)
-        shown = np.maximum(shown, 1e-12)
-        return np.sum(moved * rate, axis=1) / shown, np.sqrt(shown)
+        precision = np.sum(rate**2, axis=1)
+        precision = np.maximum(precision, 1e-12)
+        return np.sum(moved * rate, axis=1) / precision, np.sqrt(precision)
 
 
 def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
@@ -113,16 +113,16 @@ def _jump_at(track: _Track, place: int, others: Ints, interval: float, stamps: I
     """The jump between a row and the next, or nothing if what is left over is no more than a gap explains."""
     step = float(track.time_s[place + 1] - track.time_s[place])
     here = np.array([place])
-    elapsed, shown = (float(each[0]) for each in track.elapsed(here, here + 1))
+    elapsed, precision = (float(each[0]) for each in track.elapsed(here, here + 1))
     usual = _errors(track, max(round(abs(elapsed) / interval), 1), others)
     gap = _errors(track, max(round(abs(step) / interval), 1), others)
     if usual is None or gap is None:
         return None
-    jump = step - elapsed + float(np.median(usual)) / shown
-    doubt = float(np.quantile(np.abs(usual - np.median(usual)), 0.95)) / shown
+    jump = step - elapsed + float(np.median(usual)) / precision
+    doubt = float(np.quantile(np.abs(usual - np.median(usual)), 0.95)) / precision
     apart = np.abs(gap - np.median(gap))
     by_chance = max(_SURE * float(np.median(apart)) / 0.6745, 1.5 * float(np.quantile(apart, 0.99)))
-    no_gap = abs((step - elapsed) * shown + float(np.median(gap))) > by_chance
+    no_gap = abs((step - elapsed) * precision + float(np.median(gap))) > by_chance
     if abs(jump) < max(4.0 * doubt, 0.5 * interval) or not (
         no_gap or _goes_on(track, place, step, interval, others)
     ):
@@ -164,8 +164,8 @@ def _errors(track: _Track, rows: int, others: Ints) -> Floats | None:
     first = _undisturbed(track, rows, others)
     if first.size < _FEWEST:
         return None
-    elapsed, shown = track.elapsed(first, first + rows)
-    errors: Floats = (elapsed - (track.time_s[first + rows] - track.time_s[first])) * shown
+    elapsed, precision = track.elapsed(first, first + rows)
+    errors: Floats = (elapsed - (track.time_s[first + rows] - track.time_s[first])) * precision
     return errors
 
 
@@ -189,8 +189,8 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     return found
 
 
-def _offset_steps(measured: Ints, received: Ints, half: int = 20) -> list[ClockJump]:
-    offset = (measured - received) / NANO
+def _offset_steps(measured: Ints, received: Ints) -> list[ClockJump]:
+    half, offset = 20, (measured - received) / NANO
     if offset.size < 4 * half:
         return []
     interval = interval_ns(received) / NANO

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Complexes, Floats
+from acquisition.core.arrays import Bools, Complexes, Floats
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, uniform_flags
 from analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
@@ -134,11 +134,13 @@ def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     record without a free parameter, which makes likelihoods comparable as they are.
     """
     readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity
-    news = [_news(blocks, each, _memory(blocks, each)) for each in readings]
-    best = int(np.argmin([_power(each) for each in news]))
-    recorded = _news(blocks, blocks.recorded, _memory(blocks, blocks.recorded))
-    evidence = recorded.size * np.log(_power(recorded) / max(_power(news[best]), 1e-12))
-    ratio = _power(_detrended(blocks, blocks.recorded)) / max(_power(_detrended(blocks, readings[best])), 1e-12)
+    innovations = [_innovations(blocks, each, _autocorrelation(blocks, each)) for each in readings]
+    best = int(np.argmin([_mean_square(each) for each in innovations]))
+    recorded = _innovations(blocks, blocks.recorded, _autocorrelation(blocks, blocks.recorded))
+    evidence = recorded.size * np.log(_mean_square(recorded) / max(_mean_square(innovations[best]), 1e-12))
+    ratio = _mean_square(_detrended(blocks, blocks.recorded)) / max(
+        _mean_square(_detrended(blocks, readings[best])), 1e-12
+    )
     if evidence < _EVIDENCE or ratio < _CLEARLY:
         return None
     text = (
@@ -185,8 +187,8 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
     next_times = blocks.time_s[1:][_following(blocks)]
     number = np.unique(np.floor(next_times / _PIECE_S), return_inverse=True)[1]
     for _ in range(3):
-        memory = _memory(blocks, felt / gain - velocity)
-        new_felt, new_velocity = _news(blocks, felt, memory), _news(blocks, velocity, memory)
+        memory = _autocorrelation(blocks, felt / gain - velocity)
+        new_felt, new_velocity = _innovations(blocks, felt, memory), _innovations(blocks, velocity, memory)
         cross = _sums(number, new_felt * new_velocity.conj())
         own = np.bincount(number, np.abs(new_velocity) ** 2)
         gain = complex(cross.sum() / max(own.sum(), 1e-12)) or 1.0 + 0.0j
@@ -209,24 +211,24 @@ def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
 
 
-def _following(blocks: _Blocks) -> NDArray[np.bool_]:
+def _following(blocks: _Blocks) -> Bools:
     """Whether each block but the first follows directly on the one before."""
     return np.diff(blocks.time_s) < 1.5 * _BLOCK_S
 
 
-def _memory(blocks: _Blocks, vector: Complexes) -> float:
+def _autocorrelation(blocks: _Blocks, vector: Complexes) -> float:
     """The autocorrelation of a wind's deviations from one block to the next, 0 to 0.95."""
     off, follows = _detrended(blocks, vector), _following(blocks)
     before, after = off[:-1][follows], off[1:][follows]
     return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
 
 
-def _news(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
+def _innovations(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
     """Innovations of a first-order autoregression: each block less its prediction from the one before."""
     off = _detrended(blocks, vector)
-    news: Complexes = (off[1:] - memory * off[:-1])[_following(blocks)]
-    return news
+    innovations: Complexes = (off[1:] - memory * off[:-1])[_following(blocks)]
+    return innovations
 
 
-def _power(vector: Complexes) -> float:
+def _mean_square(vector: Complexes) -> float:
     return float(np.mean(np.abs(vector) ** 2))

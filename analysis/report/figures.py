@@ -27,6 +27,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.text import Text
 from numpy.typing import ArrayLike, NDArray
 
+from acquisition.core.arrays import Floats
 from acquisition.core.files import atomic_file
 from analysis.report.plots import STYLE
 
@@ -151,7 +152,7 @@ def _corners(points: ArrayLike, axes: Axes) -> dict[str, Any]:
 
 
 def _rows(values: Any) -> list[Any]:
-    array: NDArray[np.float64] = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
+    array: Floats = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(values, dtype=float)), np.nan)
     return [_plain(row) for row in np.atleast_2d(array)]
 
 
@@ -164,7 +165,7 @@ def _plain(values: Any, axes: Axes | None = None) -> list[Any]:
         return [None if np.isnat(each) else f"{np.datetime_as_string(each, 'ms')}Z" for each in array.ravel()]
     if array.dtype.kind in "US":
         return [str(each) for each in array.ravel()]
-    numbers: NDArray[np.float64] = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
+    numbers: Floats = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
     if axes is not None and "Date" in type(axes.xaxis.get_converter()).__name__:  # matplotlib's own is private
         return [num2date(each).isoformat() if np.isfinite(each) else None for each in numbers]  # type: ignore[no-untyped-call]
     return [float(f"{each:.7g}") if np.isfinite(each) else None for each in numbers]

@@ -216,6 +216,7 @@ def page_data(
     rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
     start_ms = int(time_ns[0] // _MILLI)
     drawn = continued(table, names)
+    held_ns = np.empty((0, 2)) if windows is None else held_spans_ns(windows)
     return {
         "start_ms": start_ms,
         "rows": int(time_ns.size),
@@ -223,7 +224,7 @@ def page_data(
         **_columns(table.iloc[rows], names, drawn.iloc[rows]),
         "holes": np.searchsorted(rows, holes).tolist(),
         "legs": 0 if windows is None else int(windows["leg"].nunique()),
-        "held": [] if windows is None else _held_s(windows, start_ms),
+        "held": np.round((held_ns / _MILLI - start_ms) / 1000.0, 3).tolist(),
         "predicted": {name: _prediction(each, start_ms, drawn) for name, each in (predicted or {}).items()},
         "manoeuvres": [_manoeuvre(each, start_ms) for each in manoeuvres],
     }  # fmt: skip
@@ -233,12 +234,9 @@ def continued(table: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
     """The angles of a table that can be followed from row to row, running on beyond the whole turn."""
     known = known_channels(table.attrs)
     angles = {name: unwrap(table[name].to_numpy(dtype=float)) for name in names if known[name].circular}
-    steady = {name: values for name, values in angles.items() if _largest_step(values) <= _MOST_STEP_DEG}
+    steps = {name: np.diff(values[np.isfinite(values)]) for name, values in angles.items()}
+    steady = {name: angles[name] for name in angles if (np.abs(steps[name]) <= _MOST_STEP_DEG).all()}
     return pd.DataFrame(steady, index=table.index)
-
-
-def _largest_step(values: Floats) -> float:
-    return float(np.max(np.abs(np.diff(values[np.isfinite(values)])), initial=0.0))
 
 
 def _beside(drawn: pd.DataFrame, predicted: pd.DataFrame) -> pd.DataFrame:
@@ -326,12 +324,6 @@ def _telling(values: Floats, length: int) -> Ints:
     greatest = np.where(known, stretches, -np.inf).argmax(axis=1)
     rows = np.concatenate([first + least, first + greatest, first + np.isnan(stretches).argmax(axis=1)])
     return rows[rows < values.size]
-
-
-def _held_s(windows: pd.DataFrame, start_ms: int) -> list[list[float]]:
-    """Begin and end [s] of every stretch of held windows."""
-    seconds: list[list[float]] = np.round((held_spans_ns(windows) / _MILLI - start_ms) / 1000.0, 3).tolist()
-    return seconds
 
 
 def _prediction(predicted: pd.DataFrame, start_ms: int, drawn: pd.DataFrame) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
+from analysis.kinematics import to_ship
 from analysis.manoeuvres.indices import Manoeuvre, from_order
 from analysis.manoeuvres.measures import (
     along_and_across,
@@ -156,8 +157,8 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
 
 def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
     north, east = motion.north_m - motion.at("north_m", start), motion.east_m - motion.at("east_m", start)
-    ahead = np.deg2rad(ahead_deg)
-    return east * np.cos(ahead) - north * np.sin(ahead), north * np.cos(ahead) + east * np.sin(ahead)
+    ahead, across = to_ship(north, east, np.deg2rad(ahead_deg))
+    return across, ahead
 
 
 def _outlines(axes: Axes, motion: Motion, start: float, ahead_deg: float) -> None:

@@ -257,8 +257,7 @@ def beaufort(speed_mps: float) -> int:
 
 def wind_words(table: pd.DataFrame) -> str:
     """The mean wind, where it comes from, how it gusts, and its force."""
-    names = ["wind_speed_mps", "wind_direction_deg"]
-    air = table[names].dropna() if set(names) <= set(table.columns) else pd.DataFrame()
+    air = table.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
     if air.empty:
         return UNKNOWN
     speed_mps, from_deg = mean_wind(air)
@@ -359,13 +358,14 @@ def index_page(
     ``live`` is of a page that is served: its scripts' ``nonce``, how many are ``waiting``, and, where files may be
     sent, up to how many MB (``upload_mb``) and with which ``token``.
     """
+    verdicts = any(row.get("verdict") for row in rows)
     filled = [
         {**dict.fromkeys([*_COLUMNS, *_OTHERS]), **row, **{name: row.get(name) or {} for name in _COUNTS}}
         for row in rows
     ]
     return render(
         "index.html", title=title, rows=filled, failures=failures, figures=_figures(rows), live=live,
-        columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or any(map(_has_verdict, rows))},
+        columns={key: head for key, head in _COLUMNS.items() if key != "verdict" or verdicts},
         choices=_choices(filled),
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
         broken=_broken, speed_in_knots=speed_in_knots, status_of=lambda row: _STATUSES[_status(row)],
@@ -386,10 +386,6 @@ def _figures(rows: Sequence[Row]) -> dict[str, str]:
         "findings": f"{_total(rows, 'findings'):,.0f}",
         "failed": str(sum(row["status"] == "failed" for row in rows)),
     }
-
-
-def _has_verdict(row: Row) -> bool:
-    return bool(row.get("verdict"))
 
 
 def _choices(rows: Sequence[Row]) -> dict[str, tuple[str, list[str]]]:

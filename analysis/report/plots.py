@@ -171,9 +171,7 @@ def _executes(table: pd.DataFrame, executes: Sequence[pd.Timestamp]) -> pd.DataF
 
 def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     """Where the mean wind blows to, above the upper left corner, with its speed and where it comes from."""
-    if not {"wind_speed_mps", "wind_direction_deg"} <= set(table.columns):
-        return []
-    air = table[["wind_speed_mps", "wind_direction_deg"]].dropna()
+    air = table.reindex(columns=list(_WIND)).dropna()
     if air.empty:
         return []
     speed_mps, from_deg = mean_wind(air)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats, Ints
 from acquisition.core.files import write_text
 from acquisition.core.frames import Quality
 from analysis.quality.findings import ALL
@@ -33,10 +34,8 @@ if TYPE_CHECKING:
 PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
 COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
            Quality.BAD: "#D55E00"}  # fmt: skip
-_NAMES = {Quality.GOOD: "good", Quality.NOT_EVALUATED: "not evaluated", Quality.SUSPECT: "suspect",
-          Quality.BAD: "bad"}  # fmt: skip
+"""Flags, the graver the later."""
 _BINS = 1200
-_GRAVER = (Quality.GOOD, Quality.NOT_EVALUATED, Quality.SUSPECT, Quality.BAD)
 
 
 def write_quality(
@@ -125,16 +124,13 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.grid(False)
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
-    legend = [
-        Patch(color=COLOURS[flag], label=_NAMES[flag]) for flag in (Quality.GOOD, Quality.SUSPECT, Quality.BAD)
-    ]
+    told = (Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+    legend = [Patch(color=COLOURS[flag], label=flag.name.lower()) for flag in told]
     legend += [Patch(color=colour, label=code.replace("_", " ")) for code, colour in colours.items()]
     axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
 
 
-def binned_flags(
-    stamps: NDArray[np.int64], flags: NDArray[np.uint8], edges: NDArray[np.float64]
-) -> NDArray[np.int64]:
+def binned_flags(stamps: Ints, flags: NDArray[np.uint8], edges: Floats) -> Ints:
     """The gravest flag in each bin of time, 0 where the channel has no sample: [bins].
 
     A bin without a sample between two that follow each other at the channel's own rate takes the one before.
@@ -142,7 +138,7 @@ def binned_flags(
     present = flags != Quality.MISSING
     bins = np.clip(np.searchsorted(edges, stamps[present], side="right") - 1, 0, edges.size - 2)
     gravest = np.zeros(edges.size - 1, dtype=np.int64)
-    for flag in _GRAVER:
+    for flag in COLOURS:
         gravest[bins[flags[present] == flag]] = flag
     usual = 2.5 * float(np.median(np.diff(bins))) if bins.size > 1 else 0.0
     known = pd.Series(np.where(gravest, gravest, np.nan))

@@ -7,7 +7,10 @@ and what else pages share, as ``ui`` in every template. A block may be rendered 
 from __future__ import annotations
 
 import base64
+import logging
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -16,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from acquisition.core.files import write_text
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import atomic_file, write_text
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
@@ -98,3 +102,25 @@ def picture(png: bytes, caption: str) -> Markup:
     return Markup(
         '<figure><img alt="{0}" src="data:image/png;base64,{1}"><figcaption>{0}</figcaption></figure>'
     ).format(caption, data)
+
+
+def write_pdf(page: Path) -> Path:
+    """Write a page of HTML beside itself as PDF, A4 and numbered, without what only a screen has; returns its path.
+
+    Raises :class:`ConfigurationError` where WeasyPrint finds no Pango, which sets its lines; :class:`StorageError`.
+    """
+    try:
+        with redirect_stdout(sys.stderr):  # it prints what it misses, amid what a command prints as JSON
+            from weasyprint import HTML
+    except (ImportError, OSError) as error:
+        raise ConfigurationError(
+            "no PDF was written", where=str(page), why="WeasyPrint does not find the library Pango",
+            fix="install it (Debian, Ubuntu: apt install libpangoft2-1.0-0; macOS: brew install pango; Windows: as "
+            "WeasyPrint's documentation says), or print the page from a browser",
+        ) from error  # fmt: skip
+    for name in ("weasyprint", "fontTools"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+    path = page.with_suffix(".pdf")
+    with atomic_file(path) as partial:
+        HTML(filename=str(page)).write_pdf(partial)
+    return path

@@ -6,31 +6,41 @@ that is not ours. A name in an address is looked up among the recordings and nev
 
 from __future__ import annotations
 
+import json
 import logging
 import secrets
+import shutil
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
-from typing import Any
+from typing import IO, Any
 from urllib.parse import quote, urlsplit
 
+import pandas as pd
 from flask import Flask, Response, abort, g, request
 from werkzeug.exceptions import HTTPException
 from werkzeug.serving import make_server
+from werkzeug.utils import secure_filename
 
-from acquisition.core.errors import SeatrialError, SourceError
-from acquisition.recording.reader import read_parts
+from acquisition.core.errors import InputError, SeatrialError, SourceError
+from acquisition.recording.reader import read_parts, read_recording
+from acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
+from acquisition.tables.table_files import read_raw
 from analysis.batch.batch import failures_of
 from analysis.batch.one_recording import WAITING, Row
+from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.motion import Motion, motion_of
+from analysis.manoeuvres.report import rows_of
 from analysis.prepare import Preparation, prepare
 from analysis.report.pages import index_page
 from analysis.report.rendering import environment, render
-from analysis.serve.runs import compared, index_table, runs_in, with_motions
 from analysis.serve.season import Season
-from analysis.serve.upload import receive
 from analysis.tables.export import KINDS, export_table, write_sheets
+from analysis.tables.files import read_parquet
+from analysis.tables.table import channels_of
 
 ADDRESS = "127.0.0.1"
 NAMES = (ADDRESS, "localhost")
@@ -215,3 +225,109 @@ def _new_nonce() -> None:
 def _secured(response: Response) -> Response:
     response.headers.extend({**_HEADERS, "Content-Security-Policy": _POLICY.format(g.get("nonce", "none"))})
     return response
+
+
+_RUN_COLUMNS = [
+    "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One manoeuvre in a recording's result."""
+
+    recording: str
+    manoeuvre: Manoeuvre
+
+    @property
+    def label(self) -> str:
+        return f"{self.recording}, {self.manoeuvre.start:%H:%M:%S} {self.manoeuvre.sided_name}"
+
+
+def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
+    """The manoeuvres of a kind, or of all, in the results of recordings. Raises :class:`InputError`."""
+    runs = []
+    for name in names:
+        path = results / name / "manoeuvres.json"
+        try:
+            said = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
+            found = [Manoeuvre.from_json(each) for each in said if kind in ("", each["kind"])]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
+        runs += [Run(name, each) for each in found]
+    return runs
+
+
+def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]:
+    """The runs, each with the motion of its recording once a second, as its result has it."""
+    motions: dict[str, Motion] = {}
+    for run in runs:
+        if run.recording not in motions:
+            table, said = read_parquet(results / run.recording / "table.parquet")
+            table.attrs["trial"] = json.loads(said["trial"])
+            motions[run.recording] = motion_of(table)
+    return [(run, motions[run.recording]) for run in runs]
+
+
+def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
+    """A table for people: a row a run, a column each of the main indices that any has."""
+    names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
+    cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
+    return ["run", *names], [[label, *(each.get(name, "") for name in names)] for label, each in cells]
+
+
+def index_table(runs: Iterable[Run]) -> pd.DataFrame:
+    """A row each index of each run, for a workbook: value, 95 % interval, unit, IMO's limit."""
+    rows = [
+        {"recording": run.recording, "started [UTC]": run.manoeuvre.start.tz_localize(None),
+         "kind": run.manoeuvre.kind, "manoeuvre": run.manoeuvre.sided_name, "index": name, **index.as_json()}
+        for run in runs for name, index in run.manoeuvre.indices.items()
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=_RUN_COLUMNS)
+
+
+def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
+    """Put a recording, or a table as a recording, into a folder; its path, and what was found in it.
+
+    Raises :class:`InputError` for what cannot be read, for a table that leaves a question open, and where a
+    recording of that name is there.
+    """
+    name = secure_filename(filename)
+    if not name:
+        raise InputError("has an invalid file name", where=repr(filename), fix="rename it")
+    with TemporaryDirectory(prefix="seatrial-") as place:
+        given = Path(place) / name
+        with given.open("wb") as copy:
+            shutil.copyfileobj(stream, copy)
+        try:
+            made, said = _recording_of(given)
+        except SeatrialError as error:
+            raise error.at(name) from error
+        return _put(made, folder), said
+
+
+def _recording_of(given: Path) -> tuple[Path, list[str]]:
+    if given.suffix.lower() == ".mcap":
+        return given, [f"{len(channels_of(read_recording(given)))} channels"]
+    made, raw = given.with_suffix(".mcap"), read_raw(given)
+    if is_standard(raw):
+        return made, [str(import_table(given, made))]
+    proposal = propose_for(raw)
+    if proposal.unanswered:
+        raise InputError(
+            f"leaves an open question: {proposal.unanswered[0]}", where=given.name,
+            fix="import it with `seatrial import`, which accepts the answer",
+        )  # fmt: skip
+    summary = import_proposed(raw, proposal, made, made.with_suffix(".columns.toml"))
+    return made, [str(summary), *proposal.warnings]
+
+
+def _put(made: Path, folder: Path) -> Path:
+    """Copy a file into a folder; one of that name stays as it is."""
+    target = folder / f"{made.stem}.mcap"
+    try:
+        with target.open("xb") as copy, made.open("rb") as stream:
+            shutil.copyfileobj(stream, copy)
+    except FileExistsError as error:
+        raise InputError("already exists", where=target.name, fix="rename the file and upload it again") from error
+    return target

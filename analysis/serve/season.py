@@ -68,8 +68,8 @@ class Season:
         self._eager, self._settled_s = eager, settled_s
         self._files: dict[str, tuple[Path, ...]] = {}
         self._diagnoses: list[tuple[int, str, frozenset[str], Path]] = []
-        self._wishes: PriorityQueue[tuple[int, int, str]] = PriorityQueue()
-        self._wished: set[tuple[int, str]] = set()
+        self._requests: PriorityQueue[tuple[int, int, str]] = PriorityQueue()
+        self._requested: set[tuple[int, str]] = set()
         self._number, self._lock, self._worker = count(), threading.RLock(), _Worker()
         self._ended = False
 
@@ -95,7 +95,7 @@ class Season:
         with self._lock:
             self._ended = True
             self._store.close()
-        self._wishes.put((-1, 0, ""))
+        self._requests.put((-1, 0, ""))
         self._worker.stop()
 
     def rows(self) -> list[Row]:
@@ -125,7 +125,7 @@ class Season:
         with self._lock:
             if anew:
                 self._kept.pop(name, None)
-            self._wish(ASKED, name)
+            self._request(ASKED, name)
 
     def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
         """Verdict and folder of the newest diagnosis that a recording took part in."""
@@ -136,10 +136,10 @@ class Season:
     def _row(self, name: str) -> Row:
         stamp, row = self._kept.get(name, ("", None))
         if row is None or stamp != self._stamp(name):
-            self._wish(LOOK, name)
+            self._request(LOOK, name)
             row = {"status": WAITING, "cause": ""}
         elif row["status"] == WAITING and self._eager and self._is_settled(name):
-            self._wish(REST, name)
+            self._request(REST, name)
         path = self._files[name][0].relative_to(self.folder).as_posix()
         return {**row, "name": name, "path": path, "verdict": self.diagnosis_of(row)[0]}
 
@@ -152,19 +152,19 @@ class Season:
         newest_ns = max(_state_of(path)[1] for path in self._files[name])
         return time.time() - newest_ns / 1e9 > self._settled_s
 
-    def _wish(self, urgency: int, name: str) -> None:
-        if (urgency, name) not in self._wished:
-            self._wished.add((urgency, name))
-            self._wishes.put((urgency, next(self._number), name))
+    def _request(self, urgency: int, name: str) -> None:
+        if (urgency, name) not in self._requested:
+            self._requested.add((urgency, name))
+            self._requests.put((urgency, next(self._number), name))
 
     def _work(self) -> None:
-        """One wish after the other, until the season ends."""
+        """One request after the other, until the season ends."""
         while True:
-            urgency, _, name = self._wishes.get()
+            urgency, _, name = self._requests.get()
             if urgency < 0:
                 return
             with self._lock:
-                self._wished.discard((urgency, name))
+                self._requested.discard((urgency, name))
                 if name not in self._files:
                     continue
                 stamp, files = self._stamp(name), self._files[name]

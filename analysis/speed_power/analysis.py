@@ -180,8 +180,10 @@ def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: Sequence[Lef
     settings = tuple(PowerSetting(len(group), *pair) for group, *pair in zip(
         trial.groups, by_means, by_curve, strict=True))  # fmt: skip
     terms = best.found.terms
+    rows = zip(runs, *best.added_n.values(), best.found.current_mps, best.speed_mps, best.power_kw, strict=True)
+    corrected = tuple(CorrectedRun(run, *map(float, numbers)) for run, *numbers in rows)
     return SpeedPower(
-        _corrected(runs, best), settings, best.curve, tuple(band), terms, runs[0].heading_deg, corrections,
+        corrected, settings, best.curve, tuple(band), terms, runs[0].heading_deg, corrections,
         warnings_of(given, runs, trial.applied, trial.groups, len(terms)), tuple(left_out), software_version(),
     )  # fmt: skip
 
@@ -276,8 +278,3 @@ def _half_intervals(
     known = best.found.free > 0 and bool(expected.all())
     scatter = float(np.sum((best.found.misfit_mps / expected) ** 2)) / best.found.free if known else 1.0
     return np.asarray(stdtrit(freedom, 0.975) * np.sqrt(square * max(1.0, scatter)))
-
-
-def _corrected(runs: Sequence[PowerRun], best: _Solution) -> tuple[CorrectedRun, ...]:
-    rows = zip(runs, *best.added_n.values(), best.found.current_mps, best.speed_mps, best.power_kw, strict=True)
-    return tuple(CorrectedRun(run, *map(float, numbers)) for run, *numbers in rows)

@@ -66,7 +66,6 @@ class PowerRun:
 
     @property
     def minutes(self) -> float:
-        """How long it took."""
         return float((self.end - self.start).total_seconds() / 60.0)
 
 

@@ -173,10 +173,8 @@ def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     Raises :class:`InputError` for more rows than a sheet holds, and as :func:`write_sheets`.
     """
     if len(table) > MOST_ROWS:
-        raise InputError(
-            f"has {len(table):,} rows, but an Excel sheet holds at most {MOST_ROWS:,}", where=about["recording"],
-            fix="use --rate, or write .csv or .parquet",
-        )  # fmt: skip
+        what = f"has {len(table):,} rows, but an Excel sheet holds at most {MOST_ROWS:,}"
+        raise InputError(what, where=about["recording"], fix="use --rate, or write .csv or .parquet")
     times = utc_index(table).as_unit("us").tz_localize(None)
     said = [
         (what, str(name), str(value))

@@ -190,7 +190,7 @@ def _resampled(
     if channel is not None and channel.state:
         return _held(time_ns, values, grid_ns, longest_gap_s)
     times, samples = _sorted_without_repeats(time_ns, values, circular)
-    interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    interval_ns = _usual_interval_ns(times)
     result = _between(times, samples, grid_ns, longest_gap_s, circular)
     covered = np.isfinite(result)
     if covered.any() and 0 < interval_ns < _FASTER * NANO / rate:
@@ -210,8 +210,7 @@ def _held(time_ns: Ints, values: Floats, grid_ns: Ints, longest_gap_s: float | N
         return result
     order = np.argsort(time_ns, kind="stable")
     times = time_ns[order]
-    interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
+    limit_ns = _longest_gap_ns(times, longest_gap_s)
     last = np.searchsorted(times, grid_ns, side="right") - 1
     told = (last >= 0) & (grid_ns - times[np.maximum(last, 0)] <= limit_ns)
     result[told] = values[order][last[told]]
@@ -232,11 +231,17 @@ def _between(times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | N
     result = np.full(at_ns.size, np.nan)
     if times.size == 0 or at_ns.size == 0:
         return result
-    interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
-    covered, before, share = _bracket(times, at_ns, limit_ns)
+    covered, before, share = _bracket(times, at_ns, _longest_gap_ns(times, longest_gap_s))
     result[covered] = _interpolated(samples, before[covered], share[covered], circular)
     return result
+
+
+def _usual_interval_ns(times: Ints) -> float:
+    return float(np.median(np.diff(times))) if times.size > 1 else 0.0
+
+
+def _longest_gap_ns(times: Ints, longest_gap_s: float | None) -> float:
+    return (own_gap_s(_usual_interval_ns(times)) if longest_gap_s is None else longest_gap_s) * NANO
 
 
 def own_gap_s(interval_ns: float) -> float:
@@ -252,9 +257,7 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
     if unique.size == times.size:
         return times, samples
     base = samples[first]
-    apart = samples - base[inverse]
-    if circular:
-        apart = difference(samples, base[inverse])
+    apart = difference(samples, base[inverse]) if circular else samples - base[inverse]
     mean = np.bincount(inverse, apart) / np.bincount(inverse)
     return unique, np.asarray(base + mean, dtype=float)
 

@@ -210,11 +210,8 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
         name for name in names or trial_channels(table) if name not in table or not table[name].notna().any()
     ]
     if missing:
-        raise InputError(
-            f"has no {', '.join(missing)}",
-            where=str(table.attrs.get("recording", "table")),
-            fix="record the channel, or import with a map that gives it a constant",
-        )
+        fix = "record the channel, or import with a map that gives it a constant"
+        raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
 
 
 def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.DataFrame:

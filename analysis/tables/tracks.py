@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -90,26 +90,19 @@ def _title(about: Mapping[str, Any]) -> str:
 
 def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
     """Time (ISO 8601), latitude and longitude [deg] as text of the rows of each stretch whose place is known."""
-    found = list(_known_stretches(table, places_of(table)))
-    if not found:
+    where = places_of(table)
+    known = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
+    if known.size == 0:
         raise DataShortageError(
             "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
             fix="give [trial] an origin before recording, or export a table",
         )  # fmt: skip
-    return found
-
-
-def _known_stretches(table: pd.DataFrame, where: Mapping[str, Floats]) -> Iterator[list[tuple[str, str, str]]]:
-    if not where:
-        return
-    known = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"]))
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ms")
     lat, lon = ([f"{value:.{_DECIMALS}f}" for value in where[name]] for name in ("lat", "lon"))
     step_ns = np.diff(times_ns(table)[known])
     holes = (np.diff(known) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
-    for rows in np.split(known, np.flatnonzero(holes) + 1):
-        if rows.size:
-            yield [(f"{times[row]}Z", lat[row], lon[row]) for row in rows]
+    stretches = np.split(known, np.flatnonzero(holes) + 1)
+    return [[(f"{times[row]}Z", lat[row], lon[row]) for row in rows] for rows in stretches]
 
 
 def _child(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:

@@ -52,13 +52,10 @@ _JUMP_M, _JUMP_DEVIATIONS = 2.0, 10.0
 """The limits of a one-second step relative to the measured speeds, in metres and in standard deviations of the
 recording's other steps; beyond both, a receiver jumped or two parts were joined."""
 
-_LABELS = ("window", "second"), ("trial", "leg", "start")
-
 
 def columns_for(actuators: Actuators) -> tuple[str, ...]:
     """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
-    before, after = _LABELS
-    return (*before, *trial_names(actuators), *after)
+    return ("window", "second", *trial_names(actuators), "trial", "leg", "start")
 
 
 MOVED = tuple(_MOVED.values())
@@ -112,10 +109,8 @@ def held_windows(
     candidates. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
     """
     if horizon_s < 2 or stride_s < 1:
-        raise InputError(
-            f"a horizon of {horizon_s} s every {stride_s} s is not possible",
-            fix="give a horizon of at least 2 s and a stride of at least 1 s",
-        )
+        fix = "give a horizon of at least 2 s and a stride of at least 1 s"
+        raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators = table_actuators(table)
     start_ns, values, there = _every_second(table, trial_names(actuators))
     reason = np.empty(0, dtype=np.int64)
@@ -138,20 +133,15 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     """Times [s], values of the channels [s, channels] and where the table has a row, without holes in time."""
     missing = [name for name in names if name not in table.columns]
     if missing:
-        raise InputError(
-            f"has no {', '.join(missing)}",
-            where=str(table.attrs.get("recording", "table")),
-            fix="record the channel, or import with a map that gives it a constant",
-        )
+        fix = "record the channel, or import with a map that gives it a constant"
+        raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
     time_ns = times_ns(table)
     if time_ns.size == 0:
         return np.empty(0, dtype=np.int64), np.empty((0, len(names))), np.empty(0, dtype=bool)
     row = (time_ns - time_ns[0]) // NANO
     if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
-        raise InputError(
-            "the table does not have one row per second, in order and on whole seconds",
-            fix="resample it to 1 Hz first",
-        )
+        fix = "resample it to 1 Hz first"
+        raise InputError("the table does not have one row per second, in order and on whole seconds", fix=fix)
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)
     there = np.zeros(values.shape[0], dtype=bool)
@@ -290,13 +280,10 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
         return windows
     reasons = ", ".join(f"{times} {reason.replace('_', ' ')}" for reason, times in windows.dropped.items())
     sort, fix = ("whole", "longer") if "held" in windows.rows else ("held", "held")
-    raise DataShortageError(
-        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window"
-        + " (steady controls)" * (sort == "held"),
-        where=where,
-        why=reasons or "shorter than the horizon",
-        fix=f"lower --horizon, or give recordings with {fix} stretches",
-    )
+    what = f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window"
+    what += " (steady controls)" if sort == "held" else ""
+    fix = f"lower --horizon, or give recordings with {fix} stretches"
+    raise DataShortageError(what, where=where, why=reasons or "shorter than the horizon", fix=fix)
 
 
 Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]

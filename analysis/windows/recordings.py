@@ -171,11 +171,11 @@ def windows_of_recordings(
     options = how or WindowOptions()
     refuse_duplicates(paths)
     parts, motion, names, provenance = [], {}, trial_names(paths), {}
+    simple = not (options.starts or options.repair or options.remove_delays)
+    rate_hz = 1.0 if simple else None
+    preparation = Preparation(rate_hz, repair=options.repair, remove_delays=options.remove_delays)
     for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
-        raw = Preparation(repair=options.repair, remove_delays=options.remove_delays)
-        simple = not (options.starts or options.repair or options.remove_delays)
-        how_raw = replace(raw, rate_hz=1.0) if simple else raw
-        table = prepare(read_recording(path), how_raw, rebuild_positions=options.rebuild_positions)
+        table = prepare(read_recording(path), preparation, rebuild_positions=options.rebuild_positions)
         seconds = table if simple else resample(table, 1.0)
         parts.append(
             held_windows(seconds, options.horizon_s, options.stride_s, trial=trial, keep_moving=options.keep_moving)
@@ -194,13 +194,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
     :class:`acquisition.core.errors.StorageError` when a file cannot be written.
     """
-    account = {
-        "candidates": windows.candidates,
-        "kept": windows.kept,
-        "dropped": windows.dropped,
-        "horizon_s": windows.horizon_s,
-        "stride_s": windows.stride_s,
-    }
+    account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
     said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})

@@ -26,21 +26,16 @@ COMPARED = tuple(method for method in METHODS if method != "paper_adam")
 """The methods compared by default: ``paper_adam`` is ``paper`` again, trained for longer."""
 
 
-def refuse_unknown(method: str) -> None:
-    """Raise :class:`ConfigurationError` unless ``method`` is one of ours by name, an entry point of
-    ``seatrial.calibrators``, or ``FILE.py:CLASS``."""
-    if method not in _METHODS:
-        make_calibrator(method)
-
-
 def can_train(method: str) -> bool:
     """Whether calibrators of a method can be trained here; networks need PyTorch."""
     return "networks:" not in _METHODS.get(method, "") or find_spec("torch") is not None
 
 
 def refuse_untrainable(method: str) -> None:
-    """Raise :class:`ConfigurationError` for an unknown calibrator, or one that cannot be trained here."""
-    refuse_unknown(method)
+    """Raise :class:`ConfigurationError` unless ``method`` is a calibrator (:func:`make_calibrator`) that can be
+    trained here."""
+    if method not in _METHODS:
+        make_calibrator(method)
     if not can_train(method):
         raise ConfigurationError(
             f"{method} is a network, and PyTorch, which trains it, is not installed",
@@ -49,7 +44,8 @@ def refuse_untrainable(method: str) -> None:
 
 
 def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
-    """An untrained calibrator by the name of its method, as in :func:`refuse_unknown`.
+    """An untrained calibrator by its method: the name of one of ours, of an entry point of
+    ``seatrial.calibrators``, or ``FILE.py:CLASS``.
 
     A class that is no :class:`Calibrator` is wrapped in an :class:`.OwnCalibrator`. Raises
     :class:`ConfigurationError`.

@@ -285,15 +285,11 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
         _refuse_not_numbers(each, folder / _file(name))
     contents = {_file(name): safetensors.numpy.save(each) for name, each in tensors.items()}
     sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
+    left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
+    text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
     make_folder(folder)
-    _write_together(
-        folder, contents | {SIDECAR: _SIDECAR.dump_json(sidecar, indent=2, exclude=_left_out(sidecar)) + b"\n"}
-    )
+    _write_together(folder, contents | {SIDECAR: text})
     return folder / SIDECAR
-
-
-def _left_out(sidecar: Sidecar) -> set[str]:
-    return {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
 
 
 def _write_together(folder: Path, contents: dict[str, bytes]) -> None:

@@ -59,21 +59,11 @@ class Perceptron:
         self.shapes = [weight.shape for weight in network.parameters()]
         self.sizes = [shape.numel() for shape in self.shapes]
 
-    def parts(self, weights: Tensor) -> list[Tensor]:
-        """Matrix, offset, matrix, offset and so on: views of the vector."""
-        pieces = weights.split(self.sizes)  # type: ignore[no-untyped-call]
-        return [piece.view(shape) for piece, shape in zip(pieces, self.shapes, strict=True)]
-
     def layers(self, weights: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """Matrix and offset of each layer."""
-        parts = self.parts(weights)
+        """Matrix and offset of each layer: views of the vector."""
+        pieces = weights.split(self.sizes)  # type: ignore[no-untyped-call]
+        parts = [piece.view(shape) for piece, shape in zip(pieces, self.shapes, strict=True)]
         return list(zip(parts[::2], parts[1::2], strict=True))
-
-    def give(self, weights: Tensor, network: nn.Sequential) -> None:
-        """Write the weights into the network."""
-        with torch.no_grad():
-            for parameter, part in zip(network.parameters(), self.parts(weights), strict=True):
-                parameter.copy_(part)
 
     def outputs(self, weights: Tensor, inputs: Tensor) -> tuple[Tensor, list[Tensor]]:
         """The outputs [rows, K], and the inputs of each layer."""
@@ -102,80 +92,70 @@ def fit_network(
     training: Rows,
     stopping: Rows,
     until: StoppingRule,
-    windows: int,
+    windows: int | None,
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> None:
     """Fit the weights of linear layers with ReLU between them; the best on the ``stopping`` rows are kept.
 
-    ``windows`` is the number of independent training rows: errors within a window are correlated. The damping
-    (Marquardt 1963) is reduced after a step that lowered the error and increased after one that did not. Rows
-    are drawn on the CPU, so that a seed gives the same rows on every device.
+    By least squares with so many independent ``windows`` in the training rows, as errors within a window are
+    correlated; or by Adam (None), each step one pass over all rows, ``until.rows`` at a time. Rows are drawn on
+    the CPU, so that a seed gives the same rows on every device.
     """
-    perceptron, generator = Perceptron(network), torch.Generator().manual_seed(seed)
-
-    def steps() -> Iterator[Tensor]:
-        weights, damping = _weights_of(network), FIRST_DAMPING
-        share, rows = DECAY_IN_WINDOWS / windows, float(min(until.rows, FIRST_ROWS))
-        while True:
-            drawn = _drawn(training, int(rows), generator)
-            weights, damping = _stepped(perceptron, weights, damping, share, drawn)
-            rows = min(until.rows, MORE_ROWS * rows)
-            yield weights
-
-    _keep_best(network, steps(), stopping, until, progress)
-
-
-def _keep_best(
-    network: nn.Sequential, steps: Iterator[Tensor], stopping: Rows, until: StoppingRule, progress: Progress
-) -> None:
-    """Set the network to the weights of all ``steps`` with the lowest error on the ``stopping`` rows, ending
-    after too many steps without gain."""
     torch.set_num_threads(1)  # layers of ten neurons are faster on one thread
+    generator = torch.Generator().manual_seed(seed)
+    if windows is None:
+        steps = _adam_passes(network, training, until.rows, generator)
+    else:
+        steps = _least_squares_steps(network, training, until.rows, windows, generator)
     perceptron, best, best_error, since = Perceptron(network), _weights_of(network), float("inf"), 0
     for step, weights in enumerate(islice(steps, until.steps), 1):
         error, since = _mean_square(perceptron, weights, stopping), since + 1
         if error < best_error:
             best, best_error, since = weights, error, 0
-        perceptron.give(weights, network)
+        nn.utils.vector_to_parameters(weights.clone(), network.parameters())
         progress(step / until.steps)
         if since > until.patience:
             break
-    perceptron.give(best, network)
+    nn.utils.vector_to_parameters(best, network.parameters())
 
 
-def _weights_of(network: nn.Sequential) -> Tensor:
-    """All weights of a network in one vector, detached."""
-    return nn.utils.parameters_to_vector(network.parameters()).detach()
+def _least_squares_steps(
+    network: nn.Sequential, training: Rows, most_rows: int, windows: int, generator: torch.Generator
+) -> Iterator[Tensor]:
+    """The weights after each step; the damping (Marquardt 1963) is reduced after a step that lowered the error and
+    increased after one that did not."""
+    perceptron, weights, damping = Perceptron(network), _weights_of(network), FIRST_DAMPING
+    share, rows = DECAY_IN_WINDOWS / windows, float(min(most_rows, FIRST_ROWS))
+    while True:
+        drawn = _drawn(training, int(rows), generator)
+        weights, damping = _stepped(perceptron, weights, damping, share, drawn)
+        rows = min(most_rows, MORE_ROWS * rows)
+        yield weights
 
 
 ADAM_RATE = 1e-3
 """The paper's learning rate."""
 
 
-def fit_network_by_adam(
-    network: nn.Sequential,
-    training: Rows,
-    stopping: Rows,
-    until: StoppingRule,
-    seed: int = 0,
-    progress: Progress = lambda share: None,
-) -> None:
-    """As :func:`fit_network`, each step one pass over all rows by Adam, ``until.rows`` at a time."""
-    generator = torch.Generator().manual_seed(seed)
+def _adam_passes(
+    network: nn.Sequential, training: Rows, batch: int, generator: torch.Generator
+) -> Iterator[Tensor]:
+    """The weights after each pass over all rows by Adam, ``batch`` at a time."""
     adam = torch.optim.Adam(network.parameters(), lr=ADAM_RATE)
+    while True:
+        order = torch.randperm(len(training[0]), generator=generator).to(training[0].device)
+        for rows in torch.split(order, batch):
+            adam.zero_grad()
+            missed = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
+            missed.backward()  # type: ignore[no-untyped-call]
+            adam.step()
+        yield _weights_of(network)
 
-    def passes() -> Iterator[Tensor]:
-        while True:
-            order = torch.randperm(len(training[0]), generator=generator).to(training[0].device)
-            for rows in torch.split(order, until.rows):
-                adam.zero_grad()
-                missed = nn.functional.mse_loss(network(training[0][rows]), training[1][rows])
-                missed.backward()  # type: ignore[no-untyped-call]
-                adam.step()
-            yield _weights_of(network)
 
-    _keep_best(network, passes(), stopping, until, progress)
+def _weights_of(network: nn.Sequential) -> Tensor:
+    """All weights of a network in one vector, detached."""
+    return nn.utils.parameters_to_vector(network.parameters()).detach()
 
 
 def _drawn(data: Rows, rows: int, generator: torch.Generator) -> Rows:
@@ -232,15 +212,12 @@ def train_network(
     progress: Progress = lambda share: None,
 ) -> Layers:
     """The layers of a network fitted to scaled rows, inputs [rows, C] and outputs [rows, K], on the
-    :func:`training_device`: by least squares with this number of independent ``windows``, or by Adam (None)."""
+    :func:`training_device` by :func:`fit_network`."""
     torch.manual_seed(seed)
     network, device = make_network(training[0].shape[1], training[1].shape[1]), training_device()
     network.to(device)
     rows = [(torch.from_numpy(a).to(device), torch.from_numpy(b).to(device)) for a, b in (training, stopping)]
-    if windows is None:
-        fit_network_by_adam(network, rows[0], rows[1], until, seed, progress)
-    else:
-        fit_network(network, rows[0], rows[1], until, windows, seed, progress)
+    fit_network(network, rows[0], rows[1], until, windows, seed, progress)
     kept = [each.detach().cpu().numpy().copy() for each in network.parameters()]
     return tuple(zip(kept[::2], kept[1::2], strict=True))
 

@@ -16,7 +16,6 @@ Training is by least squares (``network_training.py``, the only part that needs 
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -29,7 +28,8 @@ from acquisition.core.errors import InputError
 from acquisition.core.progress import Progress
 from hybrid.calibrators import refuse_untrainable
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
-from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known, simulate_tracks
+from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known
+from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
 from hybrid.prediction.scores import mean_distances
@@ -61,13 +61,6 @@ def start_labels(actuators: Actuators) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _means_until_now(values: Floats) -> Floats:
-    """Running means of series [N, H, C], plain and weighted by the remaining time: [N, H, 2C]."""
-    second = np.arange(1.0, values.shape[1] + 1)[:, None]
-    total = np.cumsum(values, axis=1)
-    return np.concatenate([total / second, np.cumsum(total, axis=1) / (0.5 * second * (second + 1.0))], axis=-1)
-
-
 def command_labels(actuators: Actuators) -> tuple[str, ...]:
     """The names of the columns of :func:`command_inputs`."""
     names = _control_names(actuators)
@@ -75,9 +68,12 @@ def command_labels(actuators: Actuators) -> tuple[str, ...]:
 
 
 def command_inputs(windows: PredictionWindows) -> Floats:
-    """The commands until each second [N, H, columns], columns as :func:`command_labels`."""
+    """The means of the commands until each second [N, H, columns], plain and weighted by the remaining time,
+    columns as :func:`command_labels`."""
     columns = _controls(windows.acting, angle_columns(windows.actuators))
-    return _means_until_now(np.stack(columns, axis=-1))
+    total = np.cumsum(np.stack(columns, axis=-1), axis=1)
+    second = np.arange(1.0, windows.horizon_s + 1)[:, None]
+    return np.concatenate([total / second, np.cumsum(total, axis=1) / (0.5 * second * (second + 1.0))], axis=-1)
 
 
 def _controls(values: Floats, angles: list[int]) -> list[Floats]:
@@ -161,59 +157,44 @@ class NetworkCalibrator(Calibrator):
     on hindcasts of the seconds before them, give its weight beside the baselines.
     """
 
-    needs_reference: ClassVar[bool]
+    needs_reference: ClassVar[bool] = True
     by_adam: ClassVar[bool] = False
 
     def __init__(
-        self,
-        seed: int = 0,
-        plant: Plant | None = None,
-        epochs: int = 200,
-        batch: int = 1000,
-        patience: int = 30,
+        self, seed: int = 0, plant: Plant | None = None, epochs: int = 200, batch: int = 1000, patience: int = 30
     ) -> None:
         super().__init__(seed, plant)
         self.epochs, self.batch, self.patience = epochs, batch, patience
 
-    @abstractmethod
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        reference = REFERENCE_INPUTS if self.needs_reference else ()
+        return (*start_labels(actuators), *reference, *(command_labels(actuators) if self.any_commands else ()))
+
     def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The network's inputs [N, H, C], columns as ``inputs`` without those of commands."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The names of the inputs, for the ship at hand."""
-        commands = command_labels(self.actuators) if self.any_commands else ()
-        return (*super().inputs, *commands)
-
-    def _inputs(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The network's inputs [N, H, C], columns as ``inputs``."""
-        features = self.features(windows, reference)
-        return np.concatenate([features, command_inputs(windows)], axis=-1) if self.any_commands else features
+        parts = [start_inputs(windows)]
+        if self.needs_reference:
+            parts.append(displacement(reference, windows.start))
+        if self.any_commands:
+            parts.append(command_inputs(windows))
+        return np.concatenate(parts, axis=-1)
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         refuse_untrainable(self.method)
-        self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
-        inputs, targets = self._rows(*training)
-        self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
-        self.input_range_ = np.stack([inputs.min(axis=0), inputs.max(axis=0)])
-        self.layers_ = self._train(
-            self._scaled((inputs, targets)), self._scaled(self._rows(*stopping)), len(training[0]), progress
-        )
-        self.usual_error_m_ = self._errors(*stopping)
-        return self
-
-    def _train(self, training: Rows, stopping: Rows, windows: int, progress: Progress) -> Layers:
-        """The layers of the network, fitted to scaled rows of this number of ``windows``."""
         from hybrid.calibrators.network_training import StoppingRule, train_network
 
+        self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
+        rows = inputs, targets = self._rows(*training)
+        self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
+        self.input_range_ = np.stack([inputs.min(axis=0), inputs.max(axis=0)])
         until = StoppingRule(self.epochs, self.batch, self.patience)
-        return train_network(training, stopping, until, None if self.by_adam else windows, self.seed, progress)
-
-    def _errors(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The mean errors [2] on windows over the horizon and over the hindcast."""
-        found = mean_distances(self.predict(windows, reference), windows.track), self._hindcast_m(windows)
-        return np.array([mean_known(each) for each in found])
+        windows = None if self.by_adam else len(training[0])
+        scaled, held_out = self._scaled(rows), self._scaled(self._rows(*stopping))
+        self.layers_ = train_network(scaled, held_out, until, windows, self.seed, progress)
+        errors_m = mean_distances(self.predict(*stopping), stopping[0].track), self._hindcast_m(stopping[0])
+        self.usual_error_m_ = np.array([mean_known(each) for each in errors_m])
+        return self
 
     def _hindcast_m(self, windows: PredictionWindows) -> Floats:
         """The mean errors [N] over the seconds before second 0, at most the training horizon; NaN without data."""
@@ -221,35 +202,31 @@ class NetworkCalibrator(Calibrator):
             return np.full(len(windows), np.nan)
         trained_s = int(self.input_range_[1, self.inputs.index("second")])
         before = filtered_starts(hindcast_windows(windows, min(HINDCAST_S, trained_s)), self.plant)
-        model = simulate_tracks(self.plant, before.start, before.acting, before.wind)
-        return mean_distances(self.predict(before, model), before.track)
+        return mean_distances(self.predict(before, model_tracks(before, self.plant)), before.track)
 
     def beside_baselines(self, windows: PredictionWindows, tracks: Floats) -> Candidate | None:
         return Candidate(tracks, self._hindcast_m(windows), self.usual_error_m_) if self.plant else None
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The predicted track [N, H+1, 3]; the heading is that of :meth:`heading`, which is not learned."""
-        features = self.input_scaling_.scaled(self._inputs(windows, reference))
+        """The predicted track [N, H+1, 3]; the heading, which is not learned, is the reference's or
+        turns at a constant rate."""
+        features = self.input_scaling_.scaled(self.features(windows, reference))
         learned = self.output_scaling_.unscaled(outputs_of(self.layers_, features))
         moved = self.base(windows, reference) + learned
         position = windows.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
-        return np.concatenate([position, self.heading(windows, reference)[..., None]], axis=-1)
+        heading = (reference if self.needs_reference else constant_velocity(windows))[..., 2:]
+        return np.concatenate([position, heading], axis=-1)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         """The network's inputs at every second, and the range of each in the training."""
         low, high = self.input_range_
         return DomainOfApplicability(
-            self.inputs, self._inputs(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
+            self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
 
     def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The displacement [N, H, 2] that the network's output is added to: zero here."""
         return np.zeros((len(windows), windows.horizon_s, 2))
-
-    def heading(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The heading [N, H+1] for the positions: the reference's, or a constant rate of turn."""
-        track = reference if self.needs_reference else constant_velocity(windows)
-        return track[..., 2]
 
     def state_dict(self) -> dict[str, Floats]:
         scalings = {"input": self.input_scaling_, "output": self.output_scaling_}
@@ -277,7 +254,7 @@ class NetworkCalibrator(Calibrator):
 
     def _rows(self, windows: PredictionWindows, reference: Floats) -> Rows:
         """Inputs [rows, C] and targets [rows, 2] of the seconds with a measured position."""
-        features = self._inputs(windows, reference)
+        features = self.features(windows, reference)
         targets = displacement(windows.track, windows.start) - self.base(windows, reference)
         measured = np.isfinite(targets).all(axis=-1)
         return features[measured], targets[measured]
@@ -301,14 +278,6 @@ class PaperCalibrator(NetworkCalibrator):
     """Three hidden layers of ten with ReLU on the start and the reference's displacement."""
 
     method = "paper"
-    needs_reference: ClassVar[bool] = True
-
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
-        return (*start_labels(actuators), *REFERENCE_INPUTS)
-
-    def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        moved = displacement(reference, windows.start)
-        return np.concatenate([start_inputs(windows), moved], axis=-1)
 
 
 class PublishedPaperCalibrator(PaperCalibrator):
@@ -337,9 +306,3 @@ class DataDrivenCalibrator(NetworkCalibrator):
 
     method = "data_driven"
     needs_reference: ClassVar[bool] = False
-
-    def labels(self, actuators: Actuators) -> tuple[str, ...]:
-        return start_labels(actuators)
-
-    def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        return start_inputs(windows)

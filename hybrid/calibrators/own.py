@@ -19,8 +19,9 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
 from acquisition.core.progress import Progress
-from hybrid.calibrators.adaptive.calibrator import least_margin, start_names, starts_of
+from hybrid.calibrators.adaptive.calibrator import start_domain, start_names, start_range
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
+from hybrid.calibrators.networks import DOMAIN_MARGIN
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.actuators import angle_columns, control_labels
 
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
 
 STATE = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 WIND = ("wind_direction_rad", "wind_speed_mps")
-DOMAIN_MARGIN = 0.1
-"""The margin by which a start inside the domain may exceed the training range, as a share of it; as for
-networks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +114,7 @@ class OwnCalibrator(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
-        starts = starts_of(windows).reshape(-1, len(self.inputs))
-        self.range_ = np.array([starts.min(axis=0), starts.max(axis=0)])
+        self.range_ = start_range(windows)
         whole = windows.whole
         known = known_windows(windows.subset(whole), reference[whole])
         with own_code(f"{self._name}.fit", self._file):
@@ -137,9 +134,7 @@ class OwnCalibrator(Calibrator):
         return np.concatenate([found, reference[..., found.shape[2] :]], axis=2)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
-        low, high = self.range_
-        margin = np.maximum(DOMAIN_MARGIN * (high - low), least_margin(windows.actuators))
-        return DomainOfApplicability(self.inputs, starts_of(windows), low, high, margin)
+        return start_domain(windows, self.range_, DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
         own = self.own

@@ -17,7 +17,7 @@ from acquisition.core.progress import Progress, part_of
 from acquisition.core.result import ModelResult
 from acquisition.core.trial import software_version
 from hybrid.calibrators import can_train, make_calibrator
-from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_with_fallback
+from hybrid.calibrators.calibrator import Calibrator, Examples, PredictedTracks, predict_with_fallback
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
@@ -140,10 +140,7 @@ def train(
 
 
 def _metrics(
-    windows: PredictionWindows,
-    training: tuple[PredictionWindows, Floats],
-    stopping: tuple[PredictionWindows, Floats],
-    predicted: Floats,
+    windows: PredictionWindows, training: Examples, stopping: Examples, predicted: Floats
 ) -> dict[str, Any]:
     judged = stopping[0].whole
     measured = stopping[0].track[judged]

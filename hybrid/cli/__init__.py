@@ -88,51 +88,25 @@ def say_what_needs_networks(what: str) -> None:
 
 
 def mount(app: typer.Typer) -> None:
-    """Add the commands of the model to the command line."""
+    """Add the commands of the model to the command line; their help is what they say of themselves."""
     from hybrid.cli import model, results, trials, vessel
 
-    panels: dict[str, dict[Callable[..., None], str]] = {
-        TRIALS: {
-            trials.demo: "Run the whole chain: from simulated buses to a report.",
-            trials.init: "Set up a folder for trials: configuration, vessel file, column map, example table.",
-            trials.simulate: "Simulate a trial as its sensors would have recorded it.",
-            trials.plan: "Say which effects a planned trial could find, and propose a better one.",
-            trials.campaign: "Simulate many trials: vessels, seas, manoeuvres, seeds.",
-        },
-        PREDICTIONS: {
-            model.train: "Train a calibrator on a reference model.",
-            model.validate: "Score every method on recordings that were not used for training.",
-            model.predict: "Predict the track from one instant of a recording.",
-            model.evaluate: "Compare the methods by cross-validation, with 95 % intervals.",
-        },
-        DIAGNOSIS: {
-            trials.effects: "List the effects that a model may lack.",
-            results.diagnose: "Name the effects that the model lacks, add them, and show how the error shrinks.",
-            results.identify: "Identify the coefficients of a model from recordings, with intervals.",
-        },
-        ABOARD: {model.watch: "Predict live beside the running recorder, and score earlier predictions."},
-        RECORDINGS: {
-            results.speed_power: "Speed-power curve from reciprocal runs, corrected for current and wind.",
-            results.report: "Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF.",
-        },
+    panels: dict[str, tuple[Callable[..., None], ...]] = {
+        TRIALS: (trials.demo, trials.init, trials.simulate, trials.plan, trials.campaign),
+        PREDICTIONS: (model.train, model.validate, model.predict, model.evaluate),
+        DIAGNOSIS: (trials.effects, results.diagnose, results.identify),
+        ABOARD: (model.watch,),
+        RECORDINGS: (results.speed_power, results.report),
     }
     for panel, commands in panels.items():
-        for command, about in commands.items():
-            app.command(help=about, rich_help_panel=panel)(command)
-    ships = typer.Typer(no_args_is_help=True)
-    ships.command(help="Write a vessel file from main dimensions, by published regressions.")(vessel.new)
-    ships.command(help="Simulate the standard manoeuvres of a vessel file, and compare them with the IMO limits.")(
-        vessel.check
-    )
+        for command in commands:
+            app.command(rich_help_panel=panel)(command)
+    ships, reproduce = typer.Typer(no_args_is_help=True), typer.Typer(no_args_is_help=True)
+    for command in (vessel.new, vessel.check):
+        ships.command()(command)
     app.add_typer(ships, name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
-    reproduce = typer.Typer(no_args_is_help=True)
-    reproduce.command(help="Reproduce the paper's Table III on unseen sequences, and with the random split.")(
-        results.table3
-    )
-    reproduce.command(help="Reproduce the figures of the paper.")(results.figures)
-    reproduce.command(help="Map how the hybrid's gain depends on the error of the reference model.")(
-        results.fidelity
-    )
+    for command in (results.table3, results.figures, results.fidelity):
+        reproduce.command()(command)
     app.add_typer(
         reproduce, name="reproduce", help="Reproduce the paper's results from scratch.", rich_help_panel=PREDICTIONS
     )

@@ -13,6 +13,7 @@ import typer
 from acquisition.cli import AsJson
 from acquisition.core.process import stop_on_signals
 from analysis.cli import RebuildPositions
+from analysis.tables.files import make_folder
 from hybrid.cli import (
     AllowSeenOption,
     AnyOption,
@@ -49,8 +50,7 @@ def train(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Train a calibrator on held windows, or on all."""
-    from analysis.tables.files import make_folder
+    """Train a calibrator on a reference model."""
     from hybrid.calibrators import refuse_untrainable
     from hybrid.calibrators.artefact import save
     from hybrid.scripting import train as run
@@ -89,7 +89,7 @@ def validate(
     allow_seen: AllowSeenOption = False,
     as_json: AsJson = False,
 ) -> None:
-    """Score every baseline, and the calibrator if one is given."""
+    """Score every method on recordings that were not used for training."""
     from hybrid.scripting import validate as run
 
     trained = chosen_calibrator(calibrator, method)
@@ -128,8 +128,7 @@ def evaluate(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Fit every method on one part of recordings and judge it on the other."""
-    from analysis.tables.files import make_folder
+    """Compare the methods by cross-validation, with 95 % intervals."""
     from hybrid.scripting import evaluate as run
 
     if output is not None:
@@ -177,7 +176,7 @@ def predict(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Predict one track with its band."""
+    """Predict the track from one instant of a recording."""
     from hybrid.scripting import predict as run
 
     prediction = run(file, at, chosen_calibrator(calibrator, method), vessel, horizon, commands)
@@ -206,14 +205,14 @@ def watch(
     log: Annotated[str, typer.Option(help="Log format without a terminal: text, or json lines.")] = "text",
     as_json: AsJson = False,
 ) -> None:
-    """Predict beside the running recorder."""
+    """Predict live beside the running recorder, and score earlier predictions."""
     if log not in ("text", "json"):
         raise typer.BadParameter("is neither text nor json", param_hint="--log")
     with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         with suppress(OSError):
             os.nice(_NICENESS)
         from acquisition.config.configuration import load_config
-        from hybrid.calibrators.predictor import predictor_of
+        from hybrid.calibrators.predict import predictor_of
         from hybrid.twin.watch import as_json as described
         from hybrid.twin.watch import watch as run
 

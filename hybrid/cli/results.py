@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from acquisition.core.progress import bar, part_of
+from analysis.tables.files import make_folder
 from hybrid.cli import (
     AllowSeenOption,
     EffectsOption,
@@ -48,7 +50,7 @@ def speed_power(
     output: Folder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Speed at power in still water, from runs to and fro with the power at the shafts, after ISO 15016:2015."""
+    """Speed-power curve from reciprocal runs, corrected for current and wind."""
     from hybrid.scripting import speed_power as analyse
 
     found = analyse(files, conditions, vessel)
@@ -81,9 +83,12 @@ def diagnose(
     rebuild_positions: RebuildIfJitter = None,
     part: PartOption = "0..100",
     identify_first: Annotated[
-        bool,
-        typer.Option("--identify", help="First identify the model's coefficients, if many of them may be wrong."),
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--identify/--no-identify",
+            help="First identify the model's coefficients (default: if many of them prove wrong).",
+        ),
+    ] = None,
     calibrate: Annotated[
         bool,
         typer.Option(
@@ -93,9 +98,7 @@ def diagnose(
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrators.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Diagnose recordings against a model."""
-    from acquisition.core.progress import bar
-    from analysis.tables.files import make_folder
+    """Name the effects that the model lacks, add them, and show how the error shrinks."""
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.vessel.files import reference_model, trials_of
@@ -117,7 +120,8 @@ def diagnose(
         with bar("training") as progress:
             ladder = compare_calibrators(
                 diagnosed.conclusion, files, percent_of(part),
-                repair=repair, rebuild_positions=bool(rebuild_positions), seed=seed, progress=progress,
+                repair=bool(diagnosed.diagnosis.provenance["repair"]), rebuild_positions=bool(rebuild_positions),
+                seed=seed, progress=progress,
             )  # fmt: skip
         diagnosed = replace(
             diagnosed,
@@ -164,7 +168,7 @@ def identify(
     picture: Annotated[Path | None, typer.Option(help="A picture of the fit: .png, .svg or .pdf.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Identify the coefficients of a model from recordings, and write the vessel file with them."""
+    """Identify the coefficients of a model from recordings, with intervals."""
     from hybrid.scripting import identify as run
 
     found = run(
@@ -186,9 +190,7 @@ def table3(
     workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare all methods in the paper's three sea states."""
-    from acquisition.core.progress import bar
-    from analysis.tables.files import make_folder
+    """Reproduce the paper's Table III on unseen sequences, and with the random split."""
     from hybrid.reproduction.campaign import seas_of
     from hybrid.reproduction.page import write_table3
     from hybrid.reproduction.table3 import papers_jobs
@@ -200,10 +202,10 @@ def table3(
         seas = seas_of(papers_jobs(seed, seeds), workers, progress)
     table = table_of(seas)
     if output is not None:
-        from hybrid.reproduction.figures import figure_data_of, write_figure_data
+        from hybrid.reproduction.figures import write_figures
         from hybrid.reproduction.page import write_page
 
-        write_figure_data(figure_data_of([sea for sea in seas if sea.job.seed == seed]), output)
+        write_figures([sea for sea in seas if sea.job.seed == seed], output)
         for path in (*write_table3(table, output), write_page(output)):
             typer.echo(path, err=True)
     print_result(table.as_dict(), table, as_json=as_json)
@@ -216,14 +218,14 @@ def figures(
     seed: Seed = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Draw the figures."""
-    from acquisition.core.progress import bar
-    from analysis.tables.files import make_folder
+    """Reproduce the figures of the paper."""
+    from hybrid.reproduction.campaign import seas_of
     from hybrid.reproduction.figures import write_figures
+    from hybrid.reproduction.table3 import papers_jobs
 
     make_folder(output)
     with bar("figures") as progress:
-        paths = write_figures(output, seed, progress)
+        paths = write_figures(seas_of(papers_jobs(seed, 1), progress=progress), output)
     if as_json:
         typer.echo(json.dumps({"figures": [str(path) for path in paths]}))
         return
@@ -240,11 +242,9 @@ def fidelity(
     workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Degrade the reference step by step and learn from ever more windows (notebook ``fidelity_map``)."""
-    from acquisition.core.progress import bar
-    from analysis.tables.files import make_folder
+    """Map how the hybrid's gain depends on the error of the reference model."""
     from hybrid.calibrators import refuse_untrainable
-    from hybrid.reproduction.fidelity import notebook
+    from hybrid.reproduction import notebook
     from hybrid.simulation.sea_state import sea_state_named
 
     for each in (method, "data_driven"):
@@ -299,10 +299,10 @@ def report(
     pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write each page as PDF.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Write the report that a folder asks for, as HTML and PDF."""
+    """Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF."""
     from acquisition.core.errors import ConfigurationError
-    from acquisition.core.progress import bar, part_of
-    from analysis.report.pdf import write_pdf
+    from acquisition.core.progress import bar
+    from analysis.report.rendering import write_pdf
     from hybrid.report.folder import Choices
     from hybrid.report.folder import report as run
     from hybrid.report.sections import FAILED

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from acquisition.core.progress import bar
 from hybrid.cli import (
     EffectsOption,
     SeaStateOption,
@@ -28,7 +29,7 @@ def init(
     name: Annotated[str | None, typer.Option(help="Name of ship and trial; default: the folder's.")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
-    """Write vessel.toml, trial.toml, columns.toml and example.csv, with which everything works at once."""
+    """Set up a folder for trials: configuration, vessel file, column map, example table."""
     from hybrid.workflows.start import start_folder
 
     for path in start_folder(folder, name or "", force=force):
@@ -39,19 +40,10 @@ def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")] = Path("demo"),
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
 ) -> None:
-    """Show the whole of Seatrial at work, without hardware."""
-    from contextlib import ExitStack
-
-    from acquisition.core.progress import bar
+    """Run the whole chain: from simulated buses to a report."""
     from hybrid.workflows.demo import demonstrate
 
-    with ExitStack() as stack:
-        done = demonstrate(
-            output,
-            seed,
-            say=lambda line: typer.echo(line, err=True),
-            progress=lambda what: stack.enter_context(bar(what)),
-        )
+    done = demonstrate(output, seed, say=lambda line: typer.echo(line, err=True))
     from rich.console import Console
 
     typer.echo(done.validation.model, err=True)
@@ -78,7 +70,7 @@ def simulate(
     ] = None,
     effects_file: EffectsOption = None,
 ) -> None:
-    """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
+    """Simulate a trial as its sensors would have recorded it."""
     from hybrid.effects.catalogue import catalogue_with, parse_effects
     from hybrid.scripting import simulate as run
     from hybrid.vessel.files import load_vessel
@@ -98,10 +90,9 @@ def campaign(
     scheduler: Annotated[str | None, typer.Option(help="A running dask scheduler, like tcp://host:8786.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate the trials of a campaign that are not there yet."""
+    """Simulate many trials: vessels, seas, manoeuvres, seeds."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
-    from acquisition.core.progress import bar
     from hybrid.simulation.campaigns import load_campaign, run_campaign
 
     planned = load_campaign(file)
@@ -121,7 +112,7 @@ def campaign(
 
 
 def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_json: AsJson = False) -> None:
-    """List the catalogue of effects."""
+    """List the effects that a model may lack."""
     from hybrid.effects.catalogue import VERSION, catalogue_with
     from hybrid.vessel.files import load_vessel
 
@@ -158,7 +149,7 @@ def plan(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say before a trial which effects it could show, from what size, and which it could not tell apart."""
+    """Say which effects a planned trial could find, and propose a better one."""
     from hybrid.scripting import plan as run
 
     planned = run(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -50,7 +50,7 @@ def new(
     lateral_area: Annotated[float | None, typer.Option(help="Lateral area above water in m2.")] = None,
     water_density: Annotated[float, typer.Option(help="Water density in kg/m3: fresh 1000, salt 1025.")] = 1025.0,
 ) -> None:
-    """Write a vessel file from main dimensions; what is not given is estimated, and says so."""
+    """Write a vessel file from main dimensions, by published regressions."""
     needed = {"length": length, "beam": beam, "draught": draught, "block": block, "service_speed": service_speed}
     devices = {"propeller": propeller, "azimuth": azimuth, "rudder": rudder, "tunnel": tunnel}
     numbers, listed = _complete(needed, {key: list(value or ()) for key, value in devices.items()})
@@ -86,7 +86,7 @@ def check(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate the standard manoeuvres of a vessel file, and show them beside IMO's limits."""
+    """Simulate the standard manoeuvres of a vessel file, and compare them with the IMO limits."""
     from hybrid.scripting import vessel_check
 
     checked = vessel_check(vessel, rpm)
@@ -106,8 +106,9 @@ def _complete(
     if missing or not driven:
         if not at_terminal():
             names = [f"--{key.replace('_', '-')}" for key in missing]
-            raise typer.BadParameter(f"missing: {', '.join([*names, *_propulsor(driven)])}")
-        needed = needed | {key: _number(key) for key in missing}
+            names += [] if driven else ["--propeller or --azimuth"]
+            raise typer.BadParameter(f"missing: {', '.join(names)}")
+        needed = needed | {key: float(typer.prompt(_ASKED[key], type=float, err=True)) for key in missing}
         devices = devices if driven else {key: value or _list(key) for key, value in devices.items()}
     return {key: float(value or 0.0) for key, value in needed.items()}, devices
 
@@ -115,15 +116,6 @@ def _complete(
 def at_terminal() -> bool:
     """Whether a person can be asked."""
     return sys.stdin.isatty()
-
-
-def _propulsor(driven: bool) -> list[str]:
-    return [] if driven else ["--propeller or --azimuth"]
-
-
-def _number(key: str) -> float:
-    answer: Any = typer.prompt(_ASKED[key], type=float, err=True)
-    return float(answer)
 
 
 def _list(key: str) -> list[str]:

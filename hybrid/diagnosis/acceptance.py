@@ -186,16 +186,13 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
     Nuisances are free again in each leg: otherwise, having been fitted to the other legs, they would know the
     effect as well as the effect itself.
     """
-
-    assert evidence.left_out is not None
-    assert evidence.alone is not None
     left_out, alone = evidence.left_out, evidence.alone
+    assert left_out is not None
+    assert alone is not None
 
     def density(leg: int, some: tuple[str, ...]) -> float:
         columns, own = np.array(evidence.columns(some), dtype=int), alone[leg]
-        values = (
-            fit_columns(left_out[leg], evidence.columns(some), evidence.prior(some)).values if some else np.zeros(0)
-        )
+        values = fit_columns(left_out[leg], evidence.columns(some), evidence.prior(some)).values
         return float(values @ own[columns, 0] - 0.5 * values @ own[np.ix_(columns, columns)] @ values)
 
     return np.array([density(leg, names) - density(leg, without) for leg in range(len(alone))])
@@ -244,12 +241,11 @@ class LackOfFit:
 def families(equations: NormalEquations) -> list[Family]:
     """All families of the nuisance basis."""
     layout = equations.layout
-    result = []
-    for axis, name in enumerate(AXES):
-        columns = layout.nuisance_forces(axis)
-        for depends in dict.fromkeys(layout.depends):
-            some = np.array([each == depends for each in layout.depends])
-            result.append(Family(depends, name, columns[some]))
+    result = [
+        Family(depends, name, layout.family(axis, depends))
+        for axis, name in enumerate(AXES)
+        for depends in dict.fromkeys(layout.depends)
+    ]
     for label in dict.fromkeys(layout.varying):
         some = np.flatnonzero([each == label for each in layout.varying])
         what, depends = label.split("*")
@@ -474,8 +470,7 @@ def _lacks(accepted: Acceptance, swap: Swap) -> float:
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
-    """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant common to
-    all linearisations."""
+    """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
     assert evidence.alone is not None
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))
@@ -484,8 +479,7 @@ def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
 
 
 def as_legs_agree(less: float, gains: Floats, said: Floats) -> float:
-    """The log odds ``less`` of one set of effects against another, reduced where legs scatter more than noise
-    does.
+    """The log odds ``less`` of one set of effects against another, reduced where legs scatter beyond the noise.
 
     ``gains`` [L] are the legs' log odds, ``said`` [L] the information in each. For two sets that differ by d
     standard errors the log odds are d^2 / 2 in the mean, with standard deviation d: their variance is twice
@@ -513,8 +507,7 @@ def accept_names(selection: Selection) -> Acceptance:
 def _drop_failures(
     evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]
 ) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
-    """The effects that pass all tests, their test results, and the barred ones; each failure makes room for
-    others."""
+    """The effects that pass all tests, their results, and the barred ones; each failure makes room for others."""
     while True:
         tests = {name: acceptance_tests(evidence, names, name) for name in names}
         failed = [each for each in tests.values() if not each.accepted]

@@ -132,8 +132,7 @@ def ladder(
 
 
 def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
-    """The diagnosis, with the verdict that nothing is missing withdrawn if a calibrator improves predictions
-    all the same."""
+    """The diagnosis, not saying that nothing is missing if a calibrator improves predictions all the same."""
     if diagnosis.verdict != "nothing_missing" or not ladder.mean_distance_m:
         return diagnosis
     ratio = ladder.ratio("reference_calibrated", "reference")
@@ -164,17 +163,14 @@ def _together(
     result = pool_draws("leg", windows, draws, rungs)
     legs = LegBootstrap.of(windows.leg[result.held_out], seed)
     mean_m = {name: each.distance_m.mean(axis=1) for name, each in result.errors.items()}
-    pairs = [("named", "reference"), *((f"{name}_calibrated", name) for name in ("reference", "named"))]
-    pairs.append(("named_calibrated", "reference_calibrated"))
+    pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
+             ("named_calibrated", "reference_calibrated")]  # fmt: skip
+    pairs = [pair for pair in pairs if pair[0] in mean_m]
     return Ladder(
         windows.horizon_s,
         method,
         int(result.held_out.sum()),
         legs.legs,
         {name: legs.mean(each) for name, each in mean_m.items()},
-        tuple(
-            Ratio(one, other, **asdict(legs.ratio(mean_m[one], mean_m[other])))
-            for one, other in pairs
-            if one in mean_m
-        ),
+        tuple(Ratio(one, other, **asdict(legs.ratio(mean_m[one], mean_m[other]))) for one, other in pairs),
     )

@@ -89,53 +89,38 @@ def _odds_with(parts: _Parts, change: Varied) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Products:
-    """Inner products under the inverse of V of some columns, by parts of a trial.
-
-    ``own`` [L, K, c] are those with the data and all effects within each part, before marginalising nuisances,
-    ``among`` [L, c, c] those among each other; ``half`` [L, n, c] and ``rest`` [n, K] are the nuisances'
-    corrections.
-    """
-
-    inner_of_all: Floats
-    own: Floats
-    among: Floats
-    half: Floats
-    rest: Floats
-
-    def inner(self, shares: Floats) -> Floats:
-        """Inner products of the data and all effects, followed by the columns in each piece of a course.
-
-        ``shares`` [L, pieces] is the weight of each piece in each part.
-        """
-        taken = np.einsum("lp,lnc->npc", shares, self.half).reshape(len(self.rest), -1)
-        cross = np.einsum("lp,lkc->kpc", shares, self.own).reshape(self.own.shape[1], -1) - self.rest.T @ taken
-        among = np.einsum("lp,lq,lcd->pcqd", shares, shares, self.among).reshape(taken.shape[1], -1)
-        return np.block([[self.inner_of_all, cross], [cross.T, among - taken.T @ taken]])
-
-
-@dataclass(frozen=True, slots=True)
 class _Parts:
-    """A trial in short parts: its whole evidence, the inner products of data and all effects
-    (:class:`_Products`), the part of each second [T], and every candidate course with its shares."""
+    """A trial in L short parts.
+
+    ``evidence`` is that of the whole; ``own`` [L, K, K] are the inner products of the data and all effects within
+    each part, ``half`` [L, n, K] the corrections for the nuisances and ``rest`` [n, K] their sum; ``part`` [T] is
+    the part of each second; ``courses`` has every candidate course with its shares.
+    """
 
     evidence: Evidence
     own: Floats
     half: Floats
+    rest: Floats
     part: Ints
     courses: tuple[tuple[Course, Floats], ...]
 
-    def of(self, columns: Sequence[int]) -> _Products:
-        """The inner products of some columns."""
+    def inner(self, columns: Sequence[int], shares: Floats) -> Floats:
+        """Inner products of the data and all effects, followed by those of ``columns`` in each piece of a course.
+
+        ``shares`` [L, pieces] is the weight of each piece in each part.
+        """
         some = list(columns)
-        own = np.ascontiguousarray(self.own[:, :, some])
-        return _Products(self.evidence.inner, own, own[:, some], self.half[:, :, some], self.half.sum(axis=0))
+        own, half = np.ascontiguousarray(self.own[:, :, some]), self.half[:, :, some]
+        taken = np.einsum("lp,lnc->npc", shares, half).reshape(len(self.rest), -1)
+        cross = np.einsum("lp,lkc->kpc", shares, own).reshape(own.shape[1], -1) - self.rest.T @ taken
+        among = np.einsum("lp,lq,lcd->pcqd", shares, shares, own[:, some]).reshape(taken.shape[1], -1)
+        return np.block([[self.evidence.inner, cross], [cross.T, among - taken.T @ taken]])
 
     def with_change(self, change: Varied) -> Evidence:
         """The evidence with a changed effect beside all others."""
         equations = self.evidence.equations
         shares = _shares(change.course, equations.log, self.part)
-        inner = self.of(self.evidence.columns([change.base])).inner(shares)
+        inner = self.inner(self.evidence.columns([change.base]), shares)
         size, layout = len(change.free_scale), equations.layout
         layout = replace(
             layout,
@@ -164,7 +149,8 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     whole = half.sum(axis=1)
     evidence = Evidence(own.sum(axis=0) - whole.T @ whole, replace(fine, log=log))
     courses = tuple((course, _shares(course, log, part)) for course in _courses(log))
-    return _Parts(evidence, own, np.ascontiguousarray(np.moveaxis(half, 0, 1)), part, courses)
+    half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
+    return _Parts(evidence, own, half, whole, part, courses)
 
 
 def _shares(course: Course, log: Log, part: Ints) -> Floats:
@@ -179,15 +165,14 @@ def _steady(parts: _Parts) -> list[str]:
 
 
 def _best_courses(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, Varied]:
-    """An effect with the most likely course of each shape, with its log evidence beside the other named
-    effects."""
+    """An effect with its most likely course of each shape, by log evidence beside the other named effects."""
     evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
-    effect, own = catalogue[name], parts.of(evidence.columns([name]))
+    effect, own = catalogue[name], evidence.columns([name])
     others = [each for each in names if catalogue[each].base != name]
     fixed, prior, first = evidence.columns(others), evidence.prior(others), len(evidence.inner)
     found: dict[Shape, list[tuple[float, Course]]] = {}
     for course, shares in parts.courses:
-        inner, width = own.inner(shares), len(effect.free_scale)
+        inner, width = parts.inner(own, shares), len(effect.free_scale)
         for pieces, shape in _SHAPES.get(course.shape, ((slice(None), course.shape),)):
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))

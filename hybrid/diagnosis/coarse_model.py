@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -71,9 +72,8 @@ WORTH = 0.01
 _ROUNDS = 3  # of linearising and choosing
 _ABOUT_ITSELF = 2  # linearisations about a single effect
 _AS_LIKELY_AS_NOT = 0.5
-_FOR_CERTAIN = (
-    3.0  # factor on the error of a coarse model: the third linearisation of six effects removes less misfit
-)
+# factor on the error of a coarse model: the third linearisation of six effects removes less misfit
+_FOR_CERTAIN = 3.0
 _CERTAIN = 1e-12
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
 _TOLD = 2.0 * _SURE  # standard errors: significant in 95 of 100 parts
@@ -93,8 +93,7 @@ def is_coarse(accepted: Acceptance) -> bool:
 
 
 def selected(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
-    """The fourth stage, stopped after two linearisations if these leave a misfit that no further one would
-    remove."""
+    """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove."""
     glance = search_on(Selection((), evidence, looks=LOOKS - 2))
     surest = max(lack_of_fit(glance.evidence, glance.names), key=lambda each: each.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
@@ -113,34 +112,31 @@ def untested_if_coarse(selection: Selection) -> Acceptance | None:
 def name_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
-    """The effects named beside a remainder, and that remainder; None if there are none or predictions do not
-    improve."""
-    looks = list[tuple[_Unseen, Evidence, tuple[str, ...], LinearTracks]]()
+    """The effects named beside a remainder, and that remainder; None if none improve predictions."""
+    looks = list[tuple[Callable[[Sequence[str]], Floats], Evidence, tuple[str, ...], LinearTracks]]()
     bare = linear_about(first.evidence, {}, number=FEW)
     for number, look in enumerate(_looks(_expecting_few(bare), windows), 1):
-        looks.append((_Unseen(windows, evidence_without(windows, look[0])), *look))
+        looks.append((partial(unseen_m, windows, evidence_without(windows, look[0])), *look))
         progress(number / (2.0 * _ROUNDS + 2.0))
-    off_m = [unseen.off_m(names) for unseen, _, names, _ in looks]
+    before_m, off_m = windows.by_leg_m(windows.before), [of_set(names) for of_set, _, names, _ in looks]
     best = min(range(len(looks)), key=lambda number: float(off_m[number].mean()))
-    if one_is_enough(windows.by_leg_m(windows.before), off_m[0], off_m[best], len(first.evidence.names)):
+    if one_is_enough(before_m, off_m[0], off_m[best], len(first.evidence.names)):
         best = 0
-    unseen, evidence, names, tracks = looks[best]
-    if not unseen.better(names):
+    of_set, evidence, names, tracks = looks[best]
+    if not names or not worth_it(before_m, off_m[best]):
         return None
     evidence = evidence_of(evidence.equations, by_leg=True)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     catalogue = evidence.equations.model.catalogue
-    rivals = {name: possible_rivals(evidence, names, name) for name in names}
-    known = {
-        name: [each for each in some if each in catalogue[name].confused_with] for name, some in rivals.items()
-    }
-    close = alike(unseen.off_m, names, known)
-    tied = dict.fromkeys([*close, *alike(tracks.by_leg_m, names, rivals)], 0.0)
+    rivals = {name: [(each,) for each in possible_rivals(evidence, names, name)] for name in names}
+    known = {name: [some for some in rivals[name] if some[0] in catalogue[name].confused_with] for name in names}
+    close = alike(of_set, names, known)
+    tied = dict.fromkeys([(one, other) for one, other in [*close, *alike(tracks.by_leg_m, names, rivals)]], 0.0)
     pairs = {
         name: [pair for pair in makers(evidence, names, name) if not any((name, each) in close for each in pair)]
         for name in names
     }
-    halves = tuple(alike_in_pairs(unseen.off_m, names, pairs))
+    halves = tuple((name, one, other) for name, one, other in alike(of_set, names, pairs))
     accepted = Acceptance(names, tests, evidence, rival_deficits=tied, halves=halves, beside_remainder=True)
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
@@ -190,7 +186,7 @@ def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[
     }
 
     def off_m(names: tuple[str, ...]) -> float:
-        return float(_Unseen(windows, evidence_without(windows, views[names])).off_m(names).mean())
+        return float(unseen_m(windows, evidence_without(windows, views[names]), names).mean())
 
     names = min(views, key=off_m)
     found = replications(views[names], names, evidence_within(windows, views[names]).values())
@@ -238,8 +234,7 @@ class _Choice:
         return cls(evidence_of(evidence.equations, by_leg=True), linear_tracks(windows, evidence), parts)
 
     def best_set(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """The set of replicating, significant effects that predicts held-out legs best, starting from
-        ``names``.
+        """The replicating, significant effects that predict held-out legs best, starting from ``names``.
 
         Effects that fail are removed one at a time, the least missed first, since others may pass without them.
         """
@@ -264,48 +259,28 @@ class _Choice:
         return [*idle, *(name for name, each in chance.items() if each >= _AS_LIKELY_AS_NOT)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Unseen:
-    """Sets of effects judged by simulated tracks of each fold's legs; ``rests`` is the evidence of all other
-    legs."""
+def unseen_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
+    """The mean distance by leg of simulated predictions with ``names`` [legs with windows].
 
-    windows: UnseenWindows
-    rests: Mapping[int, Evidence]
-
-    def off_m(self, names: Sequence[str]) -> Floats:
-        """The mean distance by leg of predictions with ``names`` [legs with windows]."""
-        windows = self.windows
-        return windows.by_leg_m(windows.by_other_folds(sizes_without(self.rests, names)))
-
-    def better(self, names: Sequence[str]) -> bool:
-        """Whether predictions are better with ``names`` than without any effect."""
-        return bool(names) and worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
+    Their sizes are those fitted to the other legs, whose evidence is in ``rests``.
+    """
+    return windows.by_leg_m(windows.by_other_folds(sizes_without(rests, names)))
 
 
 def alike(
-    off_m: Callable[[tuple[str, ...]], Floats], names: tuple[str, ...], rivals: Mapping[str, Collection[str]]
-) -> list[tuple[str, str]]:
-    """Named effects with those of their ``rivals`` that predict as well in their place; ``off_m`` gives a set's
-    distances."""
-    whole_m, found = off_m(names), []
-    for name in names:
-        others = tuple(each for each in names if each != name)
-        lacking_m = off_m(others)
-        found += [(name, each) for each in rivals[name] if stands_in(lacking_m, off_m((*others, each)), whole_m)]
-    return found
-
-
-def alike_in_pairs(
     off_m: Callable[[tuple[str, ...]], Floats],
     names: tuple[str, ...],
-    pairs: Mapping[str, Collection[tuple[str, str]]],
-) -> list[tuple[str, str, str]]:
-    """Named effects with two others that together predict as well in their place, of the ``pairs`` of each."""
+    substitutes: Mapping[str, Collection[tuple[str, ...]]],
+) -> list[tuple[str, ...]]:
+    """Named effects, each with one of its ``substitutes`` that predict as well in its place.
+
+    A substitute is one other effect or several together; ``off_m`` gives a set's distances.
+    """
     whole_m, found = off_m(names), []
-    for name in (each for each in names if pairs[each]):
+    for name in (each for each in names if substitutes[each]):
         others = tuple(each for each in names if each != name)
-        lacking_m = off_m(others)
-        found += [(name, *pair) for pair in pairs[name] if stands_in(lacking_m, off_m((*others, *pair)), whole_m)]
+        lacking_m, swapped_m = off_m(others), {some: off_m((*others, *some)) for some in substitutes[name]}
+        found += [(name, *some) for some, off in swapped_m.items() if stands_in(lacking_m, off, whole_m)]
     return found
 
 

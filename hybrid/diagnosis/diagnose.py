@@ -51,9 +51,7 @@ def diagnose(
     def part(first: float, last: float) -> Progress:
         return lambda share: progress(first + (last - first) * share)
 
-    with threadpool_limits(
-        1, user_api="blas"
-    ):  # the filter has its own threads; nested ones would only wait for each other
+    with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
         every = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
         model = model_of(vessel, with_recordings(every, log))

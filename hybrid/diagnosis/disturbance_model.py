@@ -79,15 +79,9 @@ class Noise:
         3 levels, frequency, damping, direction; sensor drift 6 and its time constant."""
         sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
         gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
-        swing = [
-            self.wave_correlation,
-            *self.waves,
-            self.wave_frequency_radps,
-            self.wave_damping,
-            self.wave_towards_rad,
-        ]
+        swing = [self.wave_frequency_radps, self.wave_damping, self.wave_towards_rad]
         drift = [self.drift[0], *self.drift, self.drift_s]
-        return np.array([*sensors, *gust, *slow, self.slow_s, *swing, *drift])
+        return np.array([*sensors, *gust, *slow, self.slow_s, self.wave_correlation, *self.waves, *swing, *drift])
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,8 +219,7 @@ def _met_frequency(noise: Floats, origin: Floats) -> float:
 
 @compiled
 def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
-    """Covariance of two directions of the wave motion: north and east are correlated, yaw needs waves from the
-    side."""
+    """Covariance of two directions of the wave motion: north and east correlate, yaw needs waves from the side."""
     common = noise[14 + d] * noise[14 + e]
     if d == 2 and e == 2:
         return float(common * (0.1 + 0.9 * sin(noise[19] - origin[2]) ** 2))
@@ -271,8 +264,7 @@ class Columns:
 
 
 def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floats | None = None) -> Columns:
-    """The data, then the signatures of effects and force features, with the sign that removes a predicted
-    effect."""
+    """The data, then the signatures of effects and force features, signed so that they remove an effect."""
     drive = np.stack([linear.defect, *(-each.D for each in effects)], axis=2)
     seen = np.stack([linear.observed, *(each.E for each in effects)], axis=2)
     none = np.zeros((len(linear.defect), 0))

@@ -45,9 +45,8 @@ from hybrid.vessel.effect import growth
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
 _DEVIATION = 1.5  # prior standard deviation of each log level about its start
 _ROOM = 2.0
-_LEAST = np.log(
-    [1e-3, 5e-5, 1e-3, 1e-3, 1e-5]
-)  # log of the lowest sensor noise [m, rad, m/s, m/s, rad/s]: no sensor is better
+# log of the lowest sensor noise [m, rad, m/s, m/s, rad/s]: no sensor is better
+_LEAST = np.log([1e-3, 5e-5, 1e-3, 1e-3, 1e-5])
 _SENSORS = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 _FORCES = ("gust", "slow", "slow_s")
 _WAVES = ("waves", "wave_frequency_radps", "wave_damping", "wave_correlation", "wave_towards_rad")
@@ -55,10 +54,11 @@ _DRIFT = ("drift", "drift_s")
 _BOUNDS = {
     "slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7), "drift_s": (3.0, 60.0)
 }  # fmt: skip
-_POSITIVE: dict[str, Callable[[Any], Any]] = {
-    "wave_correlation": lambda correlation: np.exp(np.arctanh(correlation)), "wave_towards_rad": np.exp
+_LEVEL = (np.log, np.exp)
+_SEARCHED_AS: dict[str, tuple[Callable[[Any], Floats], Callable[[Floats], Floats]]] = {
+    "wave_correlation": (np.arctanh, np.tanh), "wave_towards_rad": (np.asarray, np.asarray)
 }  # fmt: skip
-"""Transformations of the parameters that are not levels; their logarithm is searched."""
+"""To the search parameter and back, of the parameters that are not levels, whose logarithm is searched."""
 _STILL_WHITE, _TRACE = 0.7, 0.1
 
 _NOISE_S = 1500
@@ -66,10 +66,7 @@ _LOOSE = 3.0  # factor on the effects' priors while the noise is estimated
 _ROUNDS = 2
 _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
-_PRICE_OF_WAVES, _PRICE_OF_DRIFT = (
-    12.0,
-    12.0,
-)  # gain in log likelihood that seven, or six, more parameters must bring
+_PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # gain in log likelihood of seven, or six, more parameters
 
 _ENOUGH_S = 600.0  # seconds of the log: every turn shows the input hold
 _PLAIN = 20.0  # margin in log likelihood by which steps must beat linear interpolation
@@ -99,8 +96,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
 
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
-    """The estimate with the input hold that fits the motion best: linear, or else steps with the noise
-    estimated anew."""
+    """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
     hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # of equals the first: linear
     known = estimate.linearisation
     if hold == known.log.input_hold:
@@ -148,30 +144,24 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
 
 def _first_guess(log: Log, scale: float) -> Noise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
-    usual, units = Noise(), ("N", "N", "N m")
-    gust, slow = (
-        tuple(size * growth(unit, scale) for size, unit in zip(sizes, units, strict=True))
-        for sizes in (usual.gust, usual.slow)
-    )
+    grown, usual = np.array([growth(unit, scale) for unit in ("N", "N", "N m")]), Noise()
+    usual = replace(usual, gust=tuple((grown * usual.gust).tolist()), slow=tuple((grown * usual.slow).tolist()))
     if not log.levels:
-        return replace(usual, gust=gust, slow=slow)  # type: ignore[arg-type]
+        return usual
     levels = log.levels[0]
     along, axis = levels.wave_speed / levels.wave_frequency_radps, levels.wave_direction_rad
     across = along * levels.wave_across
-    north, east = (
-        np.hypot(along * np.cos(axis), across * np.sin(axis)),
-        np.hypot(along * np.sin(axis), across * np.cos(axis)),
-    )
+    north = np.hypot(along * np.cos(axis), across * np.sin(axis))
+    east = np.hypot(along * np.sin(axis), across * np.cos(axis))
     yaw = levels.yaw_wave_speed / levels.yaw_wave_frequency_radps
     waves = (float(north), float(east), float(yaw)) if along > 0.0 or yaw > 0.0 else (0.0, 0.0, 0.0)
-    return Noise(
+    return replace(
+        usual,
         position_m=levels.position_m,
         heading_rad=levels.heading_rad,
         surge_mps=levels.speed_mps,
         sway_mps=levels.speed_mps,
         yaw_rate_radps=levels.yaw_rate_radps,
-        gust=gust,  # type: ignore[arg-type]
-        slow=slow,  # type: ignore[arg-type]
         waves=tuple(max(each, 1e-3 * any(waves)) for each in waves),  # type: ignore[arg-type]
         wave_frequency_radps=float(np.clip(levels.wave_frequency_radps, 0.6, 2.0)),
         wave_damping=float(np.clip(levels.wave_damping, 0.05, 0.5)),
@@ -180,8 +170,7 @@ def _first_guess(log: Log, scale: float) -> Noise:
 
 
 def _both_ways(noise: Noise, scale: float) -> list[Noise]:
-    """Starts with both directions of travel along the wave axis; where the smoother found no waves, one with
-    small ones."""
+    """Starts with waves either way along their axis; where the smoother found none, with and without small ones."""
     if not noise.has_waves:
         north, east, yaw = _SMALL_WAVES
         return [noise, replace(noise, waves=(north * growth("m", scale), east * growth("m", scale), yaw))]
@@ -250,8 +239,7 @@ def _innovations(
 
 
 def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
-    """The logarithm of the highest noise level possible for each sensor, from the third differences of its
-    readings.
+    """The logarithm of the highest noise level possible for each sensor, from third differences of readings.
 
     It is twice the level that the median third difference implies, whatever the ship does, so that jumps and
     jitter are not taken for noise. Differences are taken between consecutive readings, at 0.5 Hz every other
@@ -271,24 +259,17 @@ def _searched(noise: Noise) -> tuple[str, ...]:
 
 
 def _parameters(noise: Noise) -> Floats:
-    """The search parameters: logarithms of levels, the inverse hyperbolic tangent of a correlation, a
-    direction."""
-    searched = [_POSITIVE.get(name, np.asarray)(getattr(noise, name)) for name in _searched(noise)]
-    return np.asarray(np.log(np.hstack(searched)))
+    """The search parameters: logarithms of levels, the inverse tanh of a correlation, a direction."""
+    return np.hstack([_SEARCHED_AS.get(name, _LEVEL)[0](getattr(noise, name)) for name in _searched(noise)])
 
 
 def _noise(start: Noise, parameters: Floats) -> Noise:
     """The noise of search parameters; the inverse of :func:`_parameters`."""
-    found, level, first = dict[str, Any](), np.exp(parameters), 0
-    for name in _searched(start):
-        last = first + np.size(getattr(start, name))
-        values = level[first:last].tolist()
+    found, names = dict[str, Any](), _searched(start)
+    ends = np.cumsum([np.size(getattr(start, name)) for name in names])
+    for name, part in zip(names, np.split(parameters, ends[:-1]), strict=True):
+        values = _SEARCHED_AS.get(name, _LEVEL)[1](part).tolist()
         found[name] = tuple(values) if isinstance(getattr(start, name), tuple) else values[0]
-        if name == "wave_correlation":
-            found[name] = float(np.tanh(parameters[first]))
-        elif name == "wave_towards_rad":
-            found[name] = float(parameters[first])
-        first = last
     return replace(start, **found)
 
 
@@ -302,8 +283,7 @@ def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
 
 
 def start_of_drift(linear: LinearModel, data: Columns, edges: NDArray[np.int64], noise: Noise) -> Noise:
-    """The start of the search for sensor drift: the given noise, plus a drift for each sensor that seems to
-    have one.
+    """The start of the search for sensor drift: the given noise, and a drift of each sensor that may have one.
 
     Each sensor is tried by itself: does a drift as large as its noise raise the likelihood?
     """

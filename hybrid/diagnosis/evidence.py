@@ -11,7 +11,7 @@ matrix of all columns, summed over legs. To leave legs out, theirs are subtracte
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from math import expm1, log, log1p
 from typing import TypeVar
@@ -58,8 +58,7 @@ def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tupl
 
 
 def explained_by(inner: Floats, own: Ints, others: Ints) -> Floats:
-    """The part of the inner products of columns ``own`` [d, d] that columns ``others`` explain at their best
-    fit."""
+    """The part of the inner products of columns ``own`` [d, d] that columns ``others`` explain at best."""
     scale = np.sqrt(np.maximum(np.diag(inner)[others], 1e-300))
     cross = inner[np.ix_(others, own)] / scale[:, None]
     among = inner[np.ix_(others, others)] / np.outer(scale, scale)
@@ -79,12 +78,11 @@ class Fit:
 def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> Fit:
     """Fit ``columns`` to column 0 of the reduced inner products; ``prior`` are standard deviations about zero."""
     index = np.array(columns, dtype=int)
-    information = inner[np.ix_(index, index)].copy()
-    if prior is not None:
-        information[np.diag_indices_from(information)] += prior**-2.0
-    right = inner[index, 0]
     if not index.size:
         return Fit((), np.zeros(0), np.zeros((0, 0)), 0.0)
+    information, right = inner[np.ix_(index, index)].copy(), inner[index, 0]
+    if prior is not None:
+        information[np.diag_indices_from(information)] += prior**-2.0
     factor = cho_factor(information + 1e-12 * np.diag(np.diag(information)), check_finite=False)
     values = cho_solve(factor, right)
     return Fit(tuple(columns), values, cho_solve(factor, np.eye(len(index))), float(right @ values))
@@ -106,8 +104,7 @@ def draw_columns(inner: Floats, columns: Sequence[int], prior: Floats, seed: int
 
 
 def log_evidence(inner: Floats, columns: Sequence[int], prior: Floats) -> float:
-    """Log odds that ``columns`` are present, with normal priors, against absent: half the gain less the Occam
-    factor."""
+    """Log odds that ``columns``, with normal priors, are present: half the gain less the Occam factor."""
     index = np.array(columns, dtype=int)
     if not index.size:
         return 0.0
@@ -147,11 +144,11 @@ class ColumnLayout:
     prior: Floats
     tolerated: Floats
     wind: int
-    features: int
-    varying: tuple[str, ...]
-    varying_prior: Floats
-    varying_tolerated: Floats
-    depends: tuple[str, ...]
+    features: int = 0
+    varying: tuple[str, ...] = ()
+    varying_prior: Floats = field(default_factory=lambda: np.zeros(0))
+    varying_tolerated: Floats = field(default_factory=lambda: np.zeros(0))
+    depends: tuple[str, ...] = ()
 
     def of(self, name: str) -> tuple[int, ...]:
         """The columns of an effect."""
@@ -179,6 +176,10 @@ class ColumnLayout:
     def nuisance_forces(self, axis: int) -> Ints:
         """The columns of the features of causes outside the catalogue in a body axis."""
         return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
+
+    def family(self, axis: int, depends: str) -> Ints:
+        """Those of :meth:`nuisance_forces` with one dependence."""
+        return self.nuisance_forces(axis)[[each == depends for each in self.depends]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,7 +284,7 @@ def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
-            own = layout.nuisance_forces(axis)[[each == depends for each in layout.depends]]
+            own = layout.family(axis, depends)
             columns.append(own)
             scale.append(np.full(len(own), TOLERATED_SHARE[depends] * force / np.sqrt(len(own))))
     uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
@@ -347,8 +348,7 @@ class Evidence:
         return np.asarray(self.equations.layout.prior[np.array(self.columns(names), dtype=int) - 1])
 
     def log_odds(self, names: Sequence[str]) -> float:
-        """Log odds of these effects against none, less a penalty on each for the size of the catalogue, since
-        one of many gains by chance."""
+        """Log odds of these effects against none, less a penalty on each, since one of many gains by chance."""
         if not names:
             return 0.0
         return log_evidence(self.inner, self.columns(names), self.prior(names)) - len(names) * log(len(self.names))
@@ -360,7 +360,7 @@ class Evidence:
 
     def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
         """The joint fit."""
-        return fit_columns(self.inner, self.columns(names), self.prior(names) if prior and names else None)
+        return fit_columns(self.inner, self.columns(names), self.prior(names) if prior else None)
 
     def places(self, fit: Fit, name: str) -> list[int]:
         """The positions of an effect's coordinates in a fit."""

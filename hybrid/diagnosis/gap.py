@@ -21,7 +21,7 @@ from acquisition.core.actuators import control_names
 from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, smooth_state
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state
 from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of
 from hybrid.diagnosis.linearise import (
     DT_S,
@@ -49,8 +49,7 @@ FOLDS = 4
 
 @dataclass(frozen=True, slots=True)
 class HeldOutGap:
-    """The gap, each named effect's share of it, the tracks, and the effects named ``without`` the legs of each
-    fold."""
+    """The gap, each named effect's share, the tracks, and the effects named ``without`` the legs of each fold."""
 
     gap: Gap
     shares: Mapping[str, float]
@@ -71,12 +70,12 @@ def fold_of(log: Log, number: int = FOLDS) -> Ints:
     return np.asarray((part + recording) % folds)[log.leg]
 
 
-def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
-    """First rows of consecutive windows of ``horizon_s`` seconds, each within one leg."""
+def window_starts(log: Log) -> Ints:
+    """First rows of consecutive windows of :data:`HORIZON_S` seconds, each within one leg."""
     starts, row = [], 0
-    while row + horizon_s < len(log):
-        end = row + horizon_s
-        if log.leg[row] == log.leg[end] and log.time_s[end] - log.time_s[row] == horizon_s:
+    while row + HORIZON_S < len(log):
+        end = row + HORIZON_S
+        if log.leg[row] == log.leg[end] and log.time_s[end] - log.time_s[row] == HORIZON_S:
             starts.append(row)
             row = end
         else:
@@ -84,23 +83,23 @@ def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
     return np.array(starts, dtype=np.int64)
 
 
-def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Floats:
     """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN outside its range.
 
     ``origin`` [T, 6] is the state that they would report as the log's (:func:`true_states`).
     """
     controls, acting = acting_settings(log, plant)
-    rows = starts[:, None] + np.arange(horizon_s)
-    settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, -1)
+    rows = starts[:, None] + np.arange(HORIZON_S)
+    settings = controls[rows].reshape(len(starts), HORIZON_S * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
     runs = simulate_batch(prompt(plant), origin[starts], settings, wind, DT_S, 1, acting[starts])
     return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
-def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints) -> Floats:
     """The measured track of each window [N, H+1, 3], interpolated from the sampling times to full seconds."""
     at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
-    return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
+    return at_seconds[starts[:, None] + np.arange(HORIZON_S + 1), :3]
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +162,7 @@ def unseen_windows(log: Log, model: Model) -> UnseenWindows:
 def gap_on_unseen_legs(
     windows: UnseenWindows, names: Sequence[str], final: Coordinates, without: Mapping[int, Coordinates]
 ) -> HeldOutGap:
-    """The gap of the named effects: ``final`` sizes from all legs, ``without`` those from all legs but each
-    fold's."""
+    """The gap of the named effects: ``final`` sizes from all legs, ``without`` from all but each fold's."""
     after, best = windows.by_other_folds(without), windows.predicted(final)
     lacking = [
         windows.by_other_folds({fold: {k: at[k] for k in at if k != name} for fold, at in without.items()})
@@ -245,8 +243,7 @@ def _asked_for(rest: Evidence, barred: frozenset[str]) -> Coordinates:
 def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
-    data = Columns(linear.defect[:, :, None], linear.observed[:, :, None], np.zeros((len(linear.A), 0)))
-    variance = smooth_state(linear, data, noise, equations.log.edges)[1]
+    variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
     P = np.zeros((len(starts), 9, 9))
     P[:, range(6), range(6)] = variance[starts, :6]
     P[:, range(6, 9), range(6, 9)] = _slow(noise)
@@ -327,8 +324,7 @@ class LinearTracks:
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
     def best_set(self, names: tuple[str, ...], worth: float, most: int, barred: Collection[str]) -> tuple[str, ...]:
-        """A set of at most ``most`` effects that no step improves, each costing its ``worth`` [1] of the
-        distance.
+        """A set of at most ``most`` effects that no step improves, each costing ``worth`` [1] of the distance.
 
         A step drops one of ``names``, or adds one that is not ``barred``.
         """
@@ -405,8 +401,9 @@ def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates
 
 def closest_alone(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
     """The single effect, at one of some sizes, with which simulated tracks are closest to the measured ones."""
+    catalogue = evidence.equations.model.catalogue
     tried = [
-        _moved(evidence, name, number, side * times * _typical(evidence, name, number))
+        _moved(evidence, name, number, side * times * catalogue[name].free_scale[number])
         for name, number in _coordinates(evidence)
         for times in _MULTIPLES
         for side in (1.0, -1.0)
@@ -414,14 +411,9 @@ def closest_alone(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
     return min(tried, key=lambda at: float(windows.by_leg_m(windows.predicted(at)).mean()))
 
 
-def _typical(evidence: Evidence, name: str, number: int) -> float:
-    """A typical size of one free coordinate of an effect."""
-    return float(evidence.equations.model.catalogue[name].free_scale[number])
-
-
 def _slope(windows: UnseenWindows, evidence: Evidence, name: str, number: int) -> Floats:
     """The derivative of the tracks with respect to one free coordinate [N, H, 2]."""
-    step = _STEP * float(evidence.equations.model.catalogue[name].free_scale[number])
+    step = _STEP * evidence.equations.model.catalogue[name].free_scale[number]
     ends = [_moved(evidence, name, number, side * step) for side in (1.0, -1.0)]
     ahead, behind = (windows.predicted(at)[:, 1:, :2] for at in ends)
     return np.asarray((ahead - behind) / (ends[0][name][number] - ends[1][name][number]))

@@ -15,7 +15,9 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from math import inf, sqrt
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +44,7 @@ _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constan
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # finite-difference steps, in typical sizes of the effect
 _ROUNDS, _SAME = 4, 1e-9
 _RANGE = 1.69  # mean range of three normal readings, in standard deviations; a wider one misses slow reversals
-_MOST_STAGES = (
-    8  # for effects that change in steps; drifts have more, and computing signatures takes most of the time
-)
+_MOST_STAGES = 8  # enough for changes in steps; drifts have more, and signatures take most of the time
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +65,7 @@ class LinearModel:
 
 @dataclass(frozen=True, slots=True)
 class Signature:
-    """The sensitivity to one free coordinate of an effect: ``D`` [T, 6] of the next state, ``E`` [T, 6] of the
-    sensors."""
+    """Sensitivity to a free coordinate of an effect: ``D`` [T, 6] of the next state, ``E`` [T, 6] of sensors."""
 
     effect: str
     coordinate: int
@@ -93,7 +92,7 @@ class Model:
         """The ship's length over the reference length, as a power of two (:mod:`hybrid.vessel.effect`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
-    def stages(self, log: Log, most: float = inf) -> list[tuple[NDArray[np.bool_], Model]]:
+    def stages(self, log: Log, most: float = inf) -> list[Stage]:
         """Masks [T] of the stages in which the added effects are constant, with the model of each stage.
 
         A single stage, with the mean of the added effects, if there would be more than ``most``.
@@ -142,8 +141,7 @@ class Model:
         return found
 
     def bounded(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
-        """The free coordinates closest to ``at`` that, together with those in the vessel file, are within
-        bounds."""
+        """The free coordinates closest to ``at`` that, with those in the vessel file, are within bounds."""
         result = {}
         for name, added in at.items():
             pieces = self.catalogue[name].pieces(added)
@@ -160,6 +158,10 @@ class Model:
             return replace(self, at={**self.at, name: tuple(free)}).plant()
         except ConfigurationError:
             return None
+
+
+Stage = tuple[NDArray[np.bool_], Model]
+"""The seconds [T] in which added effects are constant, and the model with them."""
 
 
 def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
@@ -197,14 +199,15 @@ def linearise(
     :class:`InputError` if the log and the model have different actuators.
     """
     check_ship(log.actuators, model.base)
-    linear = _linear_by_stages(log, model)
+    parts = attrgetter(*(each.name for each in fields(LinearModel)))
+    stages = model.stages(log)
+    linear = LinearModel(*_in_stages(log, stages, lambda log, each: parts(linear_model(log, each.plant()))))
     known = effects or signatures(log, model, linear.origin, list(model.catalogue))
     return Linearisation(log, model, tolerance, _between_levels(log, model, linear, known), tuple(known))
 
 
 def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence[Signature]) -> LinearModel:
-    """The linear model corrected, to first order, for the part of changing effects that :meth:`Model.stages`
-    leaves out."""
+    """The linear model, to first order with the part of changing effects that :meth:`Model.stages` leaves out."""
     defect, observed = linear.defect, linear.observed
     for each in courses(model.at, model.catalogue):
         beside = each.course.shares(log) - each.course.levels(log)
@@ -217,42 +220,32 @@ def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence
 
 def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
     """``of(log, plant, *arrays)`` evaluated in each stage of a model; arrays and result [T, ...]."""
-    stages = model.stages(log)
+    return _in_stages(log, model.stages(log), lambda log, each, *own: (of(log, each.plant(), *own),), *arrays)[0]
+
+
+def _in_stages(
+    log: Log, stages: Sequence[Stage], of: Callable[..., tuple[Floats, ...]], *arrays: Floats
+) -> tuple[Floats, ...]:
+    """The arrays that ``of(log, model, *arrays)`` computes in each stage, put together [T, ...]."""
     if len(stages) == 1:
-        return of(log, stages[0][1].plant(), *arrays)
+        return of(log, stages[0][1], *arrays)
     with threads_for(0):  # the batches of a stage are too short for threads to pay
-        parts = [of(log.subset(rows), each.plant(), *(some[rows] for some in arrays)) for rows, each in stages]
-    return _joined([rows for rows, _ in stages], parts)
-
-
-def _joined(rows: Sequence[NDArray[np.bool_]], parts: Sequence[Floats]) -> Floats:
-    result = np.empty((len(rows[0]), *parts[0].shape[1:]))
-    for some, part in zip(rows, parts, strict=True):
-        result[some] = part
-    return result
-
-
-def _linear_by_stages(log: Log, model: Model) -> LinearModel:
-    stages = model.stages(log)
-    if len(stages) == 1:
-        return linear_model(log, stages[0][1].plant())
-    with threads_for(0):
-        parts = [linear_model(log.subset(rows), each.plant()) for rows, each in stages]
-    rows = [rows for rows, _ in stages]
-    names = [each.name for each in fields(LinearModel)]
-    return LinearModel(*(_joined(rows, [getattr(part, name) for part in parts]) for name in names))
+        parts = [of(log.subset(rows), each, *(some[rows] for some in arrays)) for rows, each in stages]
+    results = tuple(np.empty((len(log), *first.shape[1:])) for first in parts[0])
+    for (rows, _), part in zip(stages, parts, strict=True):
+        for result, own in zip(results, part, strict=True):
+            result[rows] = own
+    return results
 
 
 def linear_model(log: Log, plant: Plant) -> LinearModel:
     """The linear model along a log's smoothed motion, corrected for the errors of the plant's sensors."""
     origin = true_states(log, plant)
     ways = one_second_paths(log, plant, origin)
-    A, B = np.tile(np.eye(6), (len(log), 1, 1)), np.empty((len(log), 6, 3))
-    for column in range(2, 6):  # no force in the catalogue depends on position
-        step = np.zeros(6)
-        step[column] = _STATE_STEPS[column]
-        ahead, behind = (next_states(log, plant, origin + side * step) for side in (1.0, -1.0))
-        A[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
+    # no force in the catalogue depends on position
+    A = _slopes(lambda states: next_states(log, plant, states), origin, range(2, 6))
+    H = _slopes(lambda states: measure(states[:, None], plant, 1.0)[:, 0], origin, range(6))
+    B = np.empty((len(log), 6, 3))
     for column, (name, (usual, unit)) in enumerate(_FORCE_STEPS.items()):
         size = usual * growth(unit, scale_of(plant.length_between_perpendiculars_m))
         ahead, behind = (next_states(log, plant.shifted(**{name: side * size}), origin) for side in (1.0, -1.0))
@@ -262,7 +255,17 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
     around = _around(log, plant, ways)
     now = around[:, STEPS_PER_SECOND // 2]
     seen = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
-    return LinearModel(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
+    return LinearModel(A, B, H, defect, log.measured - seen, origin)
+
+
+def _slopes(of: Callable[[Floats], Floats], origin: Floats, columns: Iterable[int]) -> Floats:
+    """The derivative of ``of(states)`` with respect to some states [T, 6, 6], the identity in the other columns."""
+    result = np.tile(np.eye(6), (len(origin), 1, 1))
+    for column in columns:
+        step = np.where(np.arange(6) == column, _STATE_STEPS, 0.0)
+        ahead, behind = (of(origin + side * step) for side in (1.0, -1.0))
+        result[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
+    return result
 
 
 def sampling_offset(log: Log, ways: Floats) -> Floats:
@@ -281,23 +284,17 @@ def sampling_offset(log: Log, ways: Floats) -> Floats:
 
 
 def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> list[Signature]:
-    """The sensitivities to each free coordinate of each effect about ``origin``, by finite differences of
-    simulator and sensors.
+    """The sensitivities to each free coordinate of each effect about ``origin``, by finite differences.
 
     Drifting effects are held at their mean: the change of the other sensitivities is of second order.
     """
-    stages, names = model.stages(log, _MOST_STAGES), list(names)
-    plain = [name for name in names if not isinstance(model.catalogue[name], Varied)]
-    whole = stages[0][1]
-    if len(stages) == 1:
-        known = [_signature(log, whole, origin, *each) for each in _coordinates(whole, plain)]
-    else:
-        known = [_signature_by_stages(log, stages, origin, *each) for each in _coordinates(whole, plain)]
-    return [*known, *varied_signatures(log, courses(names, model.catalogue), known)]
-
-
-def _coordinates(model: Model, names: Iterable[str]) -> list[tuple[str, int]]:
-    return [(name, each) for name in names for each in range(len(model.catalogue[name].free_scale))]
+    stages, names, catalogue = model.stages(log, _MOST_STAGES), list(names), model.catalogue
+    known = [
+        Signature(name, coordinate, *_in_stages(log, stages, partial(_sensitivity, name, coordinate), origin))
+        for name in names if not isinstance(catalogue[name], Varied)
+        for coordinate in range(len(catalogue[name].free_scale))
+    ]  # fmt: skip
+    return [*known, *varied_signatures(log, courses(names, catalogue), known)]
 
 
 def varied_signatures(log: Log, changing: Sequence[Varied], known: Sequence[Signature]) -> list[Signature]:
@@ -311,29 +308,18 @@ def varied_signatures(log: Log, changing: Sequence[Varied], known: Sequence[Sign
     return result
 
 
-def _signature_by_stages(
-    log: Log, stages: Sequence[tuple[NDArray[np.bool_], Model]], origin: Floats, name: str, coordinate: int
-) -> Signature:
-    parts = [_signature(log.subset(rows), each, origin[rows], name, coordinate) for rows, each in stages]
-    rows = [rows for rows, _ in stages]
-    return Signature(
-        name, coordinate, _joined(rows, [part.D for part in parts]), _joined(rows, [part.E for part in parts])
-    )
-
-
-def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: int) -> Signature:
+def _sensitivity(name: str, coordinate: int, log: Log, model: Model, origin: Floats) -> tuple[Floats, Floats]:
+    """The change of the next state and of the readings [T, 6] with one free coordinate of an effect."""
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
     further, before = one_second_paths(log, ahead, origin), one_second_paths(log, behind, origin)
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
     if report_alike(ahead, behind):
-        return Signature(name, coordinate, D, np.zeros_like(origin))
-    E = (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
-    return Signature(name, coordinate, D, E)
+        return D, np.zeros_like(origin)
+    return D, (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
 
 
 def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]]:
-    """The plant at two steps of a coordinate: one to each side, or both to one side where the other is out of
-    bounds."""
+    """The plant at two steps of a coordinate, to either side or, where that is out of bounds, to one side."""
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
         plants = [(model.plant_with_step(name, coordinate, step * size), step * size) for step in steps]
@@ -386,8 +372,8 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
 
 def prompt(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
-    tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.actuators if PLAY in KINDS[each.kind].numbers}
-    still = replace(plant, command_delay_s=0.0)
+    tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.layout if PLAY in KINDS[each.kind].numbers}
+    still = plant.replaced(command_delay_s=0.0)
     return still.replaced(**tight) if plays_of(plant).any() else still
 
 
@@ -412,7 +398,7 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
 def lags_of(plant: Plant) -> Floats:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
-    for each in plant.actuators:
+    for each in plant.layout:
         kind = KINDS[each.kind]
         own = plant.number(f"{each.name}_{kind.lag}") if kind.lag else 0.0
         lags_s += [plant.thruster_lag_s + own] * len(kind.units)
@@ -422,7 +408,7 @@ def lags_of(plant: Plant) -> Floats:
 def plays_of(plant: Plant) -> Floats:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
-    for each in plant.actuators:
+    for each in plant.layout:
         kind = KINDS[each.kind]
         own = plant.number(f"{each.name}_{PLAY}") if PLAY in kind.numbers else 0.0
         plays_rad += [own if angle else 0.0 for angle in kind.angles]
@@ -453,8 +439,7 @@ def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
 
 
 def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)) -> Floats:
-    """The sensor readings every quarter of a second, from half a second before each path's start to half a
-    second after.
+    """The sensor readings in each quarter from half a second before each path's start to half a second after.
 
     [T, 5, 6], or only some of the quarters. They are simulated from the start state: an error in it carries
     over.
@@ -491,14 +476,3 @@ def true_states(log: Log, plant: Plant) -> Floats:
         if np.abs(off).max(initial=0.0) < _SAME:  # without delays of heading or speed after one round
             break
     return states
-
-
-def _sensor_slopes(plant: Plant, origin: Floats) -> Floats:
-    """The derivative of the reported state with respect to the true state of the same second [T, 6, 6]."""
-    H = np.tile(np.eye(6), (len(origin), 1, 1))
-    for column in range(6):
-        step = np.zeros(6)
-        step[column] = _STATE_STEPS[column]
-        ahead, behind = (measure((origin + side * step)[:, None], plant, 1.0)[:, 0] for side in (1.0, -1.0))
-        H[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
-    return H

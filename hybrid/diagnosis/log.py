@@ -165,8 +165,7 @@ def _one(table: pd.DataFrame) -> Log:
 
 
 def _blocks(usable: NDArray[np.bool_]) -> Ints:
-    """The block of each second, -1 outside: usable stretches divided evenly into blocks of about
-    :data:`BLOCK_S`."""
+    """The block of each second, -1 outside: usable stretches in even blocks of about :data:`BLOCK_S`."""
     block = np.full(len(usable), -1, dtype=np.int64)
     number = 0
     for first, last in zip(*runs(usable), strict=True):
@@ -211,8 +210,7 @@ _OUTLIER = 6.0
 
 
 def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
-    """The motion without waves at full seconds: times [s], states [T, 6], their rates [T, 6], and the noise
-    levels."""
+    """The motion without waves at full seconds: times [s], states and their rates [T, 6], and the noise levels."""
     smoothed = smooth(_thinned(table), 1.0)
     slow = smoothed.slow
     seconds = (times_ns(slow) // NANO).astype(np.int64)
@@ -240,9 +238,8 @@ def _thinned(table: pd.DataFrame) -> pd.DataFrame:
     middles = pd.DataFrame(columns).groupby(half).median()  # robust against an outlier among several samples
     thin = pd.DataFrame({name: middles[name].to_numpy() for name in MOTION})
     thin["heading_deg"] %= 360.0
-    thin.index = pd.DatetimeIndex(
-        pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True), name="time"
-    )
+    times = pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True)
+    thin.index = pd.DatetimeIndex(times, name="time")
     thin.attrs = table.attrs
     return thin
 
@@ -285,8 +282,7 @@ def _near(values: Floats, times_s: Floats) -> Floats:
 
 
 def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
-    """Means [count] of the values within half a second of each node; weights of their times on the quarters
-    [count, 5]."""
+    """Means [count] of values within half a second of each node, and weights of their times [count, 5]."""
     node = np.floor(times_s + 0.5).astype(int)
     place = (times_s - node + 0.5) * STEPS_PER_SECOND
     lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
@@ -306,7 +302,8 @@ def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "l
     names, units = control_names(actuators), control_units(actuators)
     result = np.empty((len(seconds), STEPS_PER_SECOND, len(names)))
     for column, name in enumerate(names):
-        mean = _means(table, name, quarters + float(seconds[0]), input_hold) * units[column]
+        known = times_ns(table) / NANO, table[name].to_numpy(dtype=float)
+        mean = _means(*known, quarters + float(seconds[0]), input_hold, is_circular(name)) * units[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 
@@ -323,14 +320,13 @@ def setting_step_s(table: pd.DataFrame) -> float:
 
 def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
     """Wind direction FROM [rad] and speed [m/s] in the second after each node, 0 if not recorded."""
-    edges = np.arange(len(seconds) + 1) + float(seconds[0])
+    edges = np.arange(len(seconds) + 1, dtype=np.float64) + float(seconds[0])
     if not set(ENVIRONMENT) <= set(table.columns):
         return np.zeros((len(seconds), 2))
     direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
-    towards = pd.DataFrame({"n": speed * np.cos(np.deg2rad(direction)), "e": speed * np.sin(np.deg2rad(direction))})
-    towards.index = table.index
-    north, east = (_filled(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
     # Components, not speeds, are averaged, so that the vane's noise adds no wind.
+    towards = speed * np.cos(np.deg2rad(direction)), speed * np.sin(np.deg2rad(direction))
+    north, east = (_filled(_means(times_ns(table) / NANO, each, edges)) for each in towards)
     return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
 
 
@@ -342,20 +338,20 @@ def _filled(values: Floats) -> Floats:
     return np.interp(np.arange(len(values)), known, values[known])
 
 
-def _means(table: pd.DataFrame, name: str, edges_s: Floats, input_hold: InputHold = "line") -> Floats:
-    """The mean of a channel between consecutive edges, interpolated between samples; NaN across long gaps."""
-    values = table[name].to_numpy(dtype=float)
+def _means(
+    times_s: Floats, values: Floats, edges_s: Floats, input_hold: InputHold = "line", circular: bool = False
+) -> Floats:
+    """The mean of samples between consecutive edges, interpolated between them; NaN across long gaps."""
     rows = np.isfinite(values)
-    times, values = times_ns(table)[rows] / NANO, values[rows]
+    times, values = times_s[rows], values[rows]
     if times.size < 2:
         return np.full(len(edges_s) - 1, np.nan)
-    if is_circular(name):
+    if circular:
         values = unwrap(values)
     upto = _integral(*_path(times, _without_blips(times, values), input_hold), edges_s)
     steps = np.diff(times)
-    gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
-    in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
-    crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
+    gap = steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps)))
+    crosses = np.diff(np.interp(edges_s, times, np.append(0.0, np.cumsum(gap)))) > 0.0
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
     return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
 
@@ -390,9 +386,8 @@ def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     slope = np.diff(values) / steps
     turns = np.diff(slope)  # at each inner sample
     before, behind, inside = slope[:-2], slope[2:], slope[1:-1]
-    alike = (turns[:-1] * turns[1:] > 0.0) & (
-        np.abs(before - behind) > _OUTLIER * 1.4826 * np.median(np.abs(turns))
-    )
+    beyond_noise = np.abs(before - behind) > _OUTLIER * 1.4826 * np.median(np.abs(turns))
+    alike = (turns[:-1] * turns[1:] > 0.0) & beyond_noise
     part = np.where(alike, (inside - behind) / np.where(alike, before - behind, 1.0), 0.0)
     corner_s = (times_s[1:-2] + part * steps[1:-1])[alike]
     corner = (values[1:-2] + before * part * steps[1:-1])[alike]

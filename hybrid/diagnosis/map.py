@@ -10,14 +10,14 @@ the selection of effects does not use it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from acquisition.core.actuators import Actuators, control_names, names_of
+from acquisition.core.actuators import control_names, names_of
 from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
@@ -26,7 +26,7 @@ from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
 from hybrid.diagnosis.result import FORCES, Map, Place
-from hybrid.effects.regime import steering_angles
+from hybrid.effects.regime import quantities_along, steering_angles
 from hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
@@ -34,17 +34,12 @@ LEAST_S = 20
 
 _WANTED = 5  # cells a quantity, about
 _ROUND = (1.0, 2.0, 2.5, 5.0, 10.0)
-_WIND_MPS, _MOVING_MPS, _RUNNING_RPM = 1.0, 0.3, 5.0
+_RUNNING_RPM = 5.0
 _QUARTERS, _GRID = 4, 3
 _FINEST = {
-    "speed_mps": 0.25,
-    "yaw_rate_dps": 0.25,
-    "drift_angle_deg": 1.0,
-    "azimuth_deg": 2.0,
-    "rudder_deg": 1.0,
-    "nozzle_deg": 1.0,
-    "pitch_percent": 5.0,
-}
+    "speed_mps": 0.25, "yaw_rate_dps": 0.25, "drift_angle_deg": 1.0, "azimuth_deg": 2.0, "rudder_deg": 1.0,
+    "nozzle_deg": 1.0, "pitch_percent": 5.0,
+}  # fmt: skip
 _FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
 """The finest cell width of each quantity; finer cells would separate what no sensor or drive resolves."""
 
@@ -60,17 +55,12 @@ class Cell:
 
 def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
     """The quantities of the cells, each [T], NaN where undefined: without speed there is no drift angle."""
-    u, v = origin[:, 3], origin[:, 4]
-    moving, windy = np.hypot(u, v) > _MOVING_MPS, log.wind[:, 1] > _WIND_MPS
-    drift = np.degrees(np.arctan2(-v, u))
-    from_deg = np.degrees(log.wind[:, 0] - origin[:, 2]) % 360.0
+    along = quantities_along(log.actuators, origin, log.controls.mean(axis=1), log.wind)
     return {
-        "speed_mps": np.hypot(u, v),
-        "yaw_rate_dps": np.degrees(origin[:, 5]),
-        "drift_angle_deg": np.where(moving, drift, np.nan),
+        **{name: along[name] for name in ("speed_mps", "yaw_rate_dps", "drift_angle_deg")},
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,
-        "relative_wind_deg": np.where(windy, from_deg, np.nan),
-        **_settings(log),
+        "relative_wind_deg": along["relative_wind_deg"] % 360.0,
+        **_settings(log, along),
         "time_s": recorded_s(log),
     }
 
@@ -81,38 +71,21 @@ def recorded_s(log: Log) -> Floats:
     return np.asarray(log.time_s - log.time_s[0] - np.append(0, np.cumsum(between)), dtype=np.float64)
 
 
-def _settings(log: Log) -> dict[str, Floats]:
-    """The actuators' settings: mean shaft speed of the propulsors, differences between them, their mean pitch,
-    the mean angle of each kind that has one, and each tunnel thruster's shaft speed."""
+def _settings(log: Log, along: Mapping[str, Floats]) -> dict[str, Floats]:
+    """The actuators' settings: mean shaft speed of the propulsors, differences between them, their mean pitch, the
+    mean angle of each kind that has one (of propulsors while they run), each tunnel thruster's shaft speed."""
     controls = log.controls.mean(axis=1) / control_units(log.actuators)
-    mean = dict(zip(control_names(log.actuators), controls.T, strict=True))
-    tunnels = {f"{name}_rpm": mean[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
-    return {**_drives(log.actuators, mean), **_angles(log.actuators, mean), **tunnels}
-
-
-def _drives(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Floats]:
-    names = drives_in(actuators)
-    if not names:
-        return {}
-    turning = {name: mean[f"{name}_rpm"] for name in names}
+    mean, drives = dict(zip(control_names(log.actuators), controls.T, strict=True)), drives_in(log.actuators)
+    found = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
+    for one, other in itertools.pairwise(drives):
+        found[f"{one}_less_{other}_rpm"] = mean[f"{one}_rpm"] - mean[f"{other}_rpm"]
     pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
-    return {
-        "rpm": np.mean(list(turning.values()), axis=0),  # signed: thrust astern differs from thrust ahead
-        **{f"{one}_less_{other}_rpm": turning[one] - turning[other] for one, other in itertools.pairwise(names)},
-        **({"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}),
-    }
-
-
-def _angles(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Floats]:
-    """The circular mean angle of each kind [deg]; of propulsors only while they run."""
-    found = {}
-    for quantity, names in steering_angles(actuators).items():
-        turns = np.sum([np.exp(1j * np.deg2rad(mean[f"{name}_angle_deg"])) for name in names], axis=0)
-        running = np.ones(len(turns), dtype=bool)
-        if set(names) <= set(drives_in(actuators)):
-            running = np.max([np.abs(mean[f"{name}_rpm"]) for name in names], axis=0) > _RUNNING_RPM
-        found[quantity] = np.where(running, np.degrees(np.angle(turns)), np.nan)
-    return found
+    found |= {"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}
+    for quantity, names in steering_angles(log.actuators).items():
+        shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
+        running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
+        found[quantity] = np.where(running, along[quantity], np.nan)
+    return found | {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
 
 
 def cells_of(log: Log, origin: Floats) -> list[Cell]:
@@ -135,10 +108,10 @@ def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
     if not known.size:
         return []
     if name == "time_s":
-        edges = np.linspace(0.0, known.max() + 1.0, _QUARTERS + 1)
-        return _pairs(edges)
+        return itertools.pairwise(np.linspace(0.0, known.max() + 1.0, _QUARTERS + 1).tolist())
     low, high = (float(each) for each in np.quantile(known, (0.01, 0.99)))
-    return _pairs(np.concatenate([[known.min()], round_edges(low, high, _finest(name)), [_above(known.max())]]))
+    inner = round_edges(low, high, _finest(name)).tolist()
+    return itertools.pairwise([float(known.min()), *inner, _above(known.max())])
 
 
 def _finest(name: str) -> float:
@@ -165,11 +138,6 @@ def _above(value: float) -> float:
     return float(np.nextafter(value, np.inf))
 
 
-def _pairs(edges: Floats) -> Iterator[tuple[float, float]]:
-    for low, high in itertools.pairwise(edges):
-        yield float(low), float(high)
-
-
 def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
     low, high = span
     with np.errstate(invalid="ignore"):
@@ -180,11 +148,10 @@ def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
 def _places(origin: Floats) -> list[Cell]:
     """A grid over the trial's area."""
     found = []
-    edges = [np.linspace(origin[:, axis].min(), _above(origin[:, axis].max()), _GRID + 1) for axis in (0, 1)]
-    for north in _pairs(edges[0]):
-        for east in _pairs(edges[1]):
-            rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
-            found.append(Cell("place", {"north_m": north, "east_m": east}, rows))
+    edges = [np.linspace(each.min(), _above(each.max()), _GRID + 1).tolist() for each in origin[:, :2].T]
+    for north, east in itertools.product(*map(itertools.pairwise, edges)):
+        rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
+        found.append(Cell("place", {"north_m": north, "east_m": east}, rows))
     return found
 
 

@@ -93,8 +93,7 @@ def nuisance_basis(
 
 
 def _variations(effect: str) -> tuple[str, ...]:
-    """The quantities that an effect may vary with (:data:`_VARYING`); a fading thrust for each actuator
-    separately."""
+    """The quantities that an effect may vary with (:data:`_VARYING`); thrusts may fade one by one."""
     of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
     return ("time",) if of_one else _VARYING.get(effect, ())
 
@@ -166,9 +165,8 @@ def _hinges(log: Log) -> Floats:
     angle = (log.controls[:, :, angles] * to_port).mean(axis=(1, 2))
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
     largest = float(np.quantile(np.abs(angle), 0.99))
-    return np.column_stack(
-        [np.maximum(side * angle - share * largest, 0.0) for side in (1.0, -1.0) for share in _EDGES]
-    )
+    corners = [(side, share * largest) for side in (1.0, -1.0) for share in _EDGES]
+    return np.column_stack([np.maximum(side * angle - corner, 0.0) for side, corner in corners])
 
 
 FEATURES = 200
@@ -190,7 +188,7 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
     """
     forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
-    lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.actuators)
+    lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.layout)
     sway = max(sway, _LEAST_SHARE * surge)
     return np.array([surge, sway, max(yaw, _LEAST_SHARE * surge * lever)])
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import score_spread
-from hybrid.diagnosis.coarse_model import MOST_PARTS, replications, sizes_without, worth_it
+from hybrid.diagnosis.coarse_model import MOST_PARTS, replications, unseen_m, worth_it
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
 from hybrid.diagnosis.linearise import Linearisation, signatures
@@ -79,8 +79,7 @@ class _Explained:
 
 
 def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) -> list[tuple[Regime, float, float]]:
-    """The regime that explains most of each axis of ``force`` [T, 3], with its force and share, the largest
-    first.
+    """The regime that explains most of each axis of ``force`` [T, 3], its force and share, the largest first.
 
     ``quantities`` are [T] each, ``fold`` [T] the part of the trial of each second: shares are computed on parts
     that were not used for the size. No regime for an axis where none explains a fifth.
@@ -105,9 +104,8 @@ def _narrowed(
 
 def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
     """Regimes of one span, or of none, and the extra share required of each for its complexity."""
-    growing = {
-        name: _round(values) for name, values in quantities.items() if name in _GROWING or name.endswith("_rpm")
-    }
+    names = [name for name in quantities if name in _GROWING or name.endswith("_rpm")]
+    growing = {name: _round(quantities[name]) for name in names}
     for growth, at in growing.items():
         yield Regime("", {}, growth, at), _PLAIN
     for name, values in quantities.items():
@@ -174,10 +172,9 @@ def _best(
 
 
 def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
-    """The size, the share of ``force`` [T, 3] explained, and the consistency over parts, of each of ``shapes``
-    [T, M].
+    """The size, share of ``force`` [T, 3] and consistency over parts of each of ``shapes`` [T, M]: [M, 3] each.
 
-    [M, 3] each. The share is that of the squares in each part with the size fitted to all others; consistent
+    The share is that of the squares in each part with the size fitted to all others; consistent
     means that most parts agree in sign.
     """
     parts = [fold == each for each in np.unique(fold)]
@@ -192,8 +189,7 @@ def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats
 
 
 def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
-    """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is the evidence of that
-    model.
+    """The regimes in which the model as it is lacks most, whatever was named; ``bare`` is its evidence.
 
     Without the missing effect in the catalogue, a search names imitations of it. Regimes are added one after
     the other as long as each explains a fifth of an axis' remaining force and brings predictions of held-out
@@ -272,7 +268,7 @@ def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> 
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
     known = replace(windows, model=replace(windows.model, catalogue=catalogue))
-    return known.by_leg_m(known.by_other_folds(sizes_without(evidence_without(known, evidence), names)))
+    return unseen_m(known, evidence_without(known, evidence), names)
 
 
 def _name_of(regime: Regime) -> str:

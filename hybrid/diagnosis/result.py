@@ -49,8 +49,7 @@ class Suspect:
 
 @dataclass(frozen=True, slots=True)
 class Replication:
-    """The number of disjoint parts of a trial in which an effect is found independently, with its sign in the
-    whole."""
+    """In how many disjoint ``parts`` of a trial an effect is ``found`` with its sign in the whole."""
 
     parts: int
     found: int
@@ -72,8 +71,7 @@ class When:
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """The size from which an effect drifted linearly, ``since`` one time ``until`` another (UTC), to the given
-    size."""
+    """The size from which an effect drifted linearly to its own, ``since`` one time ``until`` another (UTC)."""
 
     since: str
     until: str
@@ -251,8 +249,7 @@ class Ladder:
 
 @dataclass(frozen=True, slots=True)
 class Correlation:
-    """Correlations of the estimates of the named effects: a name for each free coordinate, and the matrix [P,
-    P]."""
+    """Correlations of the estimates of the named effects: ``names`` of free coordinates, ``matrix`` [P, P]."""
 
     names: tuple[str, ...]
     matrix: Floats
@@ -298,8 +295,7 @@ class IdentifiedCorrection:
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """A diagnosis: the named effects, how certain they are, and how they change predictions;
-    ``diagnosis.json``."""
+    """The named effects, how certain they are, and how they change predictions: ``diagnosis.json``."""
 
     verdict: Verdict
     tolerance: float
@@ -337,10 +333,8 @@ class Diagnosis:
         if self.remainder is not None:
             lines.append(f"remains: {self.remainder.looks_like}")
         gap = self.gap
-        lines.append(
-            f"mean distance over {gap.horizon_s} s: {gap.before_m:.3f} m before, {gap.after_m:.3f} m after, "
-            f"{gap.floor_m:.3f} m at best ({gap.held_out_windows} held-out windows)"
-        )
+        distances = f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best"
+        lines.append(f"mean distance over {gap.horizon_s} s: {distances} ({gap.held_out_windows} held-out windows)")
         return "\n".join(lines)
 
 

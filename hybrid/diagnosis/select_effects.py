@@ -41,8 +41,7 @@ Coordinates = Mapping[str, tuple[float, ...]]
 
 
 def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """The set of at most :data:`MOST` effects with the highest evidence, reached by steps from the empty set or
-    any good pair."""
+    """The set of at most :data:`MOST` effects with most evidence, by steps from no effect or the best pair."""
     allowed = [name for name in evidence.names if name not in barred]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
@@ -88,8 +87,7 @@ def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str
 
 
 def log_density(evidence: Evidence, names: Sequence[str]) -> float:
-    """Log density of the data with these effects and their priors, up to a constant common to all
-    linearisations."""
+    """Log density of the data with these effects and priors, up to a constant of all linearisations."""
     equations = evidence.equations
     determinant = restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
     return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
@@ -142,8 +140,7 @@ class Selection:
 
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
-    """The fourth stage: stepwise selection by evidence, linearised anew about the result until it no longer
-    changes."""
+    """The fourth stage: stepwise selection by evidence, linearised about the result until it stays."""
     at, tried = _starting_point(evidence)
     return search_on(Selection((), evidence, at, tried=tried), progress)
 
@@ -207,8 +204,7 @@ def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Co
 
 
 def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    """Strong delays, each by itself: linearised about zero, a long delay resembles several others as much as
-    itself."""
+    """Strong delays, each by itself: linearised about zero, a long one resembles others as much as itself."""
     late = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
     if len(names) < 2 or not late & set(names):
         return []
@@ -276,10 +272,8 @@ def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ..
     They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for
     another.
     """
-    found = []
-    for name in names:
-        others = tuple(each for each in names if each != name)
-        found += [(*others, each) for each in _on_other_drives(evidence, name, others)]
+    rest = {name: tuple(each for each in names if each != name) for name in names}
+    found = [(*rest[name], each) for name in names for each in _on_other_drives(evidence, name, rest[name])]
     return [some for some in found if evidence.possible(some)]
 
 

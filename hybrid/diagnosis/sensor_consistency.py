@@ -49,8 +49,7 @@ _SETTLED = 0.5  # of a standard error
 
 
 def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | None:
-    """The sensor effects that explain the contradictions in ``log``, selected like other effects; None without
-    any.
+    """The sensor effects that explain the contradictions in ``log``, selected like others; None without any.
 
     ``model`` provides the catalogue, and its plant the motion within a second; its effects are left out.
     """
@@ -60,11 +59,8 @@ def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | No
     given = {name: free for name, free in model.given.items() if name in sensors}
     evidence, names = _found(log, Model(model.base, sensors, given=given), noise)
     names = _commoner(evidence, names)
-    return (
-        Acceptance(names, {name: acceptance_tests(evidence, names, name) for name in names}, evidence)
-        if names
-        else None
-    )
+    tests = {name: acceptance_tests(evidence, names, name) for name in names}
+    return Acceptance(names, tests, evidence) if names else None
 
 
 def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -112,9 +108,8 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, .
             barred |= {max(failed, key=lambda each: each.p_value).name}
         else:
             score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
-            best = (
-                max(best, (score, evidence, names), key=lambda each: each[0]) if best else (score, evidence, names)
-            )
+            if best is None or score > best[0]:
+                best = score, evidence, names
             if has_converged(evidence, names, at, _SETTLED):
                 break
         at = fitted_coordinates(evidence, search_effects(evidence, barred))
@@ -135,17 +130,7 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     effects, shared = _signatures(log, model, linear.origin)
     tolerated = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
-    layout = ColumnLayout(
-        effect=tuple(each.effect for each in effects),
-        prior=scales,
-        tolerated=tolerated,
-        wind=len(shared),
-        features=0,
-        varying=(),
-        varying_prior=np.zeros(0),
-        varying_tolerated=np.zeros(0),
-        depends=(),
-    )
+    layout = ColumnLayout(tuple(each.effect for each in effects), scales, tolerated, wind=len(shared))
     loose = without_dynamics(noise, linear)
     gram = gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
     some = np.flatnonzero(tolerated > 0.0)
@@ -157,8 +142,7 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
 
 
 def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], list[Signature]]:
-    """The signatures of each sensor effect and of the errors shared by all sensors; those that depend on the
-    motion by kinematics."""
+    """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
     none, known = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
     steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, Varied)]
@@ -193,8 +177,7 @@ def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
-    """The mean state ``late_s`` before the sampling times minus that at the full second [T, 6], by kinematics
-    alone.
+    """The mean state ``late_s`` before the sampling times less that at the full second [T, 6], by kinematics.
 
     Speeds change linearly within a second; a ship model that lacks a force would bend them.
     """

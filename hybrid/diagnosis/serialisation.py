@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.errors import InputError, SeatrialError, storage_error
+from acquisition.core.errors import InputError, SeatrialError
+from acquisition.core.files import write_text
 from acquisition.core.serialisation import Number, from_json, to_json
 from analysis.tables.files import read_parquet, write_parquet
 from hybrid.diagnosis.result import (
@@ -59,8 +60,7 @@ class FigureData:
 
 
 def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> None:
-    """Write everything but the page and the vessel, and remove files of an earlier diagnosis. Raises
-    :class:`StorageError`."""
+    """Write all but page and vessel, removing files of an earlier diagnosis. Raises :class:`StorageError`."""
     after = diagnosis.next_manoeuvre
     shown = FigureData(
         horizon_s=diagnosis.gap.horizon_s,
@@ -71,12 +71,11 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         consistency=extras.consistency,
         correlation=extras.correlation,
     )
-    _write_json(diagnosis, folder / DIAGNOSIS, indent=2)
-    _write_json(shown, folder / SHOWN)
-    if extras.ladder is None:
-        (folder / LADDER).unlink(missing_ok=True)
-    else:
-        _write_json(extras.ladder, folder / LADDER, indent=2)
+    for name, result, indent in ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2)):
+        if result is None:
+            (folder / name).unlink(missing_ok=True)
+        else:
+            write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
     for name, table in ((MAP, _map_table(extras)), (TRACKS, _tracks_table(diagnosis.tracks))):
         if table is None:
             (folder / name).unlink(missing_ok=True)
@@ -166,13 +165,6 @@ def _tracks_of(table: pd.DataFrame) -> Tracks:
 def _units(table: pd.DataFrame) -> dict[str, str]:
     named = {str(name): unit for name in table for ending, unit in _UNITS.items() if str(name).endswith(ending)}
     return named | {name: unit for name, unit in zip(FORCES, ("N", "N", "N m"), strict=True) if name in table}
-
-
-def _write_json(result: Any, path: Path, indent: int | None = None) -> None:
-    try:
-        path.write_text(json.dumps(to_json(result), indent=indent) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -1,10 +1,10 @@
-"""The verdict: the effects that stay named, their sizes and rivals, the gap on held-out legs, and the next
-trial."""
+"""The verdict: the effects that stay named, their sizes and rivals, the gap on held-out legs, the next trial."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import atan2, degrees, exp, hypot
 
 import numpy as np
@@ -18,6 +18,7 @@ from hybrid.diagnosis.coarse_model import (
     name_of_coarse_model,
     replications,
     sizes_without,
+    unseen_m,
     worth_it,
 )
 from hybrid.diagnosis.course import base_names, courses
@@ -98,7 +99,8 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     if found:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    replicated = _replicated(accepted, windows)
+    parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
+    replicated = replications(accepted.evidence, accepted.names, parts)
     unknown = bool(withdrawn) or _is_unknown(accepted, found, replicated)
     composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.halves]
@@ -128,11 +130,7 @@ def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptan
     """
     if sensors is None:
         return None
-    rests, names = evidence_without(windows, sensors.evidence), sensors.names
-
-    def off_m(some: Sequence[str]) -> Floats:
-        return windows.by_leg_m(windows.by_other_folds(sizes_without(rests, some)))
-
+    names, off_m = sensors.names, partial(unseen_m, windows, evidence_without(windows, sensors.evidence))
     while names:
         whole_m = off_m(names)
         lacking = {name: off_m([each for each in names if each != name]) for name in names}
@@ -147,8 +145,7 @@ def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptan
 def _judged(
     accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]
 ) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
-    """The effects that stay named, the gap, and the effects withdrawn because they make predictions of held-out
-    legs worse."""
+    """The effects that stay named, the gap, and those withdrawn as they make held-out predictions worse."""
     gap = _gap(accepted, windows, found)
     if not accepted.names or not makes_worse(windows, gap.without):
         return accepted, gap, ()
@@ -159,12 +156,6 @@ def _judged(
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
     return worth_it(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
-
-
-def _replicated(accepted: Acceptance, windows: UnseenWindows) -> dict[str, Replication]:
-    if not accepted.names:
-        return {}
-    return replications(accepted.evidence, accepted.names, evidence_within(windows, accepted.evidence).values())
 
 
 def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
@@ -194,11 +185,10 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
     if effect.chart == "polar":
         return _polar(effect, free, covariance)
     result = {}
-    values, low, high = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
+    values, *ends = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
     for each in effect.parameters:
-        ends = sorted((low[each.name], high[each.name]))
-        bounded = [min(max(end, each.low), each.high) for end in ends]
-        result[each.name] = Estimate(values[each.name], bounded[0], bounded[1], each.unit)
+        low, high = sorted(min(max(end[each.name], each.low), each.high) for end in ends)
+        result[each.name] = Estimate(values[each.name], low, high, each.unit)
     return result
 
 
@@ -220,12 +210,9 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
 
 def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
-    found = []
-    for name in accepted.names:
-        for rival, less in _deficits(accepted, name).items():
-            if less < SEEN * CLOSE:
-                found.append(Rival(name, rival, float(less)))
-    return sorted(found, key=lambda each: each.evidence)
+    deficits = {name: _deficits(accepted, name) for name in accepted.names}
+    every = [Rival(name, rival, float(less)) for name, each in deficits.items() for rival, less in each.items()]
+    return sorted((each for each in every if each.evidence < SEEN * CLOSE), key=lambda each: each.evidence)
 
 
 def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
@@ -241,12 +228,9 @@ def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
     """Groups that these data cannot distinguish: each named effect with its close rivals."""
-    result = []
-    for name in names:
-        tied = [each.name for each in rivals if each.instead_of == name and each.evidence < CLOSE]
-        if tied:
-            result.append((name, *tied))
-    return result
+    close = [each for each in rivals if each.evidence < CLOSE]
+    tied = {name: [each.name for each in close if each.instead_of == name] for name in names}
+    return [(name, *some) for name, some in tied.items() if some]
 
 
 def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
@@ -309,8 +293,7 @@ def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pai
 
 def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue, ranked by how much it improves the model by itself."""
-    smallest, result = limits(evidence.equations), []
-    catalogue = evidence.equations.model.catalogue
+    smallest, result, catalogue = limits(evidence.equations), [], evidence.equations.model.catalogue
     for name in base_names(evidence.names, catalogue):
         effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import cos, hypot, radians, sin
 
 from numba import njit
@@ -23,8 +22,8 @@ def _drift(plant: Plant, values: Values) -> Plant:
     east = plant.drift_force_n * plant.drift_east + force * sin(to_rad)
     total = hypot(north, east)
     if total == 0.0:
-        return replace(plant, drift_force_n=0.0)
-    return replace(plant, drift_force_n=total, drift_north=north / total, drift_east=east / total)
+        return plant.replaced(drift_force_n=0.0)
+    return plant.replaced(drift_force_n=total, drift_north=north / total, drift_east=east / total)
 
 
 @njit(error_model="numpy")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from math import pi, tan
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.effect import Effect, Parameter, Values, scaling
+from hybrid.vessel.effect import Effect, Parameter, Values, scaling, shifted
 from hybrid.vessel.plant import Plant
 
 _REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
@@ -19,10 +19,11 @@ SKEG_LIFT_SLOPE = pi / 2.0
 
 def in_plant(plant: Plant, name: str, si: float) -> float:
     """A number of SI [N, N m at its powers of speed and yaw rate] as a coefficient of the plant's hull model."""
-    unit = plant.hull_model.unit(
-        name, plant.water_density_kgpm3, plant.length_between_perpendiculars_m, plant.draught_m
-    )
-    return si / unit
+    if not plant.hull_model.primed:
+        return si
+    length_m = plant.length_between_perpendiculars_m
+    levers = name.startswith("N") + name.partition("_")[2].count("r")
+    return si / (0.5 * plant.water_density_kgpm3 * length_m * plant.draught_m * length_m**levers)
 
 
 def _trimmed(plant: Plant, values: Values) -> Plant:
@@ -36,7 +37,7 @@ def _trimmed(plant: Plant, values: Values) -> Plant:
 
 def stern_m(plant: Plant) -> float:
     """Where the actuators at the stern are, on average [m]; the after perpendicular where there is none."""
-    aft = [x_m for each in plant.actuators if (x_m := plant.number(f"{each.name}_x_m")) < 0.0]
+    aft = [x_m for each in plant.layout if (x_m := plant.number(f"{each.name}_x_m")) < 0.0]
     return sum(aft) / len(aft) if aft else -0.5 * plant.length_between_perpendiculars_m
 
 
@@ -60,7 +61,7 @@ def _lengthened(plant: Plant, values: Values) -> Plant:
         lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + name.count("r")
         power[name] = lever - 0.2 if name in hull.resistance else lever
     plant = plant.replaced(**{name: s**each * plant.number(name) for name, each in power.items()})
-    places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft
+    places = [f"{each.name}_x_m" for each in plant.layout]  # those ahead move ahead, those astern aft
     return plant.shifted(
         length_between_perpendiculars_m=added_m,
         length_overall_m=added_m,
@@ -198,9 +199,7 @@ EFFECTS = (
             Parameter("sway_ps", "1/s", 0.0, -0.005, 0.5, 0.015, 0.003),
             Parameter("yaw_ps", "1/s", 0.0, -0.03, 3.0, 0.1, 0.02),
         ),
-        change=lambda plant, values: plant.shifted(
-            surge_damping_ps=values["surge_ps"], sway_damping_ps=values["sway_ps"], yaw_damping_ps=values["yaw_ps"]
-        ),
+        change=shifted("surge_damping_ps", "sway_damping_ps", "yaw_damping_ps"),
     ),
     Effect(
         "trim", family="hull", kind="physics",
@@ -253,14 +252,14 @@ ASYMMETRY = (
         what="A steady yaw moment, as of a bent skeg or a list",
         source="Constant body moment",
         parameters=(Parameter("moment_nm", "N m", 0.0, -1e6, 1e6, 40e3, 10e3),),
-        change=lambda plant, values: plant.shifted(constant_N_nm=values["moment_nm"]),
+        change=shifted("constant_N_nm"),
     ),
     Effect(
         "sway_asymmetry", family="alignment", kind="physics",
         what="A steady force to starboard, as of a list or a bent keel",
         source="Constant body force",
         parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
-        change=lambda plant, values: plant.shifted(constant_Y_n=values["force_n"]),
+        change=shifted("constant_Y_n"),
     ),
 )  # fmt: skip
 """Of a hull that is not symmetric."""

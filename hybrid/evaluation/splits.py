@@ -41,14 +41,6 @@ class Draw:
     held_out: Bools
 
 
-def draws_of(kind: str, windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
-    """The draws of a kind of split: ``draws`` of them if it is random, otherwise as many as there are.
-
-    Raises :class:`DataShortageError` if windows cannot be split in that way.
-    """
-    return SPLITS[kind](windows, draws, seed)
-
-
 def refuse_unknown(kinds: Sequence[str]) -> None:
     """Raise :class:`ConfigurationError` if one of the names is no kind of split."""
     for kind in kinds:
@@ -104,7 +96,8 @@ SPLITS: dict[str, Callable[[PredictionWindows, int, int], list[Draw]]] = {
     "recording": by_recording,
     "random": at_random,
 }
-"""The kinds of split by name."""
+"""The kinds of split by name, as functions of windows, a number of draws, which counts where these are random, and
+a seed. They raise :class:`DataShortageError` if windows cannot be split in that way."""
 
 
 def shared_seconds(windows: PredictionWindows, known: Bools, unseen: Bools) -> int:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.named_code import OwnCodeError
@@ -16,9 +15,9 @@ from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples, predict_with_fallback
-from hybrid.evaluation.splits import Draw, classes_of, draws_of, leaked_share
+from hybrid.evaluation.splits import SPLITS, Draw, classes_of, leaked_share
 from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
-from hybrid.prediction.baselines import Fallback, constant_velocity, straight_line
+from hybrid.prediction.baselines import Fallback, untrained_tracks
 from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.dataset import within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, starting_two_sided
@@ -26,14 +25,8 @@ from hybrid.prediction.regions import conformal_region, equal_area_radius, relat
 from hybrid.prediction.scores import TWO_SIDED, Interval, LegBootstrap, distances, start_of
 from hybrid.vessel.plant import Plant
 
-Predict = Callable[[PredictionWindows, Floats], Floats]
-
-BASELINES: dict[str, Predict] = {
-    "straight_line": lambda windows, reference: straight_line(windows),
-    "constant_velocity": lambda windows, reference: constant_velocity(windows),
-    "reference": lambda windows, reference: reference,
-}
-"""The methods without training, which every other has to beat."""
+BASELINES = ("straight_line", "constant_velocity", "reference")
+"""The methods without training (:func:`.untrained_tracks`), which every other has to beat."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +100,7 @@ def study(
     """
     inside, tracks = within_model_range(windows, plant)
     failed: dict[str, str] = {}
-    planned = {kind: draws_of(kind, inside, draws, seed) for kind in splits}
+    planned = {kind: SPLITS[kind](inside, draws, seed) for kind in splits}
     total = sum(map(len, planned.values())) * max(len(methods), 1)
     results: list[SplitResult] = []
     done = 0
@@ -138,17 +131,18 @@ def evaluate_draw(
     """Every method's errors on the windows that ``draw`` holds out; failures are added to ``failed``.
 
     Predictions start from the causal state at second 0, and, for methods whose names end in :data:`TWO_SIDED`,
-    from the two-sided one.
+    from the two-sided one. Regions are sized on the windows for stopping.
     """
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     afterwards = starting_two_sided(held_out[0])
     judged = {"": held_out, TWO_SIDED: (afterwards, model_tracks(afterwards, plant))}
+    regions = {name: conformal_region(each, stopping[0]) for name, each in untrained_tracks(*stopping).items()}
     errors = {
-        f"{name}{ending}": _errors(predict, stopping, examples)
-        for name, predict in BASELINES.items()
-        for ending, examples in judged.items()
+        f"{name}{ending}": errors_of(track, windows, regions[name], np.zeros(len(windows), dtype=bool))
+        for ending, (windows, reference) in judged.items()
+        for name, track in untrained_tracks(windows, reference).items()
     }
     fallback = Fallback.fit(*fitting, plant)
     failed = {} if failed is None else failed
@@ -167,12 +161,6 @@ def evaluate_draw(
                 raise
         progress(number + 1.0)
     return errors
-
-
-def _errors(predict: Predict, stopping: Examples, held_out: Examples) -> Errors:
-    """The errors of a baseline on the held-out windows, its regions sized on the stopping windows."""
-    region_m = conformal_region(predict(*stopping), stopping[0])
-    return errors_of(predict(*held_out), held_out[0], region_m, np.zeros(len(held_out[0]), dtype=bool))
 
 
 def errors_of(predicted: Floats, windows: PredictionWindows, region_m: Floats, outside_domain: Bools) -> Errors:
@@ -197,27 +185,21 @@ def pool_draws(
 ) -> SplitResult:
     """One result from all draws, each window's errors averaged over the draws that held it out."""
     times = np.sum([draw.held_out for draw in draws], axis=0)
+    held_out = times > 0
+
+    def mean(values: Sequence[Floats]) -> Floats:
+        total = np.zeros((len(times), *values[0].shape[1:]))
+        for draw, each in zip(draws, values, strict=True):
+            total[draw.held_out] += each
+        return np.asarray(total[held_out] / times[held_out].reshape(-1, *[1] * (total.ndim - 1)))
+
     errors = {
-        method: Errors(
-            *(
-                _mean_over_draws(draws, [getattr(part[method], field.name) for part in parts], times)
-                for field in fields(Errors)
-            )
-        )
+        method: Errors(*(mean([getattr(part[method], each.name) for part in parts]) for each in fields(Errors)))
         for method in parts[0]
     }
     fitted = tuple(int(draw.fitting.sum()) for draw in draws)
     leaked = float(np.mean([leaked_share(windows, draw) for draw in draws]))
-    return SplitResult(kind, times > 0, errors, fitted, leaked)
-
-
-def _mean_over_draws(draws: Sequence[Draw], values: Sequence[Floats], times: NDArray[np.int64]) -> Floats:
-    """The mean of ``values`` of each draw's held-out windows over the draws, for windows held out at all."""
-    total = np.zeros((len(times), *values[0].shape[1:]))
-    for draw, each in zip(draws, values, strict=True):
-        total[draw.held_out] += each
-    held_out = times > 0
-    return np.asarray(total[held_out] / times[held_out].reshape(-1, *[1] * (total.ndim - 1)))
+    return SplitResult(kind, held_out, errors, fitted, leaked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,23 +225,19 @@ class MethodFigures:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        figures = {f.name: getattr(self, f.name) for f in fields(self)}
-        known = {name: each.as_dict() for name, each in figures.items() if isinstance(each, Interval)}
-        known["ratio_to_best_baseline"] = known.pop("ratio")
+        plain = to_json(self)
+        means, coverages, regions = (
+            plain.pop(name) for name in ("by_second", "coverage_by_second", "region_by_second_m")
+        )
+        radii_m = equal_area_radius(self.region_by_second_m).tolist()
         by_second = [
-            {
-                "second": number + 1,
-                **distance.as_dict(),
-                "coverage_95": coverage.value,
-                "radius_m": float(equal_area_radius(region_m)),
-                "along_m": float(region_m[0]),
-                "across_m": float(region_m[1]),
-            }
-            for number, (distance, coverage, region_m) in enumerate(
-                zip(self.by_second, self.coverage_by_second, self.region_by_second_m, strict=True)
-            )
-        ]
-        return {**known, "outside_training_range": self.outside_domain, "by_second": by_second}
+            {"second": second, **mean, "coverage_95": coverage["value"], "radius_m": radius_m, "along_m": along_m,
+             "across_m": across_m}
+            for second, (mean, coverage, radius_m, (along_m, across_m))
+            in enumerate(zip(means, coverages, radii_m, regions, strict=True), 1)
+        ]  # fmt: skip
+        ratio, outside = plain.pop("ratio"), plain.pop("outside_domain")
+        return {**plain, "ratio_to_best_baseline": ratio, "outside_training_range": outside, "by_second": by_second}
 
 
 @dataclass(frozen=True, slots=True)
@@ -450,7 +428,7 @@ def _split_dict(split: SplitSummary) -> dict[str, Any]:
             kind: {name: {**_counts(each), "methods": _short(each)} for name, each in classes.items()}
             for kind, classes in split.breakdown.items()
         },
-        "truths": None if split.truths is None else split.truths.as_dict(),
+        "truths": to_json(split.truths),
     }
 
 
@@ -459,12 +437,11 @@ def _counts(summary: Summary) -> dict[str, Any]:
 
 
 def _short(summary: Summary) -> dict[str, Any]:
-    return {
+    short: dict[str, Any] = to_json({
         name: {
-            "start": start_of(name),
-            "mean_distance_m": each.mean_distance_m.as_dict(),
-            "ratio_to_best_baseline": each.ratio.as_dict(),
-            "coverage_95": each.coverage_95.as_dict(),
+            "start": start_of(name), "mean_distance_m": each.mean_distance_m,
+            "ratio_to_best_baseline": each.ratio, "coverage_95": each.coverage_95,
         }
         for name, each in summary.methods.items()
-    }
+    })  # fmt: skip
+    return short

@@ -15,10 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from pydantic import Field
 
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import POSE_AND_VELOCITY
@@ -57,10 +58,10 @@ class Truths:
     noise and undetectable errors explain.
     """
 
-    horizon_s: int
-    by: dict[str, ByTruth]
+    horizon_s: Annotated[int, Field(exclude=True)]
     apart_m: Interval
     explained_m: float
+    by: dict[str, ByTruth]
 
     @property
     def remark(self) -> str:
@@ -72,18 +73,6 @@ class Truths:
             f"positions and speeds disagree by {self.apart_m.value:.2f} m over {self.horizon_s} s, and their noise "
             f"leaves {self.explained_m:.2f} m: an error below {floor_m:.2f} m may be the sensors'"
         )
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        by = {
-            name: {
-                "windows": each.windows,
-                "floor_m": each.floor_m.as_dict(),
-                "methods": {method: found.as_dict() for method, found in each.methods.items()},
-            }
-            for name, each in self.by.items()
-        }
-        return {"apart_m": self.apart_m.as_dict(), "explained_m": self.explained_m, "by": by}
 
 
 def _clearly(apart_m: Interval, explained_m: float) -> bool:
@@ -97,7 +86,6 @@ def with_truths(
     progress: Progress = lambda share: None,
     *,
     rebuilt: bool = False,
-    seed: int = 0,
 ) -> PredictionWindows:
     """The windows with their tracks by each of :data:`TRUTHS`, and with the errors of simulated ones.
 
@@ -107,7 +95,7 @@ def with_truths(
     """
     shape = (len(windows), len(TRUTHS), windows.horizon_s + 1, 2)
     truths, errors = np.full((2, *shape), np.nan)
-    start_ns, random = windows.start_ns, np.random.default_rng(seed)
+    start_ns, random = windows.start_ns, np.random.default_rng(0)
     for number, (trial, table) in enumerate(tables.items()):
         progress(number / len(tables))
         mine = np.flatnonzero(windows.trial == trial)
@@ -185,14 +173,10 @@ def judged_by_truths(windows: PredictionWindows, distance_m: Mapping[str, Floats
         if some.any():
             legs = LegBootstrap.of(windows.leg[some], seed)
             methods = {method: legs.mean(each[some, column]) for method, each in distance_m.items()}
-            floor_m = _with_more(legs.mean(errors_m[some, column]), beyond_m)
+            noise = legs.mean(errors_m[some, column])
+            floor_m = Interval(*(float(np.hypot(each, beyond_m)) for each in (noise.value, noise.low, noise.high)))
             by[name] = ByTruth(int(some.sum()), floor_m, methods)
-    return Truths(windows.horizon_s, by, apart_m, explained_m)
-
-
-def _with_more(floor_m: Interval, beyond_m: float) -> Interval:
-    """A noise floor plus its further part."""
-    return Interval(*(float(np.hypot(each, beyond_m)) for each in (floor_m.value, floor_m.low, floor_m.high)))
+    return Truths(windows.horizon_s, apart_m, explained_m, by)
 
 
 def _si(table: pd.DataFrame, rows: Ints) -> Floats:

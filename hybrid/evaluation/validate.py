@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
 from acquisition.core.result import ModelResult
+from acquisition.core.serialisation import to_json
 from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
-from hybrid.prediction.baselines import constant_velocity, reference, straight_line
+from hybrid.prediction.baselines import reference, untrained_tracks
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, starting_two_sided
 from hybrid.prediction.regions import bands, relative_distances
@@ -85,7 +86,7 @@ class Validation(ModelResult):
             "coverage_95": self.coverage_95,
             **{name: None if each is None else each.tolist() for name, each in bands(middle_m).items()},
             "fallback": self.fallback,
-            "truths": None if self.truths is None else self.truths.as_dict(),
+            "truths": to_json(self.truths),
         }
 
 
@@ -136,11 +137,7 @@ def _tracks(
     windows: PredictionWindows, reference_tracks: Floats, trained: TrainedCalibrator | None
 ) -> tuple[dict[str, Floats], PredictedTracks | None]:
     """The tracks by method, and the calibrator's with their regions if there is one."""
-    tracks = {
-        "straight_line": straight_line(windows),
-        "constant_velocity": constant_velocity(windows),
-        "reference": reference_tracks,
-    }
+    tracks = untrained_tracks(windows, reference_tracks)
     if trained is None:
         return tracks, None
     hybrid = trained.predict_tracks(windows, reference_tracks)

@@ -149,6 +149,11 @@ class Judgement:
     scores: Mapping[str, Score]
     held_out: str
 
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        said = {name: getattr(self, name) for name in ("horizon_s", "windows", "held_out")}
+        return {**said, "methods": scores_json(self.scores)}
+
 
 @dataclass(frozen=True, slots=True)
 class Identification(ModelResult):
@@ -200,14 +205,7 @@ class Identification(ModelResult):
             },
             "correlated": [list(each) for each in self.entangled],
             "surroundings": {name: dict(own) for name, own in self.surroundings.items()},
-            "validation": None
-            if judged is None
-            else {
-                "horizon_s": judged.horizon_s,
-                "windows": judged.windows,
-                "held_out": judged.held_out,
-                "methods": scores_json(judged.scores),
-            },
+            "validation": None if judged is None else judged.as_dict(),
             "next_manoeuvres": to_json(self.candidates),
         }
 

@@ -117,9 +117,9 @@ def separation(
     return max(0.0, float(size @ information.of(name, (rival, *given)) @ size))
 
 
-def least_separation(information: Information, name: str, rival: str, sizes: float = 1.0) -> float:
-    """The smallest :func:`separation` over all directions, of an effect ``sizes`` times as large as typical."""
-    spread = sizes * np.array(information.catalogue[name].free_scale)
+def least_separation(information: Information, name: str, rival: str) -> float:
+    """The smallest :func:`separation` over all directions, of an effect of typical size."""
+    spread = np.array(information.catalogue[name].free_scale)
     own, other = information.columns[name], information.columns[rival]
     if len(own) == len(other) == 1:  # most are, and a programme is weighed by thousands of them
         (i,), (j,), matrix = own, other, information.matrix
@@ -231,8 +231,5 @@ def needed_gain(relative: Floats, effects: int) -> float:
 @lru_cache(maxsize=4096)
 def noncentrality(threshold: float, degrees: int, power: float = POWER) -> float:
     """The noncentrality at which a chi-square variate exceeds ``threshold`` with probability ``power``."""
-
-    def short(value: float) -> float:
-        return float(ncx2.sf(threshold, degrees, value)) - power
-
-    return float(brentq(short, 1e-9, 4.0 * threshold + 100.0, xtol=1e-6))
+    most = 4.0 * threshold + 100.0
+    return float(brentq(lambda value: float(ncx2.sf(threshold, degrees, value)) - power, 1e-9, most, xtol=1e-6))

@@ -103,8 +103,8 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> M
     worst = min(
         (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
     )
-    what, pair = f"{best.candidate.what}, {best.candidate.minutes} minutes in all", pairs[worst]
-    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], float(best.candidate.minutes))
+    what, pair = f"{best.candidate.what}, {best.candidate.minutes:g} minutes in all", pairs[worst]
+    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], best.candidate.minutes)
 
 
 def rehearsal_of(
@@ -148,7 +148,9 @@ def rehearsals(
     made = {}
     for candidate in candidates:
         try:
-            made[candidate] = rehearse(candidate.legs, vessel, ship, sea, 60 * candidate.minutes, heading_deg)
+            made[candidate] = rehearse(
+                candidate.legs, vessel, ship, sea, round(60.0 * candidate.minutes), heading_deg
+            )
         except ModelRangeError:  # cannot be evaluated, so it is not proposed
             continue
     return made

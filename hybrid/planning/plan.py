@@ -28,8 +28,8 @@ from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
-from hybrid.diagnosis.log import Log, log_of
-from hybrid.effects import Catalogue, vessel_plant
+from hybrid.diagnosis.log import log_of
+from hybrid.effects import Catalogue, Effect, vessel_plant
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.planning.information import (
     TOLD_APART,
@@ -44,7 +44,7 @@ from hybrid.planning.information import (
 from hybrid.planning.next_manoeuvre import rehearsals
 from hybrid.planning.repertoire import Candidate, append_rehearsals, as_one_leg, rehearse, repertoire, shafts_of
 from hybrid.simulation.handling import usual_rpm
-from hybrid.simulation.manoeuvres import Manoeuvre, for_ship, manoeuvre_named
+from hybrid.simulation.manoeuvres import for_ship, manoeuvre_named
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.parameters import Vessel
@@ -131,16 +131,6 @@ _PART = re.compile(r"([a-z_0-9]+?)(?:=([0-9.]+))?")
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """A manoeuvre of a programme: its name, a description, its length, and its legs."""
-
-    name: str
-    what: str
-    minutes: float
-    legs: Manoeuvre
-
-
-@dataclass(frozen=True, slots=True)
 class Programme:
     """A sequence of manoeuvres and what they would show.
 
@@ -149,7 +139,7 @@ class Programme:
     likelihood that separates two effects of typical sizes.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[Candidate, ...]
     limits: Mapping[str, float]
     evidence: Floats
 
@@ -188,27 +178,23 @@ class Plan(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        effects = [
-            {
-                "name": each.name, "family": each.family, "parameter": each.parameters[0].name,
-                "unit": each.parameters[0].unit, "neutral": finite_or_none(each.parameters[0].neutral),
-                "typical": each.parameters[0].typical, "limit": self.asked.as_dict()["limits"][each.name],
-                "better_limit": self.better.as_dict()["limits"][each.name],
-            }
-            for each in self.catalogue.values()
-        ]  # fmt: skip
+        asked, better = self.asked.as_dict(), self.better.as_dict()
+
+        def said(effect: Effect) -> dict[str, Any]:
+            first = effect.parameters[0]
+            return {
+                "name": effect.name, "family": effect.family, "parameter": first.name, "unit": first.unit,
+                "neutral": first.neutral if isfinite(first.neutral) else None, "typical": first.typical,
+                "limit": asked["limits"][effect.name], "better_limit": better["limits"][effect.name],
+            }  # fmt: skip
+
         return {
-            "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance, "effects": effects,
-            "asked": self.asked.as_dict(), "better": self.better.as_dict(),
+            "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance,
+            "effects": [said(each) for each in self.catalogue.values()], "asked": asked, "better": better,
         }  # fmt: skip
 
 
-def finite_or_none(value: float) -> float | None:
-    """A number for JSON."""
-    return value if isfinite(value) else None
-
-
-def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[Part, ...]:
+def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[Candidate, ...]:
     """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; the remaining ``minutes`` are divided evenly.
 
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
@@ -224,7 +210,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     return tuple(replace(part, minutes=left / open_) if part.minutes == 0.0 else part for part in given)
 
 
-def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Part:
+def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Candidate:
     match = _PART.fullmatch(text)
     if match is None:
         raise ConfigurationError(f"{text!r} is not a manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
@@ -232,11 +218,10 @@ def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Part:
     if match[2] and minutes < 1.0:
         raise ConfigurationError(f"{text!r} is too short", fix="give at least one minute")
     if name in known:
-        return Part(name, known[name].what, minutes, known[name].legs)
+        return replace(known[name], minutes=minutes)
     try:
-        return Part(
-            name, name.replace("_", " "), minutes, for_ship(manoeuvre_named(name, vessel.actuators), vessel)
-        )
+        legs = for_ship(manoeuvre_named(name, vessel.actuators), vessel)
+        return Candidate(name, name.replace("_", " "), legs, minutes)
     except ConfigurationError as error:
         raise ConfigurationError(
             f"no manoeuvre {name!r}", fix=f"use one of {', '.join(known)}, or one of `seatrial simulate`"
@@ -259,7 +244,7 @@ def noise_in(
 
 
 def plan(
-    programme: Sequence[Part],
+    programme: Sequence[Candidate],
     vessel: Vessel,
     sea: SeaState,
     noise: Noise,
@@ -275,27 +260,19 @@ def plan(
     ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
     asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
-    joined = _joined([*asked, *made.values()])
-    whole = normal_equations(
-        linearise(joined, Model(ship, catalogue), tolerance), noise, progress=part_of(progress, 0, 2)
-    )
-    design = design_of(whole)
+    known, *others = (as_one_leg(log) for log in (*asked, *made.values()))
+    evidence = linearise(append_rehearsals(known, others), Model(ship, catalogue), tolerance)
+    design = design_of(normal_equations(evidence, noise, progress=part_of(progress, 0, 2)))
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
     aims = Aims(tuple(catalogue), _pairs(shown, catalogue))
     slots = max(1, round(shown.minutes / next(iter(made)).minutes))
     legs = compose_programme(design, range(first, first + len(made)), slots, aims, part_of(progress, 1, 2))
-    candidates = [list(made)[leg - first] for leg in legs]
-    parts = [Part(each.name, each.what, float(each.minutes), each.legs) for each in candidates]
+    parts = [list(made)[leg - first] for leg in legs]
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
 
 
-def _joined(logs: Sequence[Log]) -> Log:
-    """All simulated manoeuvres concatenated, each a leg."""
-    return append_rehearsals(as_one_leg(logs[0]), [as_one_leg(log) for log in logs[1:]])
-
-
-def _programme(parts: Sequence[Part], information: Information) -> Programme:
+def _programme(parts: Sequence[Candidate], information: Information) -> Programme:
     limits = {
         name: as_parameter(information.catalogue[name], size) for name, size in free_limits(information).items()
     }

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -40,7 +41,7 @@ from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measure
 
-MINUTES = 10
+MINUTES = 10.0
 """The length of a manoeuvre for R/V Gunnerus [min]; other ships' lengths are scaled."""
 
 _FEWEST_MINUTES = 2
@@ -58,7 +59,7 @@ class Candidate:
     name: str
     what: str
     legs: Manoeuvre
-    minutes: int = MINUTES
+    minutes: float = MINUTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +88,9 @@ class Shafts:
     hard_over: float = 0.0
 
     @property
-    def minutes(self) -> int:
-        """The length of a manoeuvre, with repetitions [min]."""
-        return max(_FEWEST_MINUTES, round(MINUTES * self.time))
+    def minutes(self) -> float:
+        """The length of a manoeuvre, with repetitions, in whole minutes."""
+        return float(max(_FEWEST_MINUTES, round(MINUTES * self.time)))
 
     def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> Candidate:
         """A candidate whose legs are given in R/V Gunnerus' time."""
@@ -165,26 +166,21 @@ def _speed_runs(at: Shafts) -> Candidate:
     return at.candidate("speed_runs", what, legs)
 
 
-def _turns(helm_deg: float, turn_deg: float) -> Callable[[Shafts], Candidate]:
-    def make(at: Shafts) -> Candidate:
-        what = (
-            f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg, at.usual)}, "
-            "to one side and then to the other"
-        )
-        return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
-
-    return make
+def _turns(at: Shafts, helm_deg: float, turn_deg: float) -> Candidate:
+    what = (
+        f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg, at.usual)}, "
+        "to one side and then to the other"
+    )
+    return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
 
 
-def _zigzag(name: str, helm_deg: float, switch_deg: float, share: float = 1.0) -> Callable[[Shafts], Candidate]:
-    def make(at: Shafts) -> Candidate:
-        rpm = at.usual if share == 1.0 else at.slow
-        swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
-        by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
-        what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
-        return at.candidate(name, what, both_ways(lambda course: (settle(course, rpm), *swings)))
-
-    return make
+def _zigzag(at: Shafts, helm_deg: float, switch_deg: float, slow: bool = False) -> Candidate:
+    rpm = at.slow if slow else at.usual
+    swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
+    by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
+    what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
+    name = f"zigzags_{helm_deg:g}_{switch_deg:g}{'_slow' * slow}"
+    return at.candidate(name, what, both_ways(lambda course: (settle(course, rpm), *swings)))
 
 
 def _speed_changes(at: Shafts) -> Candidate:
@@ -288,10 +284,11 @@ def _drifting(at: Shafts) -> Candidate:
 
 
 _MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
-    _reciprocal, _four_headings, _speed_runs, _turns(15.0, 360.0), _turns(30.0, 720.0),
-    _zigzag("zigzags_10_10", 10.0, 10.0), _zigzag("zigzags_20_20", 20.0, 20.0),
-    _zigzag("zigzags_20_20_slow", 20.0, 20.0, _SLOW), _zigzag("zigzags_30_5", 30.0, 5.0), _speed_changes,
-    _coasting, _crash_stop, _one_drive, _uneven, _opposed, _tunnel, _drifting,
+    _reciprocal, _four_headings, _speed_runs,
+    *(partial(_turns, helm_deg=helm, turn_deg=turn) for helm, turn in ((15.0, 360.0), (30.0, 720.0))),
+    *(partial(_zigzag, helm_deg=helm, switch_deg=switch, slow=slow)
+      for helm, switch, slow in ((10.0, 10.0, False), (20.0, 20.0, False), (20.0, 20.0, True), (30.0, 5.0, False))),
+    _speed_changes, _coasting, _crash_stop, _one_drive, _uneven, _opposed, _tunnel, _drifting,
 )  # fmt: skip
 
 

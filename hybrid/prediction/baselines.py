@@ -32,11 +32,15 @@ def constant_velocity(windows: PredictionWindows) -> Floats:
     return present_motion_held(windows.start, windows.horizon_s)
 
 
-def straight_line(windows: PredictionWindows) -> Floats:
-    """Straight line: heading and velocity of the windows' starts kept."""
-    still = windows.start.copy()
-    still[:, YAW_RATE] = 0.0
-    return present_motion_held(still, windows.horizon_s)
+def untrained_tracks(windows: PredictionWindows, reference: Floats) -> dict[str, Floats]:
+    """The tracks [N, H+1, 3] of the methods without training, by name: ``reference`` are the model's."""
+    straight = windows.start.copy()
+    straight[:, YAW_RATE] = 0.0
+    return {
+        "straight_line": present_motion_held(straight, windows.horizon_s),
+        "constant_velocity": constant_velocity(windows),
+        "reference": reference,
+    }
 
 
 def present_motion_held(states: Floats, horizon_s: int) -> Floats:
@@ -171,9 +175,9 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
 def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`BASELINES`, and the errors [2, N] of their hindcasts in metres."""
     before = filtered_starts(hindcast_windows(windows, HINDCAST_S), plant)
-    model = simulate_tracks(plant, before.start, before.acting, before.wind)
-    hindcast_m = [mean_distances(each, before.track) for each in (model, constant_velocity(before))]
-    return np.stack([reference, constant_velocity(windows)]), np.stack(hindcast_m)
+    hindcasts = simulate_tracks(plant, before.start, before.acting, before.wind), constant_velocity(before)
+    hindcast_m = np.stack([mean_distances(each, before.track) for each in hindcasts])
+    return np.stack([reference, constant_velocity(windows)]), hindcast_m
 
 
 def mean_known(errors_m: Floats) -> float:

@@ -85,11 +85,6 @@ class Interval:
     low: Number
     high: Number
 
-    def as_dict(self) -> dict[str, float | None]:
-        """For JSON, with NaN as None."""
-        figures = {"value": self.value, "low": self.low, "high": self.high}
-        return {name: each if np.isfinite(each) else None for name, each in figures.items()}
-
 
 @dataclass(frozen=True, slots=True)
 class LegBootstrap:

@@ -29,7 +29,7 @@ from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.artefact import load
 from hybrid.calibrators.calibrator import DomainOfApplicability
-from hybrid.calibrators.predictor import HORIZON_S, Predictor, predictor_of
+from hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, Source, dataset_of
@@ -97,9 +97,8 @@ class Case:
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
     def _ship_of(self, name: str, recording: Path) -> Ship | None:
-        if self.length_m is not None:
-            return Ship(name, self.length_m, self.length_m)
-        return ship_of(name, recording)
+        given_m = self.length_m
+        return ship_of(name, recording) if given_m is None else Ship(name, given_m, given_m)
 
     @property
     def products(self) -> dict[str, Products]:
@@ -155,12 +154,10 @@ class Case:
 
     @cached_property
     def dataset(self) -> Dataset:
-        """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
-        none."""
+        """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
         every = self.products
-        used = {
-            name: each for name, each in every.items() if each.windows is not None and each.windows.kept
-        } or every
+        held = {name: each for name, each in every.items() if each.windows is not None and each.windows.kept}
+        used = held or every
         paths = [self.named_paths[name] for name in used]
         return dataset_of(
             {name: second_by_second(partial(resample, select(each.table, self.part_percent)))

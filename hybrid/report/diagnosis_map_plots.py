@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.diagnosis.result import FORCES, Map, Place
+from hybrid.report.plots import LESS_MORE, legend_above
 from hybrid.report.words import quantity_title
 
 QUANTITIES = {
@@ -45,7 +45,6 @@ _KILO, _MINUTE_S = 1e3, 60.0
 _FULL = 12.0  # standard errors at full colour
 _SURE = 3.3  # standard errors beyond which a force is printed dark
 _ROW_INCH, _EDGE_INCH = 0.19, 0.7
-_COLOURS = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
 
 Rows = list[tuple[str, list[Place]]]
 
@@ -89,14 +88,8 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
-    axes.plot(
-        made.quantities[quantity] / scale,
-        made.force[:, axis] / _KILO,
-        ".",
-        color=FAINT,
-        markersize=2,
-        label="reconstructed, each second",
-    )
+    seconds, force = made.quantities[quantity] / scale, made.force[:, axis] / _KILO
+    axes.plot(seconds, force, ".", color=FAINT, markersize=2, label="reconstructed, each second")
     cells = [each for each in made.places if each.channel == channel and quantity in each.cell]
     cells = sorted(cells, key=lambda each: each.cell[quantity])
     middle = np.array([np.mean(each.cell[quantity]) for each in cells]) / scale
@@ -106,29 +99,21 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
     reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
     axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.set_xlabel(axis_title(quantity))
-    axes.set_ylabel("missing force: " + FORCE_TITLES[axis])
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + FORCE_TITLES[axis])
+    legend_above(axes, 2)
 
 
 def depends_most(made: Map) -> tuple[str, str] | None:
     """The force and the quantity whose cells differ most for what is known of them; None without cells."""
-    best: tuple[float, str, str] | None = None
-    for channel in FORCES:
-        for quantity in made.quantities:
-            z, error = _of(made.places, channel, quantity)
-            if len(z) > 1:
-                weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
-                away = error - np.average(error, weights=weight + 1e-30)
-                score = float((weight * away**2).sum() / (len(z) - 1))
-                best = max(best or (score, channel, quantity), (score, channel, quantity))
-    return best and best[1:]
-
-
-def _of(places: Sequence[Place], channel: str, quantity: str) -> tuple[Floats, Floats]:
-    """z and error of the cells of a quantity alone."""
-    cells = [each for each in places if each.channel == channel and list(each.cell) == [quantity]]
-    return np.array([each.z for each in cells]), np.array([each.error for each in cells])
+    scores = dict[tuple[str, str], float]()
+    for pair in product(FORCES, made.quantities):
+        cells = [each for each in made.places if (each.channel, *each.cell) == pair]
+        z, error = np.array([each.z for each in cells]), np.array([each.error for each in cells])
+        if len(cells) > 1:
+            weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
+            away = error - np.average(error, weights=weight + 1e-30)
+            scores[pair] = float((weight * away**2).sum() / (len(z) - 1))
+    return max(scores, key=lambda pair: (scores[pair], pair), default=None)
 
 
 def cell_name(place: Place) -> str:
@@ -188,7 +173,7 @@ def _halves(rows: Rows) -> tuple[Rows, Rows]:
 
 def _matrix(axes: Axes, rows: Rows) -> None:
     z = np.array([[each.z for each in forces] or [np.nan] * 3 for _, forces in rows])
-    axes.imshow(z, cmap=_COLOURS, vmin=-_FULL, vmax=_FULL, aspect="auto")
+    axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
     for row, (name, forces) in enumerate(rows):
         for column, each in enumerate(forces):
             dark = abs(each.z) > _SURE

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from itertools import cycle
 
 import numpy as np
@@ -18,7 +19,7 @@ from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import FAMILIES
 from hybrid.prediction.scores import Interval, distances
 from hybrid.report.diagnosis_words import parameter_title, title_of
-from hybrid.report.plots import interval_bar, logarithmic, plain_numbers, start_frame
+from hybrid.report.plots import interval_bar, legend_above, logarithmic, named_rows, plain_numbers, start_frame
 from hybrid.report.words import plain
 
 FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
@@ -46,31 +47,25 @@ def overview_figure(diagnosis: Diagnosis) -> Figure:
 def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> None:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(suspects)[:_SHOWN]
-    axes.barh(
-        range(len(shown)),
-        [each.evidence for each in shown],
-        color=[FAMILY_COLOUR.get(each.family, FAINT) for each in shown],
-        edgecolor=[INK if each.name in named else "none" for each in shown],
-        linewidth=1.6,
-    )
+    colours = [FAMILY_COLOUR.get(each.family, FAINT) for each in shown]
+    edges = [INK if each.name in named else "none" for each in shown]
+    axes.barh(range(len(shown)), [each.evidence for each in shown], color=colours, edgecolor=edges, linewidth=1.6)
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    axes.set_yticks(range(len(shown)), [plain(each.name) for each in shown])
-    axes.set_ylim(len(shown) - 0.4, -0.6)
+    named_rows(axes, [plain(each.name) for each in shown])
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
     axes.set_xlabel("log odds for the model with this effect alone [nat]; above 0 it is better")
     families = [family for family in FAMILIES if any(each.family == family for each in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
-    _on_grid(axes)
+    legend_above(axes, len(handles), handles=handles)
+    axes.grid(visible=False, axis="y")
 
 
 def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> None:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
     every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
-    for axes, (effect, name, estimate) in zip(
-        figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
-    ):
+    rows = figure.subplots(len(every), 1, squeeze=False)[:, 0]
+    for axes, (effect, name, estimate) in zip(rows, every, strict=True):
         absent = 1.0 if name.endswith("factor") else 0.0
         _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
@@ -91,24 +86,16 @@ def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> Non
 def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
     """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
     shown = sorted(rivals, key=lambda each: (each.instead_of, each.evidence))[:_SHOWN]
-    axes.barh(
-        range(len(shown)),
-        [max(each.evidence, 0.02) for each in shown],
-        color=[PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown],
-        height=0.6,
-    )
+    colours = [PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown]
+    axes.barh(range(len(shown)), [max(each.evidence, 0.02) for each in shown], color=colours, height=0.6)
     axes.axvline(CLOSE, color=INK, linewidth=1.0)
     labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
-    axes.set_yticks(range(len(shown)), labels, fontsize=8)
-    axes.set_ylim(len(shown) - 0.4, -0.6)
+    named_rows(axes, labels, fontsize=8)
     axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
     axes.set_xlabel("log evidence below that of the named effect [nat]")
-    handles = [
-        Patch(color=PALETTE[1], label="cannot be distinguished"),
-        Patch(color=PALETTE[0], label="less likely"),
-    ]
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
-    _on_grid(axes)
+    words = {"cannot be distinguished": PALETTE[1], "less likely": PALETTE[0]}
+    legend_above(axes, 2, handles=[Patch(color=colour, label=each) for each, colour in words.items()])
+    axes.grid(visible=False, axis="y")
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> None:
@@ -130,19 +117,17 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(len(names) - 0.4, -0.6)
+    named_rows(axes, names)
     axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
     axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
-    _on_grid(axes)
+    axes.grid(visible=False, axis="y")
 
 
 def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> None:
     """The mean distance of each rung by its title, with its 95 % interval."""
     for row, each in enumerate(rungs.values()):
         interval_bar(axes, each, row, PALETTE[0])
-    axes.set_yticks(range(len(rungs)), list(rungs))
-    axes.set_ylim(len(rungs) - 0.5, -0.5)
+    named_rows(axes, list(rungs))
     logarithmic(axes, "x", list(rungs.values()))
     axes.set_xlabel("mean distance [m]")
 
@@ -160,10 +145,8 @@ def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> None:
         axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
-    axes.set_xlim(0, tracks.measured.shape[1] - 1)
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("mean distance [m]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(shown), borderpad=0.0)
+    axes.set(xlim=(0, tracks.measured.shape[1] - 1), xlabel="prediction time [s]", ylabel="mean distance [m]")
+    legend_above(axes, len(shown))
 
 
 def window_tracks(figure: Figure, tracks: Tracks) -> None:
@@ -172,9 +155,7 @@ def window_tracks(figure: Figure, tracks: Tracks) -> None:
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         _window(axes, tracks, number)
-        before, after = (
-            distances(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
-        )
+        before, after = (distances(each, tracks.measured)[number].mean() for each in (tracks.before, tracks.after))
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
     rows[0, 0].set_ylabel("ahead [m]")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
@@ -231,17 +212,10 @@ def chosen_windows(tracks: Tracks) -> dict[str, int]:
 
 def whole_windows(tracks: Tracks) -> Tracks:
     """The windows in which all is known, measured and predicted, to the end."""
-    every = (tracks.measured, tracks.before, tracks.after, tracks.floor, tracks.constant_velocity)
-    known = np.all([np.isfinite(each).all(axis=(1, 2)) for each in every], axis=0)
+    arrays = {each.name: getattr(tracks, each.name) for each in fields(Tracks) if each.name != "controls"}
+    known = np.all([np.isfinite(each).all(axis=tuple(range(1, each.ndim))) for each in arrays.values()], axis=0)
     controls = {name: values[known] for name, values in tracks.controls.items()}
-    measured, before, after, floor, held = (each[known] for each in every)
-    return Tracks(measured, before, after, floor, held, tracks.leg[known], tracks.start_s[known], controls)
-
-
-def _on_grid(axes: Axes) -> None:
-    """Bars that lie on the grid, not under it."""
-    axes.set_axisbelow(True)
-    axes.grid(visible=False, axis="y")
+    return Tracks(**{name: each[known] for name, each in arrays.items()}, controls=controls)
 
 
 def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:

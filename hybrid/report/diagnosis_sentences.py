@@ -1,4 +1,4 @@
-"""A diagnosis in words: named effects, contradictions between sensors, the remainder, remarks."""
+"""A diagnosis in words: named effects, contradictions between sensors, the remainder, regimes, remarks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.serialisation import to_json
 from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
 from hybrid.diagnosis.coarse_model import CREDIBLE
@@ -20,6 +19,7 @@ from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
+from hybrid.diagnosis.regimes import FoundRegime
 from hybrid.diagnosis.result import (
     FORCES,
     Consistency,
@@ -29,6 +29,7 @@ from hybrid.diagnosis.result import (
     Estimate,
     Extras,
     NamedEffect,
+    RegimeEffect,
     Remainder,
     Rival,
     UnknownCause,
@@ -39,179 +40,12 @@ from hybrid.diagnosis.verdict import Conclusion, estimates
 from hybrid.effects import Catalogue, Effect
 from hybrid.effects.catalogue import VERSION
 from hybrid.effects.environment import STEADY_WIND
-from hybrid.report.actuator_sentences import actuator_texts
+from hybrid.effects.regime import Regime, parameter_of
 from hybrid.report.diagnosis_words import DEPENDS, cell_row, clock, number, parameter_title, percent, when_words
-from hybrid.report.regime_sentences import regime_in_words
-from hybrid.report.words import join_words, plain
-
-Parameters = Mapping[str, Estimate]
+from hybrid.report.effect_sentences import Parameters, sentence, words_and_interval
+from hybrid.report.words import UNITS, join_words, plain
 
 _ALMOST = 1.1
-
-
-def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
-    """A named effect in one plain sentence, with its size, certainty and share of the gap.
-
-    ``actuators`` are the ship's, by default R/V Gunnerus'.
-    """
-    what, ends = _sized(effect, parameters, actuators)
-    return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
-
-
-def _sized(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
-    """An effect and its size, and the ends of its intervals."""
-    if effect.base in _SEVERAL:
-        return _of_several(_SEVERAL[effect.base], parameters)
-    if texts := _ONE.get(effect.base) or actuator_texts(effect.base, actuators):
-        return _of_one(effect, texts, next(iter(parameters.values())))
-    return _of_any(effect, parameters)
-
-
-def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple[str, str]:
-    """A size in words: where there are two texts, the second is for what is less than neutral, without a sign.
-
-    In percent of change where the text has percent.
-    """
-    neutral = effect.parameters[0].neutral
-    less = len(texts) == 2 and bool(estimate.value < neutral)
-    text = texts[less]
-
-    def size(value: float) -> float:
-        change = 100.0 * (value - neutral) if "%" in text and isfinite(neutral) else value
-        return -change if less else change
-
-    low, high = sorted((size(estimate.low), size(estimate.high)))
-    return text.format(number(size(estimate.value))), span(low, high)
-
-
-def _of_several(text: str, parameters: Parameters) -> tuple[str, str]:
-    """A place is said by its side of the reference point, and its interval on that side; shares in percent."""
-    if "%" in text:
-        parameters = {name: _times(each, 100.0) for name, each in parameters.items()}
-    for way, other, each in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
-        if f"{{}} m {way}" in text and parameters[each].value < 0.0:
-            text = text.replace(f"m {way}", f"m {other}")
-            parameters = {**parameters, each: _times(parameters[each], -1.0)}
-    values = [number(each.value) if each.unit != "deg" else f"{each.value:.0f}" for each in parameters.values()]
-    ends = "; ".join(span(each.low, each.high, each.unit) for each in parameters.values())
-    return text.format(*values), ends
-
-
-def _times(estimate: Estimate, factor: float) -> Estimate:
-    low, high = sorted((factor * estimate.low, factor * estimate.high))
-    return replace(estimate, value=factor * estimate.value, low=low, high=high)
-
-
-def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:
-    """What is in no list of ours: its name and its parameters."""
-    sizes = ", ".join(
-        f"{plain(name.rsplit('_', 1)[0])} {number(each.value)} {each.unit}".removesuffix(" 1")
-        for name, each in parameters.items()
-    )
-    ends = "; ".join(span(each.low, each.high) for each in parameters.values())
-    return f"The model lacks {plain(effect.base)}: {sizes}", ends
-
-
-def span(low: float, high: float, unit: str = "") -> str:
-    """The ends of an interval; angles in whole degrees.
-
-    >>> span(0.341, 0.36), span(-1.2, 0.5), span(202.7, 206.9, "deg")
-    ('0.341-0.36', '−1.2 to 0.5', '203-207')
-    """
-    ends = [f"{end:.0f}".replace("-", "\u2212") if unit == "deg" else number(end) for end in (low, high)]
-    return "-".join(ends) if low >= 0.0 else " to ".join(ends)
-
-
-_SEVERAL = {
-    "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
-    "steady_wind": "A wind that was not recorded blows at {} m/s towards {} deg",
-    "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
-    "low_speed_damping": "At low speed the water slows the ship more than in the model: surge by {} % a second, "
-    "sway by {} %, yaw by {} %",
-    "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
-    "reference point",
-    "speed_sensor_offset": "The recorded speeds are those of a point {} m ahead and {} m to starboard of the "
-    "reference point",
-}
-"""Effects of two parameters and more, in their order."""
-
-
-def _more_or_less(what: str) -> tuple[str, str]:
-    return what + " {} % more than the model's", what + " {} % less than the model's"
-
-
-def _too(what: str, above: str, below: str) -> tuple[str, str]:
-    return f"{what} {above}", f"{what} {below}"
-
-
-_ONE: dict[str, tuple[str, ...]] = {
-    "loading": ("The ship is {} % heavier than her model", "The ship is {} % lighter than her model"),
-    "surge_added_mass": _more_or_less("The added mass in surge is"),
-    "sway_added_mass": _more_or_less("The added mass in sway is"),
-    "yaw_inertia": _more_or_less("The inertia in yaw is"),
-    "hull_fouling": _more_or_less("The hull's resistance straight ahead is"),
-    "cross_flow_drag": _more_or_less("The hull's cross-flow drag is"),
-    "drift_force": _more_or_less("The side force of the drifting hull is"),
-    "drift_moment": _more_or_less("The yaw moment of the drifting hull is"),
-    "turning_force": _more_or_less("The side force of the turning hull is"),
-    "turning_drag": _more_or_less("The resistance of the turning hull is"),
-    "yaw_damping": _more_or_less("The hull's yaw damping is"),
-    "trim": (
-        "The hull's side force acts {} m further forward than the model's, as with trim by the head",
-        "The hull's side force acts {} m further aft than the model's, as with trim by the stern",
-    ),
-    "skeg": ("The hull has {} m2 more skeg than the model", "The hull has {} m2 less skeg than the model"),
-    "towed_load": (
-        "Something holds the ship back with a steady {} N",
-        "Something pushes the ship ahead with a steady {} N",
-    ),
-    "hull_lengthening": ("The ship is {} m longer than her model", "The ship is {} m shorter than her model"),
-    "shallow_water": ("The water is about {} m deep, which affects the hull forces",),
-    "wake_fraction": (
-        "The wake slows the water at the thrusters by {} %",
-        "The water at the thrusters is {} % faster than the ship",
-    ),
-    "pod_side_force": _more_or_less("The side force of the pods in oblique flow is"),
-    "azimuth_scale": (
-        "The true angles of both azimuths are {} % larger than reported",
-        "The true angles of both azimuths are {} % smaller than reported",
-    ),
-    "yaw_asymmetry": (
-        "A steady moment of {} N m turns the ship to starboard",
-        "A steady moment of {} N m turns the ship to port",
-    ),
-    "sway_asymmetry": (
-        "A steady force of {} N pushes the ship to starboard",
-        "A steady force of {} N pushes the ship to port",
-    ),
-    "wind_load": (
-        "The wind loads are {} % more than the tables say",
-        "The wind loads are {} % less than the tables say",
-    ),
-    "wind_drag": _more_or_less("The wind force along the ship is"),
-    "wind_side_load": _more_or_less("The wind force across the ship is"),
-    "wind_yaw_load": _more_or_less("The yaw moment of the wind is"),
-    "position_delay": _too("Positions are stamped {} s", "too late", "too early"),
-    "heading_delay": _too("Headings are stamped {} s", "too late", "too early"),
-    "speed_delay": _too("Surge, sway and yaw rate are stamped {} s", "too late", "too early"),
-    "command_delay": _too("The drives' feedback is stamped {} s", "too late", "too early"),
-    "thruster_lag": ("The thrusters follow the recorded settings with a lag of {} s",),
-    "heading_bias": _too("The compass reads {} deg", "too much", "too little"),
-    "speed_sensor_rotation": (
-        "The speed sensor is turned {} deg clockwise",
-        "The speed sensor is turned {} deg counter-clockwise",
-    ),
-    "speed_scale": ("Reported speeds are {} times the true ones",),
-    "sway_bias": (
-        "The speed sensor reports {} m/s too much to starboard",
-        "The speed sensor reports {} m/s too much to port",
-    ),
-    "yaw_rate_bias": _too("The rate gyro reads {} deg/s", "too much", "too little"),
-    "yaw_rate_scale": ("Reported yaw rates are {} times the true ones",),
-    "wind_direction_bias": _too("The wind vane reads {} deg", "too much", "too little"),
-    "wind_speed_scale": ("Reported wind speeds are {} times the true ones",),
-}
-"""Effects of one parameter: in words for more, and for less where that is said otherwise."""
 
 
 def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None) -> tuple[Diagnosis, Extras]:
@@ -256,9 +90,8 @@ def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
     equations = accepted.evidence.equations
     effect, test = equations.model.catalogue[name], accepted.tests[name]
     sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
-    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(
-        [n for n in accepted.names if n != name]
-    )
+    others = [each for each in accepted.names if each != name]
+    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(others)
     whole = NamedEffect(
         effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
         log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
@@ -272,7 +105,7 @@ def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], lo
     """An effect that is not the same in all of a trial, by its parts."""
 
     def said(parameters: Parameters, when: str, then: str = "") -> str:
-        what, ends = _sized(effect, parameters, log.actuators)
+        what, ends = words_and_interval(effect, parameters, log.actuators)
         return f"{when}: {what[:1].lower()}{what[1:]} ({ends}){then}"
 
     part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
@@ -335,9 +168,8 @@ def unknown_cause(
     if len(effects) <= CREDIBLE:
         return None
     families = " and ".join(dict.fromkeys(each.family for each in effects))
-    words = (
-        f"{len(effects)} effects at once ({families}): more likely one similar effect that is not in the catalogue"
-    )
+    several = f"{len(effects)} effects at once ({families})"
+    words = f"{several}: more likely one similar effect that is not in the catalogue"
     return UnknownCause(share_of_gap, (OPERATION,), words)
 
 
@@ -378,11 +210,8 @@ def looks_like(remainder: LackOfFit) -> str:
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
     varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
-    return (
-        f"{varies}: more likely a similar effect that is not in the catalogue"
-        if remainder.depends in INTERACTIONS
-        else varies
-    )
+    other = ": more likely a similar effect that is not in the catalogue"
+    return varies + other if remainder.depends in INTERACTIONS else varies
 
 
 def correlation_of(accepted: Acceptance) -> Correlation:
@@ -425,9 +254,8 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     )
     sentence = f"The sensors contradict each other; a possible cause is {plain(effect.base)}: {words}"
     if alike:
-        sentence += (
-            f"; without a ship model {join_words([plain(each) for each in alike], 'or')} cannot be ruled out"
-        )
+        others = join_words([plain(each) for each in alike], "or")
+        sentence += f"; without a ship model {others} cannot be ruled out"
     return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
@@ -492,3 +320,78 @@ def _provenance(first: Acceptance) -> dict[str, Any]:
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), extent, strict=True)),
         "noise": to_json(first.evidence.equations.noise),
     }
+
+
+_WHAT = {
+    "speed_mps": "the speed",
+    "surge_mps": "surge",
+    "sway_mps": "sway",
+    "yaw_rate_dps": "the yaw rate",
+    "drift_angle_deg": "the drift angle",
+    "wind_mps": "the wind",
+    "relative_wind_deg": "the direction of the wind off the bow",
+    "rpm": "the mean shaft speed",
+    "azimuth_deg": "the mean azimuth",
+    "rudder_deg": "the mean rudder angle",
+    "nozzle_deg": "the mean nozzle angle",
+}
+_WAYS = {"surge": ("ahead", "astern"), "sway": ("to starboard", "to port"), "yaw": ("to starboard", "to port")}
+
+
+def regime_in_words(found: FoundRegime) -> RegimeEffect:
+    """A regime that was found as the contract has it."""
+    regime = found.regime
+    name, unit = parameter_of(regime)
+    reach = 1.96 * abs(found.error)
+    return RegimeEffect(
+        found.name,
+        regime_sentence(found),
+        regime.axis,
+        {each: (_end(low), _end(high)) for each, (low, high) in regime.within.items()},
+        regime.grows_with,
+        regime.at,
+        {name: Estimate(found.value, found.value - reach, found.value + reach, unit)},
+        found.share,
+        found.replicated,
+        found.after_m,
+    )
+
+
+def _end(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def regime_sentence(found: FoundRegime) -> str:
+    """Force, regime, and what it brings, in one sentence."""
+    regime, kilo = found.regime, abs(found.value) / 1e3
+    unit, what = ("kN m", "moment") if regime.axis == "yaw" else ("kN", "force")
+    way = _WAYS[regime.axis][found.value < 0.0]
+    spans = [f"{_quantity(name)} is {_between(name, *span)}" for name, span in regime.within.items()]
+    where = f" while {join_words(spans)}" if spans else ""
+    return (
+        f"The model lacks {number(kilo)} {unit} {way}{where}{_growth(regime)}: "
+        f"{percent(found.share)} of the missing {regime.axis} {what}; "
+        f"with it the error on held-out legs is {found.after_m:.2f} m."
+    )
+
+
+def _growth(regime: Regime) -> str:
+    if regime.grows_with is None:
+        return ""
+    of, unit = _quantity(regime.grows_with), _unit(regime.grows_with)
+    return f", proportional to the square of {of} (the figure is for {number(regime.at)} {unit})"
+
+
+def _between(name: str, low: float, high: float) -> str:
+    unit = _unit(name)
+    if not isfinite(low):
+        return f"below {number(high)} {unit}"
+    return f"above {number(low)} {unit}" if not isfinite(high) else f"{number(low)} to {number(high)} {unit}"
+
+
+def _quantity(name: str) -> str:
+    return _WHAT.get(name) or f"the shaft speed of the {plain(name.removesuffix('_rpm'))} thruster"
+
+
+def _unit(name: str) -> str:
+    return UNITS[name.rsplit("_", 1)[-1]]

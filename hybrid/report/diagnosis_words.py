@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from math import inf, isfinite
 from pathlib import Path
@@ -106,15 +106,6 @@ def parameter_title(name: str, unit: str) -> str:
 
 __all__ = ["FEW_LEGS"]  # for the template
 
-_TITLES = {
-    "constant_velocity": "constant velocity",
-    "reference": "reference",
-    "named": "named",
-    "reference_calibrated": "reference, calibrated",
-    "named_calibrated": "named, calibrated",
-}
-
-
 _MODEL = "model: "
 
 
@@ -190,21 +181,17 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
     if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
-        groups = [alternatives(group, _names(diagnosis)) for group in diagnosis.indistinguishable]
+        names = [each.name for each in diagnosis.effects]
+        groups = [alternatives(group, names) for group in diagnosis.indistinguishable]
         return f"This trial cannot determine which is missing: {'; '.join(groups)}"
     left = diagnosis.remainder
     rest = f"; forces of {percent(left.share_of_range)} of the range remain unexplained" if left is not None else ""
     return named + rest
 
 
-def _names(diagnosis: Diagnosis) -> list[str]:
-    return list(dict.fromkeys(each.name for each in diagnosis.effects))
-
-
 def _lacking(effects: Sequence[NamedEffect]) -> str:
     """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
-    lacks = list(dict.fromkeys(plain(each.name) for each in effects if each.kind != "sensor"))
-    shown = list(dict.fromkeys(plain(each.name) for each in effects if each.kind == "sensor"))
+    lacks, shown = (plain_names(each for each in effects if (each.kind == "sensor") is it) for it in (False, True))
     parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
     parts += [f"the sensors show {join_words(shown)}"] if shown else []
     sentence = ", and ".join(parts)
@@ -258,7 +245,7 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
 
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """What the reader can do next, the most useful first."""
-    sensors = list(dict.fromkeys(plain(each.name) for each in diagnosis.effects if each.kind == "sensor"))
+    sensors = plain_names(each for each in diagnosis.effects if each.kind == "sensor")
     steps = []
     if sensors:
         steps.append(
@@ -323,17 +310,12 @@ def left_with_recordings(diagnosis: Diagnosis) -> str:
     """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
     kept = {each.name for each in diagnosis.effects if each.in_vessel}
     partly = [each for each in diagnosis.effects if each.when is not None or each.drift is not None]
-    gone, last = (
-        list(dict.fromkeys(plain(each.name) for each in partly if (each.name in kept) is there))
-        for there in (False, True)
-    )
+    gone, last = (plain_names(each for each in partly if (each.name in kept) is there) for there in (False, True))
+    if not partly:
+        return ""
     said = [f"no {join_words(gone, 'or')}"] if gone else []
     said += [f"the {join_words(last)} at the end of the trial"] if last else []
-    return (
-        f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(said)}."
-        if said
-        else ""
-    )
+    return f"The vessel file has the ship's own effects at the end of the trial: {', and '.join(said)}."
 
 
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
@@ -381,12 +363,16 @@ def dependence(where: Sequence[str]) -> str:
 
 def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
     """The mean distances of a comparison of calibrators, by title."""
-    return {_TITLES[name]: each for name, each in ladder.mean_distance_m.items()}
+    return {_rung_title(name): each for name, each in ladder.mean_distance_m.items()}
+
+
+def _rung_title(name: str) -> str:
+    return plain(name.replace("_calibrated", ", calibrated"))
 
 
 def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
     """A row a rung, and which is the best."""
-    rows = [[_TITLES[name], number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
+    rows = [[_rung_title(name), number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
             for name, each in ladder.mean_distance_m.items()]  # fmt: skip
     return rows, min(range(len(rows)), key=lambda row: list(ladder.mean_distance_m.values())[row].value)
 
@@ -420,17 +406,13 @@ def change_of(ratio: Interval | Ratio) -> str:
     ('20 % less error (10 to 30 %)', '2 % less error (5 % less to 2 % more)')
     """
     value, low, high = (each - 1.0 for each in (ratio.value, ratio.low, ratio.high))
-    words = f"{percent(abs(value))} {_more(value)} error"
+    words = f"{percent(abs(value))} {'more' if value > 0.0 else 'less'} error"
     if not (isfinite(low) and isfinite(high)):
         return words
     if low * high > 0.0:
         near, far = sorted((abs(low), abs(high)))
         return f"{words} ({percent(near).removesuffix(' %')} to {percent(far)})"
     return f"{words} ({percent(-low)} less to {percent(high)} more)"
-
-
-def _more(change: float) -> str:
-    return "more" if change > 0.0 else "less"
 
 
 def _gain(ladder: Ladder, name: str) -> str:
@@ -457,17 +439,14 @@ def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
 
 def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
     """What the verdict rests on: tolerance and provenance; what was not asked for is left out."""
-    known = {
-        key: value
-        for key, value in diagnosis.provenance.items()
-        if key not in ("force_range", "noise") and value not in (False, "0..100")
-    }
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:
         kilo = [number(diagnosis.tolerance * extent[name] / 1e3) for name in ("surge_n", "sway_n", "yaw_nm")]
         rows.append(["which is", f"{kilo[0]} kN ahead, {kilo[1]} kN across, {kilo[2]} kN m in yaw"])
-    rows += [[plain(str(key)), _words(value)] for key, value in known.items()]
+    for key, value in diagnosis.provenance.items():
+        if key not in ("force_range", "noise") and value not in (False, "0..100"):
+            rows.append([plain(str(key)), _words(value)])
     return rows
 
 
@@ -484,9 +463,14 @@ def _words(value: Any) -> str:
     return number(value) if isinstance(value, float) else str(value)
 
 
+def plain_names(effects: Iterable[NamedEffect]) -> list[str]:
+    """The effects' names for people, each once."""
+    return list(dict.fromkeys(plain(each.name) for each in effects))
+
+
 def names_of(effects: Sequence[NamedEffect]) -> str:
     """The effects' names at the beginning of a sentence."""
-    return join_words(list(dict.fromkeys(plain(each.name) for each in effects))).capitalize()
+    return join_words(plain_names(effects)).capitalize()
 
 
 def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:
@@ -510,11 +494,8 @@ def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
 def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
     """The page, not yet written."""
     known = diagnosis.provenance
-    parts = [
-        "Diagnosis",
-        str(known.get("recordings", "")),
-        f"vessel {known['vessel']}" if "vessel" in known else "",
-    ]
+    vessel = f"vessel {known['vessel']}" if "vessel" in known else ""
+    parts = ["Diagnosis", str(known.get("recordings", "")), vessel]
     return render(
         "diagnosis.html", templates=templates(), title=verdict_sentence(diagnosis),
         subtitle="; ".join(each for each in parts if each), diagnosis=diagnosis, extras=extras,
@@ -535,10 +516,8 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
     names = [each.name for each in diagnosis.effects]
-    lines += [
-        Text(f"These data cannot distinguish {alternatives(group, names, 'from')}.")
-        for group in diagnosis.indistinguishable
-    ]
+    for group in diagnosis.indistinguishable:
+        lines.append(Text(f"These data cannot distinguish {alternatives(group, names, 'from')}."))
     left = diagnosis.unknown or diagnosis.remainder
     if left is not None:
         lines.append(Text(f"What remains looks like {left.looks_like}."))
@@ -547,12 +526,9 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
         lines.append(Text(REGIMES_NOTE))
     gap = diagnosis.gap
     if gap.held_out_windows:
-        lines.append(
-            Text(
-                f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows: "
-                f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best."
-            )
-        )
+        where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
+        distances = f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best"
+        lines.append(Text(f"{where}: {distances}."))
     if ladder is not None:
         lines.append(Text(ladder_sentence(ladder)))
     if diagnosis.next_manoeuvre is not None:

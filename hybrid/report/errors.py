@@ -10,7 +10,7 @@ the motion, settings and wind of that second. Their difference is averaged in ce
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,17 +19,16 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from acquisition.core.actuators import ANGLES, Actuators
-from acquisition.core.angles import circular_mean, wrap_180, wrap_360
+from acquisition.core.actuators import ANGLES
+from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
 from analysis.kinematics import to_ship
 from analysis.tables.table import NANO, index_of, trial_channels
-from hybrid.effects.regime import steering_angles
+from hybrid.effects.regime import quantities_along, steering_angles
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.prediction.regions import equal_area_radius, relative_distances
 from hybrid.prediction.scores import LegBootstrap, distances
-from hybrid.report.words import plain
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
@@ -159,21 +158,8 @@ def calibration_of(predicted: Floats, region_m: Floats, horizons: PredictionWind
     return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
 
 
-def error_rows(errors: Mapping[str, Errors], quantity: str, seconds: Sequence[int]) -> list[list[str]]:
-    """A row a method: its name, then median and 90 % of a quantity at each of ``seconds``, as text."""
-    rows = []
-    for method, each in errors.items():
-        half, most = each.by_second(quantity, 0.5), each.by_second(quantity, 0.9)
-        rows.append([plain(method), *(f"{half[second - 1]:.2f}, {most[second - 1]:.2f}" for second in seconds)])
-    return rows
-
-
 ACCELERATIONS = ("surge_mps2", "sway_mps2", "yaw_dps2")
-PLANES = (
-    ("surge_mps", "yaw_rate_dps"),
-    ("rpm", "sway_mps"),
-    ("azimuth_deg", "relative_wind_deg"),
-)
+PLANES = (("surge_mps", "yaw_rate_dps"), ("rpm", "sway_mps"), ("azimuth_deg", "relative_wind_deg"))
 """What the cells are of."""
 
 LEAST_S = 5
@@ -229,27 +215,16 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})
     whole = table.dropna(subset=[*trial_channels(table), *ACCELERATIONS])
-    states, controls = states_of(whole), controls_of(whole, plant.layout)
-    model = modelled_acceleration(plant, states, controls, wind_of(whole)) * np.array([1.0, 1.0, np.rad2deg(1.0)])
+    states, controls, wind = states_of(whole), controls_of(whole, plant.layout), wind_of(whole)
+    model = modelled_acceleration(plant, states, controls, wind) * np.array([1.0, 1.0, np.rad2deg(1.0)])
     measured = whole[list(ACCELERATIONS)].to_numpy(dtype=float)
     relative = wrap_180(whole["wind_direction_deg"].to_numpy() - whole["heading_deg"].to_numpy())
-    quantities = {name: whole[name].to_numpy(dtype=float) for name in ("surge_mps", "sway_mps", "yaw_rate_dps")}
-    shafts = [name for each in plant.layout if each.drives and (name := f"{each.name}_rpm") in whole]
-    quantities |= {"rpm": whole[shafts].to_numpy(dtype=float).mean(axis=1)} if shafts else {}
-    quantities |= _angles(whole, plant.layout)
+    along = quantities_along(plant.layout, states, controls, wind)
+    shown = ("surge_mps", "sway_mps", "yaw_rate_dps", "rpm", *steering_angles(plant.layout))
+    quantities = {name: along[name] for name in shown if name in along}
     if whole["wind_speed_mps"].max() > _CALM_MPS:  # a calm, or a wind that was not recorded, has no direction
         quantities["relative_wind_deg"] = np.asarray(relative)
     return Residuals(measured - model, quantities)
-
-
-def _angles(table: pd.DataFrame, actuators: Actuators) -> dict[str, Floats]:
-    """The mean angle of each kind of actuator that has one, the short way round [deg]."""
-    found = {}
-    for quantity, names in steering_angles(actuators).items():
-        found[quantity] = circular_mean(
-            [table[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names], axis=0
-        )
-    return found
 
 
 def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:

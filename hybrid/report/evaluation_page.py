@@ -16,12 +16,10 @@ from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
 from hybrid.evaluation.study import BASELINES, Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval
-from hybrid.report.plots import COLOUR, interval_bar, logarithmic, reach
+from hybrid.report.plots import COLOUR, interval_bar, logarithmic, named_rows, reach
 from hybrid.report.sections import templates
-from hybrid.report.tables import MEANING, caption_of, counts_of, spread, truth_rows
+from hybrid.report.tables import MEANING, counts_of, spread
 from hybrid.report.words import no_wrap, plain
-
-__all__ = ["MEANING", "caption_of", "counts_of", "truth_rows"]  # for the template
 
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 
@@ -47,9 +45,7 @@ def error_by_second(axes: Axes, summary: Summary) -> None:
         axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0)
     intervals = [one for each in summary.methods.values() for one in each.by_second]
     logarithmic(axes, "y", intervals)
-    axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("mean distance [m]")
+    axes.set(xlim=(0, seconds[-1]), xlabel="prediction time [s]", ylabel="mean distance [m]")
 
 
 def coverage_by_second(axes: Axes, summary: Summary) -> None:
@@ -59,10 +55,8 @@ def coverage_by_second(axes: Axes, summary: Summary) -> None:
     for method, each in summary.methods.items():
         shares = [100.0 * one.value for one in each.coverage_by_second]
         axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=plain(method))
-    axes.set_ylim(min(axes.get_ylim()[0], 90.0), 100.5)
-    axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("positions in the 95 % region [%]")
+    axes.set(xlim=(0, len(each.by_second)), ylim=(min(axes.get_ylim()[0], 90.0), 100.5))
+    axes.set(xlabel="prediction time [s]", ylabel="positions in the 95 % region [%]")
 
 
 def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
@@ -77,8 +71,7 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     axes.axvline(1.0, color=INK, linewidth=1.0)
     for row, (_, method, ratio) in enumerate(rows):
         interval_bar(axes, ratio, row, colours[method])
-    axes.set_yticks(range(len(rows)), [f"{plain(method)}, {kind}" for kind, method, _ in rows])
-    axes.set_ylim(len(rows) - 0.5, -0.5)
+    named_rows(axes, [f"{plain(method)}, {kind}" for kind, method, _ in rows])
     kinds = [kind for kind, _, _ in rows]
     for row in range(1, len(rows)):
         if kinds[row] != kinds[row - 1]:
@@ -93,13 +86,9 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> None:
     for row, method in enumerate(honest):
         shown, found = leaky[method].mean_distance_m, honest[method].mean_distance_m
         axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
-        for each, lift, colour, words in (
-            (shown, -0.12, PALETTE[1], "random windows"),
-            (found, 0.12, PALETTE[0], "unseen legs"),
-        ):
-            interval_bar(axes, each, row + lift, colour, words if row == 0 else "")
-    axes.set_yticks(range(len(honest)), [plain(method) for method in honest])
-    axes.set_ylim(len(honest) - 0.5, -0.5)
+        interval_bar(axes, shown, row - 0.12, PALETTE[1], "random windows" if row == 0 else "")
+        interval_bar(axes, found, row + 0.12, PALETTE[0], "unseen legs" if row == 0 else "")
+    named_rows(axes, [plain(method) for method in honest])
     logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
     axes.set_xlabel("mean distance [m]")
     axes.legend(loc="best")

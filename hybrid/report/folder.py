@@ -114,11 +114,11 @@ def folder_report(
     progress: Progress = lambda share: None,
     recordings: Sequence[Path] | None = None,
 ) -> list[Path]:
-    """The report of a trial's folder, of all or some of its recordings, and the page of the diagnosis of them in
-    it."""
+    """The report of all or some recordings of a trial's folder, and the page of their diagnosis in it."""
     paths = list(recordings or recordings_in(folder))
-    calibrator = choices.calibrator or (folder / "calibrator" if _is_calibrator(folder / "calibrator") else None)
-    own, within = replace(choices, calibrator=calibrator), folder / "diagnosis"
+    beside, within = folder / "calibrator", folder / "diagnosis"
+    found = beside if (beside / "calibrator.json").is_file() else None
+    own = replace(choices, calibrator=choices.calibrator or found)
     if not (within / "shown.json").is_file():
         return [trial_report(paths, folder, own, progress)]
     if not _is_of(within, paths):
@@ -131,10 +131,6 @@ def _is_of(diagnosis: Path, recordings: Sequence[Path]) -> bool:
     """Whether a diagnosis is of these recordings, or of some of them, by their hashes."""
     hashes = str(read_json(diagnosis / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
     return set(hashes.split(", ")) <= {sha256_of(path) for path in recordings}
-
-
-def _is_calibrator(folder: Path) -> bool:
-    return (folder / "calibrator.json").is_file()
 
 
 def trial_report(

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.identification.identify import Candidate, Estimate, Identification, Judgement
+from hybrid.report.plots import legend_above, named_rows
 from hybrid.report.tables import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]
@@ -37,9 +38,8 @@ def _coefficients(found: Identification) -> Table:
         f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients determined by {found.segments} "
         f"segments of {found.duration_s:.0f} s"
     )
-    table = text_table(
-        title, ("coefficient", "value", "95 % from", "to", "start", ""), (), wrap=True, pad_edge=False
-    )
+    columns = ("coefficient", "value", "95 % from", "to", "start", "")
+    table = text_table(title, columns, (), wrap=True, pad_edge=False)
     for each in found.coefficients:
         cells = [f"{number:.3g}" for number in (each.value, each.low, each.high, each.start)]
         said, style = ("", "") if each.known else ("unknown", "dim")
@@ -53,9 +53,8 @@ def _validation(judged: Judgement) -> Table:
         [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.heading_error_deg:.2f}"]
         for name, each in judged.scores.items()
     ]
-    return text_table(
-        title, ("method", "mean distance m", "at the end m", "heading deg"), rows, wrap=True, pad_edge=False
-    )
+    columns = ("method", "mean distance m", "at the end m", "heading deg")
+    return text_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
 def _next(candidates: Sequence[Candidate]) -> Table:
@@ -64,9 +63,8 @@ def _next(candidates: Sequence[Candidate]) -> Table:
         [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
         for each in candidates[:_TRIALS]
     ]
-    return text_table(
-        title, ("manoeuvre", "nats", "remaining variance", "newly determined"), rows, wrap=True, pad_edge=False
-    )
+    columns = ("manoeuvre", "nats", "remaining variance", "newly determined")
+    return text_table(title, columns, rows, wrap=True, pad_edge=False)
 
 
 def draw_identification(figure: Figure, found: Identification) -> None:
@@ -78,17 +76,15 @@ def draw_identification(figure: Figure, found: Identification) -> None:
         left.plot(one[:, 1], one[:, 0], color=INK, linewidth=2.0, label="measured" if number == 0 else None)
         left.plot(other[:, 1], other[:, 0], color=_ORANGE, linewidth=1.0, label="model" if number == 0 else None)
     left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel("east [m]")
-    left.set_ylabel("north [m]")
-    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    left.set(xlabel="east [m]", ylabel="north [m]")
+    legend_above(left, 2)
     shown = sorted(found.coefficients, key=lambda each: (each.high - each.low) / _half_width(each))[:_MOST]
     for place, each in enumerate(shown):
         right.plot([-1.0, 1.0], [place, place], color=FAINT, linewidth=5.0, solid_capstyle="butt")
         ends = (np.array([each.low, each.value, each.high]) - each.start) / _half_width(each)
         right.plot(ends[[0, 2]], [place, place], color=_BLUE if each.known else INK, linewidth=1.5)
         right.plot(ends[1], place, "o", color=_BLUE if each.known else INK, markersize=4)
-    right.set_yticks(range(len(shown)), [each.name for each in shown], fontsize=8)
-    right.set_ylim(len(shown) - 0.5, -0.5)
+    named_rows(right, [each.name for each in shown], fontsize=8)
     right.set_title(f"{len(shown)} of {len(found.coefficients)} coefficients, best known first", loc="left")
     right.set_xlabel("departure from the start, in half widths of the prior's 95 % interval [1]")
 

@@ -6,24 +6,20 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
 from acquisition.core.files import write_text
+from analysis.report.plots import PALETTE
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
 from hybrid.report.sections import templates
-from hybrid.report.tables import heading_of, limit_rows
 from hybrid.report.words import plain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-__all__ = ["TOLD_APART", "heading_of", "limit_rows"]  # for the template
 
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
@@ -39,11 +35,9 @@ def write_plan(plan: Plan, folder: Path) -> list[Path]:
 
 def page_of(plan: Plan) -> Page:
     """The page."""
-    from hybrid.report import plan_page
-
     sea = f"{plan.sea.name or 'own'} sea"
     return render(
-        "plan.html", templates=templates(), title="What a trial would reveal", plan=plan, plans=plan_page,
+        "plan.html", templates=templates(), title="What a trial would reveal", plan=plan,
         subtitle=f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %",
     )  # fmt: skip
 
@@ -66,11 +60,6 @@ def _seen(plan: Plan, programme: Programme, name: str) -> bool:
     return limit <= abs(first.typical - first.neutral)
 
 
-def part_rows(programme: Programme) -> list[list[str]]:
-    """What to do, and for how long."""
-    return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
-
-
 def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
     """Rows with their names as people say them."""
     return [[plain(each) for each in row] for row in rows]
@@ -78,8 +67,6 @@ def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
 
 def draw_programmes(axes: Axes, plan: Plan) -> None:
     """Both programmes on a time line."""
-    from analysis.report.plots import PALETTE
-
     names = list(dict.fromkeys(part.name for each in (plan.asked, plan.better) for part in each.parts))
     for row, programme in enumerate((plan.asked, plan.better)):
         begin = 0.0
@@ -89,10 +76,9 @@ def draw_programmes(axes: Axes, plan: Plan) -> None:
             words = fill(plain(part.name), 12)
             axes.text(begin + part.minutes / 2.0, row, words, ha="center", va="center", fontsize=7)
             begin += part.minutes
-    axes.set_yticks([0, 1], ["yours", "better"])
+    axes.set(yticks=[0, 1], yticklabels=["yours", "better"], xlabel="time [min]")
     axes.invert_yaxis()
     axes.grid(visible=False)
-    axes.set_xlabel("time [min]")
 
 
 def draw_evidence(figure: Figure, plan: Plan) -> None:
@@ -117,8 +103,6 @@ def hardest_effects(plan: Plan) -> list[int]:
 
 
 def _draw_matrix(axes: Axes, evidence: Floats, names: list[str], title: str) -> None:
-    from matplotlib.colors import LogNorm
-
     shown = np.where(np.isfinite(evidence), np.clip(evidence, _LEAST, _MOST), np.nan)
     axes.imshow(shown, cmap="cividis", norm=LogNorm(_LEAST, _MOST))
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=8)

@@ -6,12 +6,13 @@ With them what all of these share: a colour a method, the frame of a start, axes
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 _ELLIPSES = 6  # of a track's regions; more would lie on each other
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
+
+LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
+"""The colours of what the model lacks: from too little, blue, to too much, orange."""
 
 COLOUR = {
     "straight_line": FAINT,
@@ -60,6 +64,17 @@ def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label:
     axes.errorbar(
         interval.value, row, xerr=reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
     )
+
+
+def named_rows(axes: Axes, names: Sequence[str], **look: Any) -> None:
+    """A row for each name from the top down."""
+    axes.set_yticks(range(len(names)), names, **look)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+
+
+def legend_above(axes: Axes, columns: int, **what: Any) -> None:
+    """A legend in one line above the axes, to the right."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderpad=0.0, **what)
 
 
 def reach(interval: Interval) -> Floats:
@@ -106,8 +121,7 @@ def tracks_on_track(axes: Axes, table: pd.DataFrame, tracks: Floats, method: str
 
 def _north_up(axes: Axes) -> None:
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(label("east_m"))
-    axes.set_ylabel(label("north_m"))
+    axes.set(xlabel=label("east_m"), ylabel=label("north_m"))
 
 
 def whole_prediction(axes: Axes, measured: Floats, tracks: Mapping[str, Floats]) -> None:
@@ -148,8 +162,7 @@ def prediction_end(
     every = np.concatenate(points)
     middle = 0.5 * (every.max(axis=0) + every.min(axis=0))
     reach_m = max(0.75 * float(np.ptp(every, axis=0).max()), _LEAST)
-    axes.set_xlim(middle[1] - reach_m, middle[1] + reach_m)
-    axes.set_ylim(middle[0] - reach_m, middle[0] + reach_m)
+    axes.set(xlim=(middle[1] - reach_m, middle[1] + reach_m), ylim=(middle[0] - reach_m, middle[0] + reach_m))
     axes.locator_params(nbins=4)
 
 
@@ -157,14 +170,12 @@ def fan_of_errors(axes: Axes, values: Floats, component: str, method: str) -> No
     """How far predictions from many starts [N, H] spread, second by second: median, middle half and middle 90 %."""
     seconds = np.arange(1, values.shape[1] + 1)
     low, lower, middle, upper, high = np.nanquantile(values, [0.05, 0.25, 0.5, 0.75, 0.95], axis=0)
-    axes.fill_between(
-        seconds, low, high, color=COLOUR[method], alpha=0.18, linewidth=0, label="middle 90 % of the windows"
-    )
-    axes.fill_between(seconds, lower, upper, color=COLOUR[method], alpha=0.35, linewidth=0, label="middle half")
-    axes.plot(seconds, middle, color=COLOUR[method], label="median")
+    colour = COLOUR[method]
+    axes.fill_between(seconds, low, high, color=colour, alpha=0.18, linewidth=0, label="middle 90 % of the windows")
+    axes.fill_between(seconds, lower, upper, color=colour, alpha=0.35, linewidth=0, label="middle half")
+    axes.plot(seconds, middle, color=colour, label="median")
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.set_ylabel(f"error {QUANTITIES[component]}".replace(" [", "\n["))
-    axes.set_xlim(0, seconds[-1])
+    axes.set(ylabel=f"error {QUANTITIES[component]}".replace(" [", "\n["), xlim=(0, seconds[-1]))
 
 
 def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> None:
@@ -172,13 +183,10 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
     for method, each in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
             line = each.by_second(quantity, share)
-            words = (
-                plain(method) if share == 0.5 else f"_{plain(method)}, 90 %"
-            )  # in the numbers, not in the legend
+            # the dashed ones are in the numbers, not in the legend
+            words = plain(method) if share == 0.5 else f"_{plain(method)}, 90 %"
             axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel(QUANTITIES[quantity])
-    axes.set_xlim(left=0)
+    axes.set(xlabel="prediction time [s]", ylabel=QUANTITIES[quantity], xlim=(0, None))
     axes.set_yscale("log")  # errors grow from centimetres to metres, and methods are tens of times apart
     plain_numbers(axes.yaxis)
 
@@ -186,11 +194,8 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
 def legend_of_shares(axes: Axes, shown: Axes) -> None:
     """In ``axes`` what the lines of :func:`errors_by_second` in others mean: a colour a method, a dash a share."""
     handles, words = shown.get_legend_handles_labels()
-    shares = [
-        Line2D([], [], color=INK, linestyle="-", label="median over the windows"),
-        Line2D([], [], color=INK, linestyle="--", label="90 % of them"),
-    ]
-    axes.legend([*handles, *shares], [*words, *(str(each.get_label()) for each in shares)], loc="center left")
+    shares = [Line2D([], [], color=INK, linestyle="-"), Line2D([], [], color=INK, linestyle="--")]
+    axes.legend([*handles, *shares], [*words, "median over the windows", "90 % of them"], loc="center left")
 
 
 def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha: float = 0.75) -> None:
@@ -211,13 +216,13 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
             at = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
             box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
-    axes.set_xticks(range(len(by_trial)), [f"{name}\n{len(next(iter(each.values())))} windows"
-                                           for name, each in by_trial.items()])  # fmt: skip
+    names = [f"{name}\n{len(next(iter(each.values())))} windows" for name, each in by_trial.items()]
+    axes.set_xticks(range(len(by_trial)), names)
     plain_numbers(axes.yaxis)
     axes.set_ylabel("mean distance of a window [m]")
     handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=plain(method))
                for method in methods]  # fmt: skip
-    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
+    legend_above(axes, len(handles), handles=handles)
 
 
 def error_histogram(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> None:
@@ -229,22 +234,17 @@ def error_histogram(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> 
         values = getattr(each, quantity)
         share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
         axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=plain(method))
-    axes.set_xlabel(QUANTITIES[quantity])
-    axes.set_ylabel("share in a class [%]")
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel=QUANTITIES[quantity], ylabel="share in a class [%]", ylim=(0.0, None))
 
 
 def coverage_by_second(axes: Axes, calibration: Calibration) -> None:
     """The share of positions inside the 95 % regions by second, with its interval from drawing legs anew."""
     seconds = np.arange(1, len(calibration.picp) + 1)
     axes.axhline(95.0, color=INK, linewidth=0.8, linestyle=":")
-    axes.fill_between(
-        seconds, 100 * calibration.low, 100 * calibration.high, color=COLOUR["hybrid"], alpha=0.2, linewidth=0
-    )
-    axes.plot(seconds, 100 * calibration.picp, color=COLOUR["hybrid"])
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("inside the 95 % region (PICP) [%]")
-    axes.set_xlim(0, seconds[-1])
+    low, high, colour = 100 * calibration.low, 100 * calibration.high, COLOUR["hybrid"]
+    axes.fill_between(seconds, low, high, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(seconds, 100 * calibration.picp, color=colour)
+    axes.set(xlabel="prediction time [s]", ylabel="inside the 95 % region (PICP) [%]", xlim=(0, seconds[-1]))
     lowest = np.nanmin(np.append(calibration.low, calibration.picp))
     axes.set_ylim(min(80.0, 100 * float(lowest) - 2.0), 100.5)
 
@@ -256,9 +256,7 @@ def transform_histogram(axes: Axes, calibration: Calibration) -> None:
     share = 100.0 * counts / max(counts.sum(), 1)
     axes.bar(edges[:-1], share, width=0.1, align="edge", color=COLOUR["hybrid"], alpha=0.6, edgecolor="white")
     axes.axhline(10.0, color=INK, linewidth=0.8, linestyle=":")
-    axes.set_xlabel("probability integral transform (PIT) [1]")
-    axes.set_ylabel("positions [%]")
-    axes.set_xlim(0, 1)
+    axes.set(xlabel="probability integral transform (PIT) [1]", ylabel="positions [%]", xlim=(0, 1))
 
 
 def draw_validation(figure: Figure, validation: Validation) -> None:
@@ -295,8 +293,5 @@ def draw_regions(figure: Figure, trained: TrainedCalibrator) -> None:
     axes, seconds = figure.subplots(), np.arange(1, len(trained.region_m) + 1)
     for reach_m, line, words in zip(trained.region_m.T, ("-", "--"), ("along", "across"), strict=True):
         axes.plot(seconds, reach_m, line, color=COLOUR["hybrid"], label=f"{words} the course")
-    axes.set_xlabel("prediction time [s]")
-    axes.set_ylabel("radius of the 95 % region [m]")
-    axes.set_xlim(left=0)
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="prediction time [s]", ylabel="radius of the 95 % region [m]", xlim=(0, None), ylim=(0.0, None))
     axes.legend(loc="best")

@@ -57,8 +57,11 @@ def templates() -> Environment:
         diagnosis_plots,
         diagnosis_words,
         evaluation_page,
+        plan_page,
+        tables,
         trial_plots,
         trial_sections,
+        vessel_check,
     )
     from hybrid.report.diagnosis_words import chance, percent
 
@@ -67,6 +70,7 @@ def templates() -> Environment:
     made.globals |= {
         "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
-        "read_diagnosis": read_diagnosis, "speed_power": speed_power,
+        "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": tables, "plans": plan_page,
+        "checks": vessel_check,
     }  # fmt: skip
     return made

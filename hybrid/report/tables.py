@@ -188,7 +188,10 @@ def evaluation_view(evaluation: Evaluation) -> Group:
             tables.append(truths_table(split.truths))
         if split.shown:
             tables.append(breakdown_table(split))
-    return Group(*tables, *([_leak_table(evaluation)] if evaluation.leak else []))
+    if evaluation.leak:
+        rows = [[name, spread(factor)] for name, factor in evaluation.leak.items()]
+        tables.append(text_table("error on unseen legs over random's", ("", "times"), rows))
+    return Group(*tables)
 
 
 def methods_table(horizon_s: int, split: SplitSummary) -> Table:
@@ -239,11 +242,8 @@ def caption_of(split: SplitSummary) -> str:
 
 def counts_of(summary: Summary) -> str:
     """How many windows of how many legs, for people."""
-    windows, legs = (
-        f"{count} {name}{'' if count == 1 else 's'}"
-        for count, name in ((summary.windows, "window"), (summary.legs, "leg"))
-    )
-    return f"{windows} of {legs}"
+    counts = {"window": summary.windows, "leg": summary.legs}
+    return " of ".join(f"{count} {name}{'' if count == 1 else 's'}" for name, count in counts.items())
 
 
 def spread(interval: Interval) -> str:
@@ -254,11 +254,6 @@ def spread(interval: Interval) -> str:
     """
     bounds = "" if interval.low != interval.low else f" ({interval.low:.2f}-{interval.high:.2f})"
     return f"{interval.value:.2f}{bounds}"
-
-
-def _leak_table(evaluation: Evaluation) -> Table:
-    rows = [[name, spread(factor)] for name, factor in evaluation.leak.items()]
-    return text_table("error on unseen legs over random's", ("", "times"), rows)
 
 
 _MOST_PAIRS = 12
@@ -299,12 +294,17 @@ def ordinary_text(effect: Effect) -> str:
     return limit_text(effect, size).removeprefix("<")
 
 
+def part_rows(programme: Programme) -> list[list[str]]:
+    """For how many minutes to do what."""
+    return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
+
+
 def _parts(title: str, programme: Programme) -> RenderableType:
     table = Table(box=None, show_header=False)
     table.add_column(justify="right", no_wrap=True)
     table.add_column()
-    for part in programme.parts:
-        table.add_row(f"{part.minutes:.3g} min", part.what)
+    for minutes, what in part_rows(programme):
+        table.add_row(f"{minutes} min", what)
     return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
 
 

@@ -34,14 +34,12 @@ from hybrid.report.words import plain, quantity_title
 __all__ = ["residual_maps", "training_range"]  # for the template
 
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
-_LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
 
 
 def residual_maps(figure: Figure, residuals: Residuals) -> None:
-    """The acceleration that the model lacks over pairs of quantities, and below how many seconds each cell rests
-    on.
+    """The acceleration that the model lacks over pairs of quantities, and below the seconds in each cell.
 
     One colour scale a row; cells of too few seconds are grey.
     """
@@ -53,7 +51,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> None:
         values = np.abs(values[np.isfinite(values)])
         extent = float(np.quantile(values, 0.98)) if values.size else 1.0
         for axes, each in zip(grid[row], cells, strict=True):
-            mesh = _mesh(axes, each, each.mean[row], cmap=_LESS_MORE, vmin=-extent, vmax=extent)
+            mesh = _mesh(axes, each, each.mean[row], cmap=plots.LESS_MORE, vmin=-extent, vmax=extent)
         figure.colorbar(mesh, ax=list(grid[row]), pad=0.01, label=words)
     most = max(float(each.seconds.max(initial=1.0)) for each in cells)
     for axes, each, (x, _) in zip(grid[-1], cells, planes, strict=True):
@@ -95,8 +93,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
     axes.hlines(rows, lower, upper, color=colours, linewidth=4.5)
     labels = [f"{quantity_title(name)}  {a:.3g} to {b:.3g}"
               for name, a, b in zip(ground.names, ground.low, ground.high, strict=True)]  # fmt: skip
-    axes.set_yticks(rows, labels)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
+    plots.named_rows(axes, labels)
     reach = max(1.6, float(np.nanmax(np.abs(np.concatenate([low, high])))) * 1.05)
     axes.set_xlim(max(-reach, -4.0), min(1.0 + reach, 5.0))
     axes.set_xlabel("0: smallest, 1: largest value in the training [1]")
@@ -104,8 +101,7 @@ def training_range(axes: Axes, ground: DomainOfApplicability) -> None:
 
 
 def parameter_bars(axes: Axes, shown: Parameters) -> None:
-    """The best known parameters as factors of the model's numbers, with 95 % intervals; absent ones lie on the
-    line."""
+    """The best known parameters as factors of the model's numbers, with 95 % intervals; 1 is no change."""
     factors = [each for each in shown.identified if each.neutral == 1.0][:_MOST]
     rows = np.arange(len(factors))
     value, low, high = (np.array([getattr(each, name) for each in factors]) for name in ("value", "low", "high"))
@@ -113,14 +109,13 @@ def parameter_bars(axes: Axes, shown: Parameters) -> None:
     axes.axvline(1.0, color=INK, linewidth=0.8)
     axes.hlines(rows, low, high, color=colours, linewidth=1.6)
     axes.scatter(value, rows, color=colours, s=18, zorder=3)
-    axes.set_yticks(rows, [each.name for each in factors])
-    axes.set_ylim(len(rows) - 0.4, -0.6)
+    plots.named_rows(axes, [each.name for each in factors])
     axes.set_xlabel("times the model's number [1]")
 
 
 def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
     """How estimates hang together: one and minus one cannot be told apart, zero know nothing of each other."""
-    image = axes.imshow(matrix, cmap=_LESS_MORE, vmin=-1.0, vmax=1.0)
+    image = axes.imshow(matrix, cmap=plots.LESS_MORE, vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.grid(visible=False)
@@ -170,7 +165,7 @@ def prediction_fans(figure: Figure, case: Case) -> None:
     plots.tracks_on_track(track, case.products[name].one_hz, judged.tracks[best][some], best)
     for component, axes in fans.items():
         plots.fan_of_errors(axes, getattr(case.errors[best], component), component, best)
-    fans["along"].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+    plots.legend_above(fans["along"], 3)
     fans["along"].tick_params(labelbottom=False)
     for component, axes in fans.items():
         axes.set_ylabel(f"{component}\n[m]")
@@ -207,11 +202,9 @@ def error_distributions(figure: Figure, case: Case) -> None:
         plots.error_histogram(axes, case.errors, quantity)
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
-    split = {name: each.by_trial(trial) for name, each in case.errors.items()}
-    names = list(dict.fromkeys(trial.tolist()))
-    plots.error_spread(
-        below.subplots(), {name: {method: split[method][name] for method in split} for name in names}
-    )
+    split = {method: each.by_trial(trial) for method, each in case.errors.items()}
+    by_trial = {name: {method: split[method][name] for method in split} for name in dict.fromkeys(trial.tolist())}
+    plots.error_spread(below.subplots(), by_trial)
 
 
 def region_calibration(figure: Figure, calibration: Calibration) -> None:

@@ -23,7 +23,7 @@ from analysis.speed_power.report import sentence
 from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED
 from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
-from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, Residuals, error_rows, largest_residuals
+from hybrid.report.errors import ENOUGH_S, Calibration, Residuals, largest_residuals
 from hybrid.report.tables import score_rows
 from hybrid.report.words import join_words, plain, quantity_title
 
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from hybrid.calibrators.calibrator import DomainOfApplicability
     from hybrid.evaluation.validate import Validation
 
-__all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "file_rows", "in_words", "reason_of", "untested"]
-# for the template
+__all__ = ["ENOUGH_S", "FEW_LEGS", "file_rows", "in_words", "reason_of", "untested"]  # for the template
 
 INTERACTIVE = "interactive"
 MOST_PICTURES = 6
@@ -99,9 +98,7 @@ def conditions_of(case: Case) -> Conditions:
     """What the standards ask of the ship and the conditions: the shallowest water, the strongest mean wind."""
     ships = [each for name in case.products if (each := case.ship(name)) is not None]
     trials = [each.recording.trial for each in case.products.values()]
-    draughts = [
-        each for each in (*(trial.draught_m for trial in trials), *(ship.draught_m for ship in ships)) if each
-    ]
+    draughts = [each for each in (*(one.draught_m for one in trials), *(one.draught_m for one in ships)) if each]
     depths = [each.water_depth_m for each in trials if each.water_depth_m]
     tables = [each.one_hz[["wind_speed_mps", "wind_direction_deg"]].dropna() for each in case.products.values()]
     winds = [mean_wind(table)[0] for table in tables if len(table)]
@@ -143,9 +140,8 @@ def index_line(row: IndexRow) -> dict[str, Any]:
 
 def _mean_cells(each: Mean) -> tuple[str, str]:
     value, interval, lengths, _ = index_cells(each.index)
-    value = (
-        value.removesuffix(f" {each.index.unit}") + "\u2020" * each.removed + (f" ({lengths} L)" if lengths else "")
-    )
+    value = value.removesuffix(f" {each.index.unit}") + "\u2020" * each.removed
+    value += f" ({lengths} L)" if lengths else ""
     dashed = interval if "-" in interval else interval.replace(" to ", "\u2013")
     return value + (f", {each.runs} runs" if each.runs > 1 else ""), dashed
 
@@ -220,11 +216,8 @@ def model_sentence(case: Case) -> str:
     """What the simulation model is worth on this trial, beside a ship that goes on as she does."""
     judged, scores = case.validation, case.validation.scores
     mine, kept = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
-    whose = (
-        f"the model {case.model.name}, which is not of this ship,"
-        if case.model.doubt
-        else "the ship's simulation model"
-    )
+    doubted = f"the model {case.model.name}, which is not of this ship,"
+    whose = doubted if case.model.doubt else "the ship's simulation model"
     with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
     gain = f"is {1.0 - mine / kept:.0%} better" if mine < kept else "is no better"
     overlap = "" if case.trained is None else f" {_OVERLAP[case.training_overlap]}"
@@ -239,10 +232,8 @@ def fans_caption(case: Case) -> str:
     """What the picture of predictions shows."""
     judged = case.validation
     of = f" of {case.most_judged}" if len(case.products) > 1 else ""
-    three = (
-        "whole" if judged.region_m is None
-        else "at their ends, with the 95 % region and, for normal errors, the 50 % region"
-    )  # fmt: skip
+    ends = "at their ends, with the 95 % region and, for normal errors, the 50 % region"
+    three = "whole" if judged.region_m is None else ends
     return (
         f"Predictions of {judged.windows.horizon_s} s over the measured track{of}; beside it the errors of all "
         f"predictions, positive ahead and to starboard; below three of them {three}."
@@ -370,17 +361,12 @@ def second_titles(seconds: Sequence[int]) -> list[str]:
 
 def calibration_rows(calibration: Calibration, seconds: Sequence[int]) -> list[list[str]]:
     """Coverage and width of the 95 % regions."""
+    widths = (calibration.pinaw[each - 1] for each in seconds)
     return [
         ["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
-        [
-            "width relative to the mean distance sailed, PINAW [1]",
-            *(_share(calibration.pinaw[each - 1]) for each in seconds),
-        ],
-    ]
-
-
-def _share(value: float) -> str:
-    return f"{value:.3f}" if np.isfinite(value) else "\u2013"
+        ["width relative to the mean distance sailed, PINAW [1]",
+         *(f"{width:.3f}" if np.isfinite(width) else "\u2013" for width in widths)],
+    ]  # fmt: skip
 
 
 def fallback_words(judged: Validation, training: DomainOfApplicability) -> str:

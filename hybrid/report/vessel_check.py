@@ -13,10 +13,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Index, from_order
 from analysis.manoeuvres.measures import peak
-from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import plain_name
 from analysis.report.figures import write_figure
 from analysis.report.plots import FAINT, INK, PALETTE, outlines
@@ -43,11 +41,8 @@ def vessel_check_view(check: VesselCheck) -> Group:
         table.add_row(title_of(test), style="bold")
         for row in index_rows(test):
             table.add_row(f"  {row[0]}", *row[1:])
-    return Group(Text(f"{check.vessel}: {headline(check)}", style="bold"), table, Text(_sentences(check)))
-
-
-def _sentences(check: VesselCheck) -> str:
-    return "\n".join(f"{note[0].upper()}{note[1:]}." for note in notes_of(check))
+    notes = "\n".join(f"{note[0].upper()}{note[1:]}." for note in notes_of(check))
+    return Group(Text(f"{check.vessel}: {headline(check)}", style="bold"), table, Text(notes))
 
 
 def title_of(test: StandardTest) -> str:
@@ -121,12 +116,9 @@ def write_vessel_check(check: VesselCheck, path: Path) -> Path:
 
 def page_of(check: VesselCheck) -> Page:
     """The page: picture and table."""
-    from hybrid.report import vessel_check
-
     return render(
-        "vessel_check.html", templates=templates(), title=check.vessel, check=check, checks=vessel_check,
-        subtitle=headline(check),
-    )  # fmt: skip
+        "vessel_check.html", templates=templates(), title=check.vessel, check=check, subtitle=headline(check)
+    )
 
 
 def notes_of(check: VesselCheck) -> list[str]:
@@ -154,8 +146,8 @@ def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
     figure.suptitle(f"{check.vessel}: {headline(check)}{note}", x=0.01, ha="left", fontsize=11)
 
 
-def _write(axes: Axes, test: StandardTest, names: tuple[str, ...], corner: tuple[float, float]) -> None:
-    """The indices with their limits as a block of text in a corner of the axes."""
+def _write(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
+    """The indices with their limits as a block of text at the lower left of the axes."""
     lines = []
     for name in names:
         if name in test.indices:
@@ -164,10 +156,8 @@ def _write(axes: Axes, test: StandardTest, names: tuple[str, ...], corner: tuple
             limit = f"  (IMO {_limit_text(index)}, {_kept_text(index)})" if index.limit is not None else ""
             lines.append(f"{plain_name(name)} {value}{limit}")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
-    axes.text(
-        *corner, "\n".join(lines), transform=axes.transAxes, fontsize=8, color=INK, bbox=box, zorder=5,
-        ha="left" if corner[0] < 0.5 else "right", va="bottom" if corner[1] < 0.5 else "top",
-    )  # fmt: skip
+    words = "\n".join(lines)
+    axes.text(0.02, 0.02, words, transform=axes.transAxes, va="bottom", fontsize=8, color=INK, bbox=box, zorder=5)
 
 
 def _draw_circles(axes: Axes, check: VesselCheck) -> None:
@@ -175,22 +165,21 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
     axes.set_title("turning circles", loc="left")
     length_m = check.length_m
     for test, colour in zip(check.of_kind("turning_circle"), (BLUE, ORANGE), strict=False):
-        motion = test.motion
+        motion, start_s = test.motion, float(test.executes_s[0])
         shown = motion.between(test.executes_s[0] - 2.0 * length_m / check.speed_mps, test.executes_s[-1])
-        across, ahead = _from_execute(shown, motion, test, length_m)
+        across = (shown.east_m - motion.at("east_m", start_s)) / length_m
+        ahead = (shown.north_m - motion.at("north_m", start_s)) / length_m
         axes.plot(across, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
         after = slice(int(np.searchsorted(shown.time_s, test.executes_s[0])), None)
         outlines(axes, across[after], ahead[after], np.deg2rad(shown.heading_deg[after]), 1.0)
         _limit_lines(axes, test)
     tests = check.of_kind("turning_circle")
     if tests:
-        _write(
-            axes, tests[0], ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"), (0.02, 0.02)
-        )
+        names = ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m")
+        _write(axes, tests[0], names)
         axes.legend(loc="upper right", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("to starboard of the approach [L]")
-    axes.set_ylabel("ahead of the execute [L]")
+    axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the execute [L]")
 
 
 def _limit_lines(axes: Axes, test: StandardTest) -> None:
@@ -205,14 +194,6 @@ def _limit_lines(axes: Axes, test: StandardTest) -> None:
             axes.plot([0.0, side * 3.0], [index.limit_lengths] * 2, "--", color=RED, linewidth=0.9, label=words)
         else:
             axes.plot([side * index.limit_lengths] * 2, [-1.0, 2.0], "--", color=RED, linewidth=0.9)
-
-
-def _from_execute(shown: Motion, motion: Motion, test: StandardTest, length_m: float) -> tuple[Floats, Floats]:
-    start = float(test.executes_s[0])
-    return (
-        (shown.east_m - motion.at("east_m", start)) / length_m,
-        (shown.north_m - motion.at("north_m", start)) / length_m,
-    )
 
 
 def _side(test: StandardTest) -> str:
@@ -235,11 +216,10 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
             from_order(number) if from_order(number) in test.indices else f"overshoot_{number}_deg"
             for number in (1, 2)
         ]
-        _write(axes, test, (*overshoots, "initial_turning_m"), (0.02, 0.02))
+        _write(axes, test, (*overshoots, "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
-    axes.set_xlabel("time since the execute [s]")
-    axes.set_ylabel("[deg], starboard positive")
+    axes.set(xlabel="time since the execute [s]", ylabel="[deg], starboard positive")
 
 
 def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
@@ -250,10 +230,7 @@ def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
     if isfinite(check.speed_mps):
         axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="speed of the tests")
         axes.legend(loc="upper left", fontsize=8)
-    axes.set_xlabel("shaft speed [rpm]")
-    axes.set_ylabel("speed [m/s]")
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="shaft speed [rpm]", ylabel="speed [m/s]", xlim=(0.0, None), ylim=(0.0, None))
 
 
 def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
@@ -270,8 +247,7 @@ def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
         axes.text(0.98, 0.02, "\n".join(left), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
         axes.legend(loc="upper right", fontsize=8)
     words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
-    axes.set_xlabel(f"time since the order [s]{', ' * bool(words)}{words}")
-    axes.set_ylabel("yaw rate [deg/s]")
+    axes.set(xlabel=f"time since the order [s]{', ' * bool(words)}{words}", ylabel="yaw rate [deg/s]")
 
 
 def _draw_stop(axes: Axes, check: VesselCheck) -> None:
@@ -281,8 +257,6 @@ def _draw_stop(axes: Axes, check: VesselCheck) -> None:
         shown = test.motion.between(float(test.executes_s[0]), float(test.executes_s[1]))
         way = np.append(0.0, np.cumsum(np.hypot(np.diff(shown.north_m), np.diff(shown.east_m)))) / check.length_m
         axes.plot(way, shown.surge_mps, color=BLUE)
-        _write(
-            axes, test, ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"), (0.02, 0.02)
-        )
-    axes.set_xlabel("way along the track [L]")
-    axes.set_ylabel("surge [m/s]")
+        names = ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s")
+        _write(axes, test, names)
+    axes.set(xlabel="way along the track [L]", ylabel="surge [m/s]")

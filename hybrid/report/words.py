@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-_UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": "rpm", "deg": "deg", "m": "m",
+UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": "rpm", "deg": "deg", "m": "m",
           "n": "N", "nm": "N m", "cos": "cosine", "sin": "sine"}  # fmt: skip
 
 
@@ -41,4 +41,4 @@ def quantity_title(name: str) -> str:
     ('yaw rate [rad/s]', 'bow angle [cosine]', 'second')
     """
     what, _, suffix = name.rpartition("_")
-    return f"{what.replace('_', ' ')} [{_UNITS[suffix]}]" if suffix in _UNITS and what else name.replace("_", " ")
+    return f"{what.replace('_', ' ')} [{UNITS[suffix]}]" if suffix in UNITS and what else name.replace("_", " ")

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -20,14 +19,13 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from acquisition.core.progress import Progress
 from analysis.report.figures import ENDINGS, fill_figure, write_figure
 from analysis.report.plots import FAINT, INK, PALETTE, channels_figure
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.regions import circle_about, outlines
 from hybrid.report.plots import COLOUR, box, plain_numbers, start_frame
 from hybrid.report.words import plain
-from hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, SEA_STATES, Job, Sea, example_sequence, seas_of
+from hybrid.reproduction.campaign import AZIMUTHS_DEG, BEFORE_S, Sea, example_sequence
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 
@@ -41,8 +39,7 @@ def campaign_tracks(axes: Axes, windows: PredictionWindows, azimuth_deg: Floats)
             track, label = windows.track[number] / 1e3, None if place else f"{angle:g}°"
             axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=2.0, label=label)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("east [km]")
-    axes.set_ylabel("north [km]")
+    axes.set(xlabel="east [km]", ylabel="north [km]")
 
 
 def fans(axes: Axes, windows: PredictionWindows, predicted: Floats, method: str) -> None:
@@ -93,20 +90,16 @@ def track_with_end(
 
 
 def _frame_end(ends: Axes, middle: Floats, around_m: float) -> None:
-    ends.set_xlim(middle[0] - around_m, middle[0] + around_m)
-    ends.set_ylim(middle[1] - around_m, middle[1] + around_m)
-    ends.set_xticks([])
-    ends.set_yticks([])
+    low, high = middle[:2] - around_m, middle[:2] + around_m
+    ends.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
     ends.grid(visible=False)
-    for side in ("top", "right"):
-        ends.spines[side].set_visible(True)
+    ends.spines[["top", "right"]].set_visible(True)
     ends.set_title(f"end, {2 * around_m:g} m wide", fontsize=7, pad=2)
 
 
 def _bow_up(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
     axes.set_aspect("equal", adjustable=adjustable)
-    axes.set_xlabel("to starboard [m]")
-    axes.set_ylabel("ahead [m]")
+    axes.set(xlabel="to starboard [m]", ylabel="ahead [m]")
 
 
 SPLIT_LOOK = {"sequence": (-0.19, 0.85, "sequences never seen"), "random": (0.19, 0.25, "the random split")}
@@ -132,49 +125,37 @@ FAN, TRACKS = 12, 20
 WRITTEN = ("png", *ENDINGS)
 
 
-@dataclass(frozen=True, slots=True)
-class FigureData:
-    """What the figures are drawn from: the sea states, and one sequence of the last with all its channels."""
-
-    seas: tuple[Sea, ...]
-    example: pd.DataFrame
+Seas = Sequence[Sea]
+"""The sea states shown, in their order, one campaign each."""
 
 
 @dataclass(frozen=True, slots=True)
 class FigureSpec:
     """How a figure is drawn, how large it is, and what is written below it."""
 
-    draw: Callable[[Figure, FigureData], None]
+    draw: Callable[[Figure, Seas], None]
     size_inch: tuple[float, float]
     caption: str
 
-    def filled(self, shown: FigureData) -> Figure:
-        """The figure of what is to be shown."""
-        return fill_figure(lambda empty: self.draw(empty, shown), self.size_inch)
+    def filled(self, seas: Seas) -> Figure:
+        """The figure of these sea states."""
+        return fill_figure(lambda empty: self.draw(empty, seas), self.size_inch)
 
 
-def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share: None) -> list[Path]:
-    """Simulate, train, draw, and write every figure as PNG, SVG, PDF and JSON. Raises :class:`StorageError`."""
-    jobs = [Job(sea_state, seed) for sea_state in SEA_STATES]
-    return write_figure_data(figure_data_of(seas_of(jobs, progress=progress)), folder)
+def write_figures(seas: Seas, folder: Path) -> list[Path]:
+    """Every figure in ``folder`` as PNG, SVG and PDF, its numbers as JSON, and where each is.
 
-
-def figure_data_of(seas: Sequence[Sea]) -> FigureData:
-    """The sea states shown, in their order, one campaign each; the example is from the last of them."""
-    return FigureData(tuple(seas), example_sequence(seas[-1].job))
-
-
-def write_figure_data(shown: FigureData, folder: Path) -> list[Path]:
-    """Every figure in ``folder`` as PNG, SVG and PDF, its numbers as JSON, and where each is."""
+    Raises :class:`StorageError`.
+    """
     return [
-        path for name, each in FIGURES.items() for path in write_figure(each.filled(shown), folder, name, WRITTEN)
+        path for name, each in FIGURES.items() for path in write_figure(each.filled(seas), folder, name, WRITTEN)
     ]
 
 
-def draw_tracks(figure: Figure, shown: FigureData) -> None:
+def draw_tracks(figure: Figure, seas: Seas) -> None:
     """Figure 4."""
-    panels = figure.subplots(1, len(shown.seas), squeeze=False)[0]
-    for axes, sea in zip(panels, shown.seas, strict=True):
+    panels = figure.subplots(1, len(seas), squeeze=False)[0]
+    for axes, sea in zip(panels, seas, strict=True):
         first = np.arange(min(TRACKS, len(sea.campaign)))
         campaign_tracks(axes, sea.campaign.windows.subset(first), sea.campaign.azimuth_deg[first])
         text = f"{sea.job.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
@@ -184,18 +165,18 @@ def draw_tracks(figure: Figure, shown: FigureData) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
 
 
-def draw_channels(figure: Figure, shown: FigureData) -> None:
+def draw_channels(figure: Figure, seas: Seas) -> None:
     """Figure 5."""
-    drawing = channels_figure(shown.example)
+    drawing = channels_figure(example_sequence(seas[-1].job))
     if drawing is not None:
         drawing[0](figure)
-    figure.suptitle(f"One sequence in the {shown.seas[-1].job.sea_state} sea, as it is recorded", x=0.01, ha="left")
+    figure.suptitle(f"One sequence in the {seas[-1].job.sea_state} sea, as it is recorded", x=0.01, ha="left")
 
 
-def draw_fans(figure: Figure, shown: FigureData) -> None:
+def draw_fans(figure: Figure, seas: Seas) -> None:
     """Figure 6."""
-    panels = figure.subplots(1, len(shown.seas), squeeze=False, sharex=True, sharey=True)[0]
-    for axes, sea in zip(panels, shown.seas, strict=True):
+    panels = figure.subplots(1, len(seas), squeeze=False, sharex=True, sharey=True)[0]
+    for axes, sea in zip(panels, seas, strict=True):
         chosen = _of_every_azimuth(sea.campaign.azimuth_deg, FAN)
         fans(axes, sea.campaign.windows.subset(chosen), sea.reference[chosen], "reference")
         error_m = float(np.hypot(*(sea.errors["sequence"]["reference"].gap_m.transpose(2, 0, 1))).mean())
@@ -211,10 +192,10 @@ def _of_every_azimuth(azimuth_deg: Floats, count: int) -> NDArray[np.int64]:
     return np.concatenate([np.flatnonzero(azimuth_deg == order)[:each] for order in orders])
 
 
-def draw_errors(figure: Figure, shown: FigureData) -> None:
+def draw_errors(figure: Figure, seas: Seas) -> None:
     """Figure 7."""
-    grid = figure.subplots(2, len(shown.seas), sharex=True, squeeze=False)
-    for column, sea in enumerate(shown.seas):
+    grid = figure.subplots(2, len(seas), sharex=True, squeeze=False)
+    for column, sea in enumerate(seas):
         for row, coordinate in enumerate(("north", "east")):
             gaps = {method: sea.errors["sequence"][method].gap_m[..., row] for method in ("reference", "hybrid")}
             error_over_time(grid[row, column], gaps)
@@ -225,10 +206,10 @@ def draw_errors(figure: Figure, shown: FigureData) -> None:
     figure.legend(handles=grid[0, 0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
 
 
-def draw_predictions(figure: Figure, shown: FigureData) -> None:
+def draw_predictions(figure: Figure, seas: Seas) -> None:
     """Figure 9."""
-    grid = figure.subplots(len(shown.seas), len(AZIMUTHS_DEG), squeeze=False)
-    for row, sea in zip(grid, shown.seas, strict=True):
+    grid = figure.subplots(len(seas), len(AZIMUTHS_DEG), squeeze=False)
+    for row, sea in zip(grid, seas, strict=True):
         azimuth_deg = np.abs(sea.campaign.azimuth_deg[sea.unseen])
         for axes, angle in zip(row, AZIMUTHS_DEG, strict=True):
             numbers = np.flatnonzero(azimuth_deg == angle)
@@ -256,10 +237,10 @@ def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
     track_with_end(axes, measured, tracks, border, around_m)
 
 
-def draw_spread(figure: Figure, shown: FigureData) -> None:
+def draw_spread(figure: Figure, seas: Seas) -> None:
     """Figure 10."""
-    panels = figure.subplots(1, len(shown.seas), squeeze=False, sharey=True)[0]
-    for axes, sea in zip(panels, shown.seas, strict=True):
+    panels = figure.subplots(1, len(seas), squeeze=False, sharey=True)[0]
+    for axes, sea in zip(panels, seas, strict=True):
         errors = {
             (method, split): np.nanmean(np.linalg.norm(sea.errors[split][method].gap_m, axis=2), axis=1)
             for method in SPREAD for split in SPLIT_LOOK

@@ -59,12 +59,6 @@ PUBLISHED = (
 )
 
 
-def published_hybrid(sea_state: str) -> PublishedRow | None:
-    """The paper's hybrid in a sea state, None for one that it has not."""
-    found = [each for each in PUBLISHED if each.method == "hybrid" and each.sea_state == sea_state]
-    return found[0] if found else None
-
-
 @dataclass(frozen=True, slots=True)
 class Row:
     """One method in one sea state under one split; x is north and y east.
@@ -227,15 +221,14 @@ def _figures(method: str, drawn: Mapping[str, Floats]) -> dict[str, Interval]:
 def cells_of(rows: Iterable[Row]) -> list[Cell]:
     """The published reductions of the sea states in ``rows``, beside ours on sequences never seen."""
     unseen = {(row.sea_state, row.method): row for row in rows if row.split == "sequence"}
+    published = {each.sea_state: each for each in PUBLISHED if each.method == "hybrid"}
     cells = []
-    for sea_state in dict.fromkeys(sea_state for sea_state, _ in unseen):
-        published = published_hybrid(sea_state)
-        for quantity in QUANTITIES if published else ():
+    for sea_state in dict.fromkeys(sea_state for sea_state, _ in unseen if sea_state in published):
+        for quantity in QUANTITIES:
             ours, *bounds = (
                 getattr(unseen[sea_state, each], quantity)
                 for each in ("hybrid", "floor", "perfect_start", "waves_only")
             )
-            cells.append(
-                Cell(sea_state, quantity, getattr(published, quantity), ours, *(each.value for each in bounds))
-            )
+            stated = getattr(published[sea_state], quantity)
+            cells.append(Cell(sea_state, quantity, stated, ours, *(each.value for each in bounds)))
     return cells

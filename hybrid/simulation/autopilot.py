@@ -18,6 +18,7 @@ from analysis.compiling import FAST, Record, compiled, source_stamp
 from hybrid.simulation.handling import handling_of, pace_of
 from hybrid.simulation.manoeuvres import ENDS
 from hybrid.vessel.actuators import KINDS, control_units
+from hybrid.vessel.actuators.kind import wrapped
 from hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.sensors import HEADING, YAW_RATE
@@ -67,12 +68,6 @@ def clip(value: float, limit: float) -> float:
 
 
 @compiled
-def wrap_angle(angle_rad: float) -> float:
-    """The same direction within half a turn of zero."""
-    return float(angle_rad - 2.0 * pi * round(angle_rad / (2.0 * pi)))
-
-
-@compiled
 def shares(drives: Drives, dt_s: float) -> Control:
     """How much of the way to its order each control goes in a step, but for the limit of its rate."""
     result = np.ones(len(drives.lag_s))
@@ -98,7 +93,7 @@ def give_order(
     order[:] = leg
     if isnan(ends[COURSE]):
         return
-    error = wrap_angle(base_rad + ends[COURSE] - heading_rad)
+    error = wrapped(base_rad + ends[COURSE] - heading_rad)
     # A positive helm turns the ship to port, so that it is opposite to the error.
     steered = clip(drives.damping_s * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
     for i in range(len(order)):
@@ -124,7 +119,7 @@ def leg_has_ended(
         return False
     off = heading - reference_rad
     over = (deviation > 0.0 and off >= deviation) or (deviation < 0.0 and off <= deviation)
-    if settled > 0.0 and abs(wrap_angle(base_rad + course - heading)) < SETTLED_RAD and abs(r) < settled_radps:
+    if settled > 0.0 and abs(wrapped(base_rad + course - heading)) < SETTLED_RAD and abs(r) < settled_radps:
         over = True
     return bool(over or abs(heading - began[2]) >= turn or u <= slower)  # comparisons with NaN are false
 
@@ -156,7 +151,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
                 number = (number + 1) % legs.shape[0]
                 began, since_s = state, 0.0
             if not isnan(ends[number, COURSE]):
-                reference = state[HEADING] + wrap_angle(base + ends[number, COURSE] - state[HEADING])
+                reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
             controls[k] = drive
             p.drift_force_n = drift_n[k]
             air = (wind[k, 0], wind[k, 1])

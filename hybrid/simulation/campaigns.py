@@ -69,11 +69,11 @@ class PlannedTrial:
     noise: Noise
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrialJob(Job):
     """A planned trial for a worker; ``path`` is the recording that it becomes."""
 
-    trial: PlannedTrial | None = None
+    trial: PlannedTrial
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +165,6 @@ def fingerprint(trial: PlannedTrial) -> str:
 def _made(job: Job) -> Row:
     """Simulate and write one trial; the truth comes last and marks it as complete."""
     assert isinstance(job, TrialJob)
-    assert job.trial is not None
     trial, recording = job.trial, Path(job.path)
     truth_path, plan = recording.with_suffix(".truth.json"), fingerprint(trial)
     if recording.is_file() and _plan_of(truth_path) == plan:

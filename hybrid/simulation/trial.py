@@ -76,7 +76,6 @@ def add_noise(
     actuators: Actuators,
 ) -> tuple[Floats, Floats, Floats]:
     """States [rows, 6], controls [rows, controls] and wind [rows, 2] with noise; a calm stays above zero."""
-    rows = len(states)
     turn = np.pi / 180.0
     motion = (
         [noise.position_m] * 2 + [noise.heading_deg * turn] + [noise.speed_mps] * 2 + [noise.yaw_rate_dps * turn]
@@ -85,12 +84,12 @@ def add_noise(
     command = noise.shaft_rpm * units
     command[angles] = noise.azimuth_deg * units[angles]
     air = [noise.wind_direction_deg * turn, noise.wind_speed_mps]
-    drawn = [
-        values + generator.standard_normal((rows, len(sigmas))) * sigmas
+    moving, acting, blowing = (
+        values + generator.standard_normal(values.shape) * sigmas
         for values, sigmas in ((states, motion), (controls, command), (wind, air))
-    ]
-    drawn[2][:, 1] = np.abs(drawn[2][:, 1])
-    return drawn[0], drawn[1], drawn[2]
+    )
+    blowing[:, 1] = np.abs(blowing[:, 1])
+    return moving, acting, blowing
 
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
@@ -138,7 +137,7 @@ def simulate_trial(
     """
     ship = load_vessel(vessel)
     sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
-    legs = _legs(manoeuvre, ship)
+    legs = for_ship(manoeuvre_named(manoeuvre, ship.actuators), ship) if isinstance(manoeuvre, str) else manoeuvre
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
     environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
@@ -186,13 +185,6 @@ def _in_sea(plant: Plant, sea: SeaState, environment: Hidden, catalogue: Catalog
             f"{plant.length_between_perpendiculars_m:g} m",
             why=str(error), fix="choose calm, or write one with waves of suitable size",
         ) from error  # fmt: skip
-
-
-def _legs(manoeuvre: Manoeuvre | str, vessel: Vessel) -> Manoeuvre:
-    """Legs as they are, or those of a named manoeuvre for this ship."""
-    if isinstance(manoeuvre, str):
-        return for_ship(manoeuvre_named(manoeuvre, vessel.actuators), vessel)
-    return manoeuvre
 
 
 def sail_through(

@@ -210,7 +210,7 @@ def _sailed(vessel: Vessel, legs: Sequence[Leg], lengths: float) -> tuple[Motion
     approach_s = max(_LEAST_APPROACH_S, _APPROACH_LENGTHS * pace.length_s)
     dt_s = _STEP_S * pace.time
     steps = round((approach_s + lengths * pace.length_s) / dt_s)
-    approach = steer(0.0, approach_s, legs[0].rpm if legs[0].rpm > 0.0 else -legs[0].rpm)
+    approach = steer(0.0, approach_s, abs(legs[0].rpm))
     still = np.random.default_rng(0)
     voyage = sail_through(vessel, vessel_plant(vessel), _STILL, (approach, *legs), steps, dt_s, 0.0, still, still)
     motion = _motion(vessel, voyage.states, voyage.controls / control_units(vessel.actuators), dt_s)

@@ -116,7 +116,8 @@ def _longer(series: Series, until_ns: int) -> Series:
     """A series with its newest valid value repeated, as if measured at ``until_ns``."""
     believed = np.flatnonzero(series.quality < Quality.BAD)
     last = believed[np.argmax(series.measured_ns[believed])]
-    return series.append(replace(series.subset(np.array([last])), measured_ns=np.array([until_ns])))
+    repeated = replace(series.subset(np.array([last])), measured_ns=np.array([until_ns]))
+    return Series.joined([series, repeated])
 
 
 def _span_ns(series: Series | None) -> tuple[int, int] | None:
@@ -154,7 +155,7 @@ class RecentSamples:
                 added = added.subset(added.received_ns > known.received_ns.max())
             if added.received_ns.size:
                 self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
-            self._samples[name] = added if known is None else known.append(added)
+            self._samples[name] = added if known is None else Series.joined([known, added])
         oldest_ns = self.newest_received_ns - self._keep_ns
         self._samples = {name: each.subset(each.received_ns >= oldest_ns) for name, each in self._samples.items()}
 
@@ -218,14 +219,15 @@ def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float
     """The track as arrays by second; positions to the millimetre, unknown quantities empty."""
     north_m, east_m, heading = prediction.track.T
     latitude_deg, longitude_deg = positions(north_m, east_m, origin)
+    regions = bands(prediction.region_m)
     return {
-        "seconds": [float(each) for each in range(len(north_m))],
-        "north_m": _rounded(north_m, 3),
-        "east_m": _rounded(east_m, 3),
-        "heading_deg": _rounded(wrap_360(np.rad2deg(heading)), 3),
-        **{name: [] if each is None else _rounded(each, 3) for name, each in bands(prediction.region_m).items()},
-        "latitude_deg": _rounded(latitude_deg, 8),
-        "longitude_deg": _rounded(longitude_deg, 8),
+        "seconds": np.arange(len(north_m), dtype=float).tolist(),
+        "north_m": north_m.round(3).tolist(),
+        "east_m": east_m.round(3).tolist(),
+        "heading_deg": wrap_360(np.rad2deg(heading)).round(3).tolist(),
+        **{name: [] if each is None else each.round(3).tolist() for name, each in regions.items()},
+        "latitude_deg": latitude_deg.round(8).tolist(),
+        "longitude_deg": longitude_deg.round(8).tolist(),
     }
 
 
@@ -255,7 +257,8 @@ def track_geojson(prediction: Prediction, origin: Origin) -> str:
 def _coordinates(north_m: Floats, east_m: Floats, origin: Origin) -> list[list[float]]:
     """Points as GeoJSON has them: longitude first [deg]."""
     latitude, longitude = positions(north_m, east_m, origin)
-    return [[float(east), float(north)] for east, north in np.column_stack([longitude, latitude]).round(8)]
+    points: list[list[float]] = np.column_stack([longitude, latitude]).round(8).tolist()
+    return points
 
 
 def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]) -> dict[str, Any]:
@@ -264,7 +267,3 @@ def _feature(kind: str, coordinates: list[Any], name: str, style: dict[str, Any]
         "properties": {"name": name, "style": style},
         "geometry": {"type": kind, "coordinates": coordinates},
     }
-
-
-def _rounded(values: Floats, digits: int) -> list[float]:
-    return [float(each) for each in np.round(values, digits)]

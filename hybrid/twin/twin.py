@@ -14,17 +14,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from acquisition.core.actuators import DEFAULT, Actuators, as_text
 from acquisition.core.arrays import Series
 from acquisition.core.channels import trial_names
-from acquisition.core.errors import SeatrialError
+from acquisition.core.errors import InputError, SeatrialError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.logger.follow import Follower
 from acquisition.logger.requests import send_prediction
 from acquisition.recording.reader import Recording
 from analysis.tables.table import NANO, actuators_in_recording
+from hybrid.prediction.planned_commands import read_commands
 from hybrid.prediction.prediction_windows import PAST_S
 from hybrid.twin.forecast import (
     Forecast,
@@ -38,12 +40,10 @@ from hybrid.twin.forecast import (
 from hybrid.twin.running_error import MeanErrors, RegionFactor, RunningError, TrackError
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.predictor import Predictor
+    from hybrid.calibrators.predict import Predictor
 
-import pandas as pd
 
-from acquisition.core.errors import InputError
-from hybrid.prediction.planned_commands import read_commands
+Notify = Callable[[str, str], None]
 
 
 class PlanFile:
@@ -53,7 +53,7 @@ class PlanFile:
     followed until it can be read.
     """
 
-    def __init__(self, path: Path, actuators: Actuators, notify: Callable[[str, str], None]) -> None:
+    def __init__(self, path: Path, actuators: Actuators, notify: Notify) -> None:
         self.path = path
         self._actuators, self._notify = actuators, notify
         self._orders: pd.DataFrame | None = None
@@ -110,8 +110,6 @@ _MARGIN_S = 15.0  # longer than the filters' reach and the evaluation's delay
 _LEAST_APART_S = 0.55  # the recorder accepts two a second
 _STALLED_S = 3.0
 _BACK_NS = 5_000_000_000  # a wrong time stamp in the future must not silence the twin for good
-
-Notify = Callable[[str, str], None]
 
 
 def keep_s(horizon_s: int) -> float:

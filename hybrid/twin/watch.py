@@ -7,8 +7,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -23,8 +23,7 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.core.angles import wrap_360
 from acquisition.logger.supervision import LOG, LogFormat, log_to
 from analysis.kinematics import to_ship
-from hybrid.calibrators.predict import Prediction
-from hybrid.calibrators.predictor import Predictor
+from hybrid.calibrators.predict import Prediction, Predictor
 from hybrid.twin.running_error import MeanErrors, RegionFactor, TrackError
 from hybrid.twin.twin import PlanFile, Statistics, Twin, warm_up
 
@@ -76,27 +75,13 @@ class Summary:
 
 def summary_of(statistics: Statistics, unmeasured: int, region: RegionFactor) -> Summary:
     """A summary of the statistics and of the adaptation of the regions."""
-    median_s, most_s, longest_s = (_quantile(statistics.latency_s, share) for share in (0.5, 0.95, 1.0))
-    errors = statistics.errors
+    errors, latency_s = statistics.errors, statistics.latency_s
+    latencies = np.quantile(latency_s, (0.5, 0.95, 1.0)).tolist() if latency_s else (None, None, None)
     return Summary(
-        made=statistics.made,
-        recorded=statistics.recorded,
-        judged=errors.predictions,
-        left_out=errors.left_out,
-        unmeasured=unmeasured,
-        mean_distance_m=errors.mean_distance_m,
-        end_distance_m=errors.end_distance_m,
-        heading_deg=errors.heading_deg,
-        inside_band=errors.inside_band,
-        band_factor=None if errors.inside_band is None else region.factor,
-        latency_median_s=median_s,
-        latency_95_s=most_s,
-        latency_max_s=longest_s,
-    )
-
-
-def _quantile(values: Sequence[float], share: float) -> float | None:
-    return float(np.quantile(values, share)) if values else None
+        statistics.made, statistics.recorded, errors.predictions, errors.left_out, unmeasured,
+        errors.mean_distance_m, errors.end_distance_m, errors.heading_deg, errors.inside_band,
+        None if errors.inside_band is None else region.factor, *latencies,
+    )  # fmt: skip
 
 
 def watch(
@@ -130,7 +115,10 @@ def watch(
         plan = None if commands is None else PlanFile(commands, predictor.plant.layout, notify)
         twin = Twin(config.trial.name, config.path, predictor, notify, folder, plan)
         stack.callback(twin.close)
-        stack.enter_context(_display(Display(twin, messages)) if on_terminal else log_to(sys.stderr, log_format))
+        display = Live(
+            Display(twin, messages), console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True
+        )  # drawn by a thread of its own
+        stack.enter_context(display if on_terminal else log_to(sys.stderr, log_format))
         warm_up(predictor)
         _run(twin, stop, duration_s)
         return summary_of(twin.statistics, twin.errors.unmeasured, twin.region)
@@ -145,11 +133,6 @@ def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
             logged_s = time.monotonic()
             mean = mean_error_text(twin.errors.mean(), twin.errors.over_s)
             LOG.info("%s; %s; %s", latency_text(twin), mean, twin.region)
-
-
-def _display(display: Display) -> AbstractContextManager[object]:
-    """The display in a terminal, drawn by a thread of its own."""
-    return Live(display, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
 
 
 def as_json(summary: Summary, predictor: Predictor) -> dict[str, object]:

@@ -9,7 +9,7 @@ kind.
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin
+from math import cos, exp, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from hybrid.vessel.actuators import (
     actuator_force,
     hold_actuator,
 )
-from hybrid.vessel.actuators.kind import CONTROL, KIND
+from hybrid.vessel.actuators.kind import CONTROL, KIND, wrapped
 from hybrid.vessel.hulls import hull_force
 from hybrid.vessel.plant import ForceFunction
 from hybrid.vessel.wind import wind_force, wind_vector
@@ -143,11 +143,10 @@ def total_force(
     v_air = held.wind_east_mps * cosine - held.wind_north_mps * sine
     wind_X, wind_Y, wind_N = wind_force(p, u - u_air, v - v_air)
     drift_X, drift_Y, drift_N = wave_drift_force(p, cosine, sine)
-    constant_X, constant_Y, constant_N = constant_force(p)
     arm = p.mass_kg * p.centre_of_gravity_m
-    X += slow_X + actuators_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r + arm * r * r
-    Y += slow_Y + actuators_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r
-    N += slow_N + actuators_N + wind_N + drift_N + constant_N - arm * u_r * r
+    X += slow_X + actuators_X + wind_X + drift_X + p.constant_X_n + p.mass_kg * v_r * r + arm * r * r
+    Y += slow_Y + actuators_Y + wind_Y + drift_Y + p.constant_Y_n - p.mass_kg * u_r * r
+    N += slow_N + actuators_N + wind_N + drift_N + p.constant_N_nm - arm * u_r * r
     return X, Y, N
 
 
@@ -227,7 +226,7 @@ def approach(p: Record, result: Control, acting: Control, order: Control, shares
         for j in range(CONTROLS_OF[kind]):
             off = order[first + j] - acting[first + j]
             if IS_ANGLE[kind, j]:
-                off -= 2.0 * pi * round(off / (2.0 * pi))
+                off = wrapped(off)
             result[first + j] = acting[first + j] + shares[i] * off
 
 
@@ -246,26 +245,21 @@ def take_up(p: Record, behind: Control, order: Control) -> None:
         for j in range(CONTROLS_OF[kind]):
             off = 0.0
             if IS_ANGLE[kind, j]:
-                off = behind[first + j] - order[first + j]
-                off = min(max(off - 2.0 * pi * round(off / (2.0 * pi)), -half), half)
+                off = min(max(wrapped(behind[first + j] - order[first + j]), -half), half)
             behind[first + j] = order[first + j] + off
 
 
 @compiled
-def lag_of(p: Record, i: int) -> float:
-    """The time constant [s] of one actuator: that of all, and its own."""
-    column = LAG_COLUMN[int(p.actuators[i, KIND])]
-    own = p.actuators[i, column] if column >= 0 else 0.0
-    return float(p.thruster_lag_s + own)
-
-
-@compiled
 def lag_over(p: Record, dt_s: float) -> Lag:
-    """How far lagging actuators come in a step of ``dt_s``: all the way where the plant has no lag."""
+    """How far lagging actuators come in a step of ``dt_s``: all the way where the plant has no lag.
+
+    The time constant of an actuator is that of all, and its own.
+    """
     mean, end = np.ones(len(p.actuators)), np.ones(len(p.actuators))
     present = False
     for i in range(len(p.actuators)):
-        constant = lag_of(p, i)
+        column = LAG_COLUMN[int(p.actuators[i, KIND])]
+        constant = p.thruster_lag_s + (p.actuators[i, column] if column >= 0 else 0.0)
         if constant > 0.0:
             present = True
             left = exp(-dt_s / constant)
@@ -310,12 +304,6 @@ def wave_drift_force(p: Record, cosine: float, sine: float) -> tuple[float, floa
     cos_b = p.drift_north * cosine + p.drift_east * sine
     sin_b = p.drift_east * cosine - p.drift_north * sine
     return 0.35 * F * cos_b, F * sin_b, 0.12 * p.length_overall_m * F * sin_b * cos_b
-
-
-@compiled
-def constant_force(p: Record) -> tuple[float, float, float]:
-    """The constant force and moment in body axes X [N], Y [N], N [N m] (towed load, asymmetry)."""
-    return p.constant_X_n, p.constant_Y_n, p.constant_N_nm
 
 
 FADING_S2PM2 = 5.0

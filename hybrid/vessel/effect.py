@@ -24,6 +24,7 @@ Kind = Literal["physics", "actuator", "sensor"]
 Chart = Literal["linear", "polar", "inverse_square"]
 Scope = Literal["ship", "day", "recording"]
 Values = Mapping[str, float]
+Change = Callable[["Plant", Values], "Plant"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ class Effect:
     what: str
     source: str
     parameters: tuple[Parameter, ...]
-    change: Callable[[Plant, Values], Plant]
+    change: Change
     chart: Chart = "linear"
     confused_with: tuple[str, ...] = ()
     scope: Scope = "ship"
@@ -184,6 +185,27 @@ class Effect:
 
 DIRECTION = Parameter("direction_deg", "deg", 0.0, -360.0, 360.0, 60.0, 10.0)
 """The direction that something goes to, from true north; it alone makes no effect."""
+
+
+def shift(plant: Plant, number: str, amount: float) -> Plant:
+    """An amount added to a number of the plant, in degrees where that is an angle."""
+    return plant.shifted(**{number: radians(amount) if "_rad" in number else amount})
+
+
+def shifted(*numbers: str) -> Change:
+    """The change that adds an effect's parameters to these numbers, each to its own."""
+
+    def change(plant: Plant, values: Values) -> Plant:
+        for number, amount in zip(numbers, values.values(), strict=True):
+            plant = shift(plant, number, amount)
+        return plant
+
+    return change
+
+
+def multiplied(*numbers: str) -> Change:
+    """The change that multiplies these numbers by an effect's only parameter."""
+    return lambda plant, values: plant.scaled(next(iter(values.values())), *numbers)
 
 
 def scaling(

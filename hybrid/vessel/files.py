@@ -56,7 +56,7 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     text, merged = read_text(path), vessel_tree(path)
     _check_form(merged, text, path)
     _check_effects(merged, text, path)
-    vessel = validate(_with_tuples(merged), text, path, Vessel)
+    vessel = validate(merged, text, path, Vessel)
     _check_numbers(vessel, text, path)
     _check_references(vessel, text, path)
     try:
@@ -78,7 +78,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
     A vessel built on one of Seatrial's own states only what differs from it. Raises :class:`StorageError`.
     """
     tree = _stated(vessel)
-    base = _whole(vessel.base) if vessel.base in vessel_names() else {}
+    base = vessel_tree(find_vessel(vessel.base)) if vessel.base in vessel_names() else {}
     if _names_in(base) and _names_in(base) <= _names_in(tree):
         tree = {key: _difference(value, base.get(key)) for key, value in tree.items()}
         tree = {key: value for key, value in tree.items() if value not in ({}, None)}
@@ -91,7 +91,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
 def _stated(part: Any) -> Any:
     """A vessel or a part of it as plain data, without what is so by default."""
     if isinstance(part, tuple):
-        return tuple(map(_stated, part))
+        return [_stated(each) for each in part]
     if not is_dataclass(part):
         return dict(part) if isinstance(part, Mapping) else part
     values = {field.name: (getattr(part, field.name), field.default) for field in fields(part)}
@@ -105,36 +105,22 @@ def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **p
     return replace(vessel, base=base, effects=added, provenance={**vessel.provenance, **provenance})
 
 
-def _whole(name: str) -> Tree:
-    return _with_tuples(vessel_tree(find_vessel(name)))
-
-
 def _names_in(tree: Tree) -> set[str]:
     return {each["name"] for each in tree.get("actuator", ())}
 
 
 def _difference(value: Any, base: Any) -> Any:
     """What of ``value`` its base does not already say; ``None`` or an empty table if it says all."""
-    if isinstance(value, tuple) and value and isinstance(value[0], Mapping):
+    if _is_tables(value):
         by_name = {each["name"]: each for each in base or ()}
         changed = [each for each in value if each != by_name.get(each["name"])]
-        return (
-            tuple({**_difference(each, by_name.get(each["name"], {})), "name": each["name"]} for each in changed)
-            or None
-        )
+        return [
+            {**_difference(each, by_name.get(each["name"], {})), "name": each["name"]} for each in changed
+        ] or None
     if isinstance(value, Mapping) and isinstance(base, Mapping):
         parts = {key: _difference(each, base.get(key)) for key, each in value.items()}
         return {key: each for key, each in parts.items() if each is not None and each != {}}
     return None if value == base else value
-
-
-def _with_tuples(tree: Tree) -> Tree:
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return _with_tuples(value)
-        return tuple(map(plain, value)) if isinstance(value, list) else value
-
-    return {key: plain(value) for key, value in tree.items()}
 
 
 def _check_form(tree: Tree, text: str, path: Path) -> None:
@@ -230,7 +216,7 @@ def _toml(tree: Tree, prefix: str = "") -> str:
 
 
 def _is_tables(value: Any) -> bool:
-    return isinstance(value, tuple) and bool(value) and all(isinstance(each, Mapping) for each in value)
+    return isinstance(value, list) and bool(value) and all(isinstance(each, Mapping) for each in value)
 
 
 def _key(key: str) -> str:
@@ -241,8 +227,7 @@ def _value(value: Any) -> str:
     """A value as TOML, whose texts, truth values and lists are JSON's but for the delete character."""
     if isinstance(value, float):
         return repr(float(value))
-    plain = list(value) if isinstance(value, tuple) else value
-    return json.dumps(plain, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 Trials = Mapping[Path, Trial]

@@ -7,16 +7,18 @@ The equations that use them are in ``hulls``, ``actuators``, ``wind.py`` and ``d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
-from acquisition.core.actuators import Actuators
-from hybrid.vessel.actuators import KINDS, Entry, list_of
-from hybrid.vessel.hulls import HULLS, HullEntry
-from hybrid.vessel.wind import HARMONICS, TABLE_SIZE, Outline, fujiwara
+from acquisition.core.actuators import Actuator, Actuators
+from hybrid.vessel.actuators import KINDS
+from hybrid.vessel.actuators.kind import Entry
+from hybrid.vessel.hulls import HULLS
+from hybrid.vessel.hulls.kind import HullEntry
+from hybrid.vessel.wind import FujiwaraWind, NoWind, Wind
 
 if TYPE_CHECKING:
     AnyActuator = Entry
@@ -26,7 +28,6 @@ else:  # the kinds' and models' entries, told apart by a word in them
     AnyHull = Annotated[Union[tuple(model.entry for model in HULLS.values())], Discriminator("model")]  # noqa: UP007
 
 _STRICT = {"extra": "forbid"}
-Table = tuple[Number, ...]
 Values = Mapping[str, Number]
 Provenance = Mapping[str, str | float | int | bool]
 
@@ -113,71 +114,6 @@ class PrimedInertia:
         )
 
 
-WindNumbers = dict[str, float | tuple[float, ...]]
-_NO_TABLE = (0.0,) * TABLE_SIZE
-
-
-def _padded(harmonics: tuple[float, ...]) -> tuple[float, ...]:
-    return harmonics + _NO_TABLE[len(harmonics) :]
-
-
-@dataclass(frozen=True, slots=True)
-class Wind:
-    """Windage areas and the coefficients at 0, 10, ... 180 degrees off the bow."""
-
-    model: Literal["coefficients"]
-    frontal_area_m2: Number
-    lateral_area_m2: Number
-    air_density_kgpm3: Number
-    CX: Table
-    CY: Table
-    CN: Table
-
-    def numbers(self, dimensions: Dimensions) -> WindNumbers:
-        """What a plant holds of it."""
-        return {
-            "frontal_area_m2": self.frontal_area_m2, "lateral_area_m2": self.lateral_area_m2,
-            "air_density_kgpm3": self.air_density_kgpm3, "CX": self.CX, "CY": self.CY, "CN": self.CN,
-        }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FujiwaraWind:
-    """A ship's outline above water, from which a regression tells the coefficients; see ``wind.py``."""
-
-    model: Literal["fujiwara"]
-    frontal_area_m2: Number
-    lateral_area_m2: Number
-    air_density_kgpm3: Number
-    superstructure_area_m2: Number
-    lateral_centre_m: Number
-    lateral_centre_height_m: Number
-    bridge_centre_m: Number
-    bridge_height_m: Number
-
-    def numbers(self, dimensions: Dimensions) -> WindNumbers:
-        """What a plant holds of it."""
-        own = {field.name: getattr(self, field.name) for field in fields(Outline) if hasattr(self, field.name)}
-        outline = Outline(length_m=dimensions.length_between_perpendiculars_m, beam_m=dimensions.beam_m, **own)
-        CX, CY, CN = map(_padded, fujiwara(outline))
-        return {
-            "frontal_area_m2": self.frontal_area_m2, "lateral_area_m2": self.lateral_area_m2,
-            "air_density_kgpm3": self.air_density_kgpm3, "CX": CX, "CY": CY, "CN": CN, "wind_model": HARMONICS,
-        }  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class NoWind:
-    """A ship whose windage is not modelled."""
-
-    model: Literal["none"]
-
-    def numbers(self, dimensions: Dimensions) -> WindNumbers:
-        """What a plant holds of it."""
-        areas = dict.fromkeys(("frontal_area_m2", "lateral_area_m2", "air_density_kgpm3"), 0.0)
-        return {**areas, **dict.fromkeys(("CX", "CY", "CN"), _NO_TABLE)}
-
-
 AnyWind = Annotated[Wind | FujiwaraWind | NoWind, Discriminator("model")]
 
 
@@ -218,7 +154,7 @@ class Vessel:
     @property
     def actuators(self) -> Actuators:
         """The names and kinds of the actuators, in the order of their controls."""
-        return list_of(self.actuator)
+        return tuple(Actuator(each.name, each.kind) for each in self.actuator)
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
         """The actuators of one kind."""

@@ -122,26 +122,22 @@ def _columns_before(values: Floats, delay_s: float, dt_s: float) -> Floats:
 
 
 def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
-    """Values [..., K+1, n] at ``times`` [m] in samples, from values and their slopes per sample: cubic."""
+    """Values [..., K+1, n] at ``times`` [m] in samples: the cubics that meet values and slopes per sample."""
     last = values.shape[-2] - 1
     lower = np.clip(np.floor(times), 0, max(last - 1, 0)).astype(int)
     upper = np.minimum(lower + 1, last)
-    part = (times - lower)[:, np.newaxis]
-    return _hermite(values[..., lower, :], values[..., upper, :], slope[..., lower, :], slope[..., upper, :], part)
+    t = (times - lower)[:, np.newaxis]
+    rest, left, right = 1.0 - t, values[..., lower, :], values[..., upper, :]
+    return np.asarray(
+        rest**2 * ((1.0 + 2.0 * t) * left + t * slope[..., lower, :])
+        + t**2 * ((3.0 - 2.0 * t) * right - rest * slope[..., upper, :])
+    )
 
 
 def pose_rate(states: Floats) -> Floats:
     """North, east [m/s] and turning speed [rad/s] of states [..., 6]: [..., 3]."""
     speeds = to_earth(states[..., SURGE], states[..., SWAY], states[..., HEADING])
     return np.stack([*speeds, states[..., YAW_RATE]], axis=-1)
-
-
-def _hermite(left: Floats, right: Floats, left_slope: Floats, right_slope: Floats, part: Floats) -> Floats:
-    """Cubic interpolation that meets values and slopes at both ends, ``part`` of the way."""
-    t, rest = part, 1.0 - part
-    return np.asarray(
-        rest**2 * ((1.0 + 2.0 * t) * left + t * left_slope) + t**2 * ((3.0 - 2.0 * t) * right - rest * right_slope)
-    )
 
 
 def arc(states: Floats, ahead_s: Floats) -> Floats:

@@ -247,7 +247,7 @@ def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     if not sizes:
         return None, _NONE
     parameters = np.array([_row(plant, sizes) for plant in each])
-    return _chain(tuple(sizes.items()), len(each[0].actuators)), parameters
+    return _chain(tuple(sizes.items()), len(each[0].layout)), parameters
 
 
 def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:

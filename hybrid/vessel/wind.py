@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, pi, sin
+from typing import Literal
+
+from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
 
@@ -16,6 +19,7 @@ TABLE_SIZE = 19
 TABLE, HARMONICS = 0.0, 1.0
 """How a plant's ``wind_model`` says what CX, CY and CN hold."""
 _PER_STEP = (TABLE_SIZE - 1) / pi
+_NO_TABLE = (0.0,) * TABLE_SIZE
 
 
 @compiled
@@ -70,9 +74,31 @@ def wind_force(p: Record, u_rw: float, v_rw: float) -> tuple[float, float, float
     return q * p.frontal_area_m2 * CX, lateral * CY, lateral * p.length_overall_m * CN
 
 
+Table = tuple[Number, ...]
+WindNumbers = dict[str, float | Table]
+_AREAS = ("frontal_area_m2", "lateral_area_m2", "air_density_kgpm3")
+
+
 @dataclass(frozen=True, slots=True)
-class Outline:
-    """What the regression asks of a ship [m, m2].
+class Wind:
+    """Windage areas and the coefficients at 0, 10, ... 180 degrees off the bow."""
+
+    model: Literal["coefficients"]
+    frontal_area_m2: Number
+    lateral_area_m2: Number
+    air_density_kgpm3: Number
+    CX: Table
+    CY: Table
+    CN: Table
+
+    def numbers(self, length_m: float, beam_m: float) -> WindNumbers:
+        """What a plant holds of it."""
+        return {name: getattr(self, name) for name in (*_AREAS, "CX", "CY", "CN")}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FujiwaraWind:
+    """A ship's outline above water, from which a regression tells the coefficients.
 
     ``superstructure_area_m2`` is the lateral area above deck (A_OD); ``lateral_centre_m`` how far ahead of midship
     the centre of the lateral area lies (C) and ``lateral_centre_height_m`` how high above the water (H_C);
@@ -80,23 +106,37 @@ class Outline:
     its top (H_BR).
     """
 
-    length_m: float
-    beam_m: float
-    frontal_area_m2: float
-    lateral_area_m2: float
-    superstructure_area_m2: float
-    lateral_centre_m: float
-    lateral_centre_height_m: float
-    bridge_centre_m: float
-    bridge_height_m: float
+    model: Literal["fujiwara"]
+    frontal_area_m2: Number
+    lateral_area_m2: Number
+    air_density_kgpm3: Number
+    superstructure_area_m2: Number
+    lateral_centre_m: Number
+    lateral_centre_height_m: Number
+    bridge_centre_m: Number
+    bridge_height_m: Number
+
+    def numbers(self, length_m: float, beam_m: float) -> WindNumbers:
+        """What a plant holds of it."""
+        harmonics = (each + _NO_TABLE[len(each) :] for each in fujiwara(self, length_m, beam_m))
+        areas = {name: getattr(self, name) for name in _AREAS}
+        return {**areas, **dict(zip(("CX", "CY", "CN"), harmonics, strict=True)), "wind_model": HARMONICS}
 
 
-Harmonics = tuple[float, ...]
+@dataclass(frozen=True, slots=True)
+class NoWind:
+    """A ship whose windage is not modelled."""
+
+    model: Literal["none"]
+
+    def numbers(self, length_m: float, beam_m: float) -> WindNumbers:
+        """What a plant holds of it."""
+        return {**dict.fromkeys(_AREAS, 0.0), **dict.fromkeys(("CX", "CY", "CN"), _NO_TABLE)}
 
 
-def fujiwara(ship: Outline) -> tuple[Harmonics, Harmonics, Harmonics]:
+def fujiwara(ship: FujiwaraWind, length_m: float, beam_m: float) -> tuple[Table, Table, Table]:
     """The amplitudes of CX, CY and CN: of cos 0, 1, 3, 5; of sin 1, 3, 5; of sin 1, 2, 3 of the angle of attack."""
-    L, B = ship.length_m, ship.beam_m
+    L, B = length_m, beam_m
     frontal, lateral, above = ship.frontal_area_m2, ship.lateral_area_m2, ship.superstructure_area_m2
     C, H_C, C_BR, H_BR = (
         ship.lateral_centre_m, ship.lateral_centre_height_m, ship.bridge_centre_m, ship.bridge_height_m,

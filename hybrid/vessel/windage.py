@@ -20,7 +20,8 @@ def conditions_of(vessel: Vessel) -> Conditions:
 
     How she was loaded and what water she was in is not taken from her file: they are the day's.
     """
-    wind, size = vessel.wind.numbers(vessel.dimensions), vessel.dimensions
+    size = vessel.dimensions
+    wind = vessel.wind.numbers(size.length_between_perpendiculars_m, size.beam_m)
     ahead = np.asarray(wind["CX"])
     if wind.get("wind_model") == HARMONICS:
         angles = np.linspace(0.0, np.pi, TABLE_SIZE)[:, np.newaxis]

@@ -81,8 +81,7 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
     still = {name for name in angles if _is_there(table, name) and how_it_is_dead(table, name)}
     unknown = {name for name in still if not _is_there(table, name_of_order(name))}
     moving = {kind for name, kind in angles.items() if name not in still}
-    turned_deg = _reach(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
-    found = []
+    turned_deg, found = _turned_deg(table), []
     for name in sorted(unknown):
         ahead = abs(float(table[name].median())) < _AHEAD_DEG
         if angles[name] in moving or (ahead and turned_deg > _TURNS_DEG):
@@ -96,6 +95,10 @@ def idle_angles(table: pd.DataFrame, actuators: Actuators) -> tuple[str, ...]:
 
 def _is_there(table: pd.DataFrame, name: str) -> bool:
     return name in table and bool(table[name].notna().any())
+
+
+def _turned_deg(table: pd.DataFrame) -> float:
+    return _reach(table["heading_deg"], circular=True) if "heading_deg" in table else 0.0
 
 
 def _reach(values: pd.Series, *, circular: bool = False) -> float:
@@ -142,11 +145,12 @@ JITTER = "position_time_jitter"
 @dataclass(frozen=True, slots=True)
 class Checked:
     """The tables that a diagnosis takes in, and in a sentence each what was left out of the recording and what was
-    repaired in it."""
+    repaired in it; ``repaired`` says whether scales and delays of sensors were."""
 
     tables: tuple[pd.DataFrame, ...]
     remarks: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
+    repaired: bool = False
 
 
 def checked_tables(
@@ -163,26 +167,38 @@ def checked_tables(
     name: factors of speeds and yaw rate, delays. ``rebuild_positions`` takes the path that speeds and heading give
     for the positions; ``None`` does so where the check finds that their stamps jitter.
     """
-    table, flags, findings, repairs = _repaired(recording, repaired, rebuild_positions)
-    table, remarks = without_frozen(select(table, part_percent), select(flags, part_percent), findings)
+    raw = table_of(recording)
+    quality = check_recording(recording, raw)
+    findings = quality.findings
+    if rebuild_positions is None:
+        rebuild_positions = any(each.code == JITTER for each in findings)
+    faults = [each for each in findings if repaired or each.code not in _FOR_A_NAME]
+    done = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
+    flags = quality.flags if done.flags is None else done.flags
+    table, remarks = without_frozen(select(done.table, part_percent), select(flags, part_percent), findings)
     dead = dead_sensors(table)
     parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
-    return Checked(parts, (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more), repairs)
+    remarks = (*remarks, *gone, *idle_angles(table, table_actuators(table)), *more)
+    return Checked(parts, remarks, tuple(dict.fromkeys(map(_in_words, done.repairs))), repaired)
 
 
-def _repaired(
-    recording: Recording, repaired: bool, rebuild_positions: bool | None
-) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...], tuple[str, ...]]:
-    """The table, its flags, all findings of the check, and in a sentence each what was repaired."""
-    raw = table_of(recording)
-    quality = check_recording(recording, raw)
-    found = {each.code for each in quality.findings}
-    rebuild = JITTER in found if rebuild_positions is None else rebuild_positions
-    faults = [each for each in quality.findings if repaired or each.code not in _FOR_A_NAME]
-    done = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild)
-    flags = quality.flags if done.flags is None else done.flags
-    return done.table, flags, quality.findings, tuple(dict.fromkeys(map(_in_words, done.repairs)))
+def checked_files(
+    files: Sequence[Path],
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repaired: bool = False,
+    rebuild_positions: bool | None = None,
+) -> Checked:
+    """The tables of all recordings by :func:`checked_tables`; each sentence begins with the name of its file."""
+    tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
+    for file in map(Path, files):
+        recording = read_recording(file)
+        found = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+        tables += found.tables
+        remarks += [f"{file.name}: {each}" for each in found.remarks]
+        repairs += [f"{file.name}: {each}" for each in found.repairs]
+    return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
 
 def _in_words(done: Repair) -> str:
@@ -197,29 +213,21 @@ def usable_tables(
     rebuild_positions: bool | None = None,
 ) -> tuple[dict[str, pd.DataFrame], tuple[str, ...]]:
     """One raw table for each recording by name, with a gap where :func:`checked_tables` parts it, and remarks."""
-    checked = {
-        name: checked_tables(
+    tables, remarks = dict[str, pd.DataFrame](), list[str]()
+    for name, path in recordings.items():
+        checked = checked_tables(
             read_recording(path), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
         )
-        for name, path in recordings.items()
-    }
-    tables = {name: _joined(each.tables) for name, each in checked.items()}
-    return tables, tuple(f"{name}: {remark}" for name, each in checked.items() for remark in each.remarks)
-
-
-def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    whole = pd.concat(parts)
-    whole.attrs = parts[0].attrs
-    return whole
+        tables[name] = pd.concat(checked.tables)
+        tables[name].attrs = checked.tables[0].attrs
+        remarks += [f"{name}: {remark}" for remark in checked.remarks]
+    return tables, tuple(remarks)
 
 
 def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
     """Speeds and yaw rate that have one value throughout although the heading turns: nobody measured them."""
-    if "heading_deg" not in table or not table["heading_deg"].notna().any():
-        return ()
-    turned_deg = float(np.ptp(unwrap(table["heading_deg"].dropna())))
-    one_value = (each for each in VELOCITY if each in table and table[each].min() == table[each].max())
-    return tuple(one_value) if turned_deg > _TURNS_DEG else ()
+    dead = tuple(each for each in VELOCITY if _is_there(table, each) and how_it_is_dead(table, each))
+    return dead if _turned_deg(table) > _TURNS_DEG else ()
 
 
 def without_frozen(

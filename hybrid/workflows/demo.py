@@ -20,7 +20,7 @@ from pathlib import Path
 from acquisition.config.configuration import load_config
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
-from acquisition.core.progress import Progress
+from acquisition.core.progress import bar
 from acquisition.core.trial import Trial
 from acquisition.emulator import NullModem, Playback, emulate
 from acquisition.recording.reader import Recording, read_recording
@@ -41,8 +41,6 @@ from hybrid.report.words import plain
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel, reference_model, trials_of
 from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
-
-Say = Callable[[str], None]
 
 TEMPLATE = Path(__file__).resolve().parents[2] / "trials" / "demo.toml"
 SHIP, MODEL, SEA_STATE = "gunnerus_long", "gunnerus_short", "gentle"
@@ -66,13 +64,13 @@ class Demonstration:
     diagnosis: Diagnosis
 
 
-def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Progress]) -> Demonstration:
-    """Run the whole chain into ``folder``. ``say`` gets a line a step, ``progress`` a step's share done."""
+def demonstrate(folder: Path, seed: int, say: Callable[[str], None]) -> Demonstration:
+    """Run the whole chain into ``folder``. ``say`` gets a line a step."""
     folder.mkdir(parents=True, exist_ok=True)
     say("1  simulate a voyage of the lengthened ship, as her sensors would report it")
     voyage = simulate_to(folder / "voyage.mcap", "voyage", VOYAGE_S, seed)
     say(f"2  play it {SPEED:g} times as fast onto a CAN bus, a serial line and MAVLink, and record them")
-    played, recording_path = play_and_record(voyage, folder, progress("recording"))
+    played, recording_path = play_and_record(voyage, folder)
     recording = read_recording(recording_path)
     lost = lost_samples(played, recording)
     say(f"   {sum(played.counts.values()):,} values played, {sum(lost.values()):,} lost")
@@ -84,26 +82,28 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     windows = windows_of_tables(tables, HORIZON_S, STRIDE_S)
     say(f"   {windows.kept} of {windows.candidates} windows held, dropped: {dropped_words(windows.dropped)}")
     say(f"5  train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
-    trained = train_on_earlier(folder, seed, progress("training"))
+    trained = train_on_earlier(folder, seed)
     say("6  validate it on the recorded voyage, which it has not seen")
     dataset = load_dataset([recording_path], HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
     model = reference_model(trials_of([recording_path]), MODEL)
     validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.said)
     say("7  diagnose what the model of the ship before lacks")
-    diagnosis = diagnose_recording(recording_path, folder, progress("diagnosing"))
+    diagnosis = diagnose_recording(recording_path, folder)
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
     say("8  write the report")
-    report, *_ = folder_report(folder, Choices(), progress("report"), [recording_path])
+    with bar("report") as progress:
+        report, *_ = folder_report(folder, Choices(), progress, [recording_path])
     return Demonstration(report, recording_path, played, lost, windows, validation, diagnosis)
 
 
-def diagnose_recording(recording: Path, folder: Path, progress: Progress) -> Diagnosis:
+def diagnose_recording(recording: Path, folder: Path) -> Diagnosis:
     """Diagnose the recorded voyage against the model of the ship before; a report of its own in ``diagnosis``."""
     vessel, out = load_vessel(MODEL), folder / "diagnosis"
     out.mkdir(exist_ok=True)
-    examined = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
+    with bar("diagnosing") as progress:
+        examined = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
     write_diagnosis(examined, vessel, out)
     return examined.diagnosis
 
@@ -131,10 +131,10 @@ def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Pat
     return path
 
 
-def play_and_record(voyage: Path, folder: Path, progress: Progress) -> tuple[Playback, Path]:
+def play_and_record(voyage: Path, folder: Path) -> tuple[Playback, Path]:
     """Play a recording onto simulated lines while the recorder, a process of its own, records them."""
     port = _free_udp_port()
-    with NullModem() as can, NullModem() as serial:
+    with bar("recording") as progress, NullModem() as can, NullModem() as serial:
         sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
         receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recorder = _start_recorder(receiving, folder / "recordings")
@@ -169,13 +169,8 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
     """The demo's configuration with its cables and port filled in."""
     text = TEMPLATE.read_text(encoding="utf-8")
     dbc = TEMPLATE.parent / "vessels" / "thrusters.dbc"
-    for old, new in (
-        ('"CAN_LINE"', f'"{can_device}"'),
-        ('"SERIAL_LINE"', f'"{serial_device}"'),
-        ("port = 14554", f"port = {port}"),
-        ('"vessels/thrusters.dbc"', f'"{dbc}"'),
-    ):
-        text = text.replace(old, new)
+    text = text.replace('"CAN_LINE"', f'"{can_device}"').replace('"SERIAL_LINE"', f'"{serial_device}"')
+    text = text.replace("port = 14554", f"port = {port}").replace("vessels/thrusters.dbc", str(dbc))
     path.write_text(text, encoding="utf-8")
     return path
 
@@ -210,15 +205,15 @@ def lost_samples(played: Playback, recording: Recording) -> dict[str, int]:
     }
 
 
-def train_on_earlier(folder: Path, seed: int, progress: Progress) -> TrainedCalibrator:
+def train_on_earlier(folder: Path, seed: int) -> TrainedCalibrator:
     """Train on voyages of other days, on top of the model of the ship before she was lengthened."""
     paths = [
         simulate_to(folder / "training" / f"voyage_{number + 1}.mcap", "voyage", TRAINING_S, seed + 100 + number)
         for number in range(TRAINING_VOYAGES)
     ]
     plant = vessel_plant(load_vessel(MODEL))
-    trained = train(
-        load_dataset(paths, HORIZON_S, STRIDE_S, shorter=True), MODEL, plant, seed=seed, progress=progress
-    )
+    dataset = load_dataset(paths, HORIZON_S, STRIDE_S, shorter=True)
+    with bar("training") as progress:
+        trained = train(dataset, MODEL, plant, seed=seed, progress=progress)
     save(trained, folder / "calibrator")
     return trained

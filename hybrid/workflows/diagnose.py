@@ -1,56 +1,49 @@
 """From recordings to a diagnosis, and from a diagnosis to its files.
 
-A model that is off in many things at once may be re-identified before. What the structure of a model can close is
-what remains when its coefficients are as good as the trial can make them. They are identified from all legs but
-those of a fold, and predictions are judged on that fold's, so that the figure is of legs that took no part. Where
-these do not come closer, the model stays as it was.
+A model that is off in many things at once is re-identified before, on request or where the diagnosis of it shows
+that. What the structure of a model can close is what remains when its coefficients are as good as the trial can
+make them. They are identified from all legs but those of a fold, and predictions are judged on that fold's, so that
+the figure is of legs that took no part. Where these do not come closer, the model stays as it was.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
-from acquisition.core.files import write_text
-from acquisition.core.progress import Progress
-from acquisition.core.trial import software_version
-from acquisition.recording.reader import read_recording
-from analysis.tables.table import refuse_duplicates
-from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
-from hybrid.diagnosis.result import Diagnosis, Extras
-from hybrid.diagnosis.serialisation import write_figure_data
-from hybrid.diagnosis.verdict import Conclusion
-from hybrid.effects import Catalogue
-from hybrid.effects.catalogue import catalogue_of
-from hybrid.effects.regime import as_file
-from hybrid.report.diagnosis_sentences import describe
-from hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
-from hybrid.vessel.files import reference_model, save_vessel, trials_of, with_effects
-from hybrid.vessel.parameters import Vessel
-from hybrid.workflows.checked import checked_tables, driven_by_orders, without_wind
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-import numpy as np
-
 from acquisition.core.arrays import Floats
-from acquisition.core.progress import part_of
-from analysis.tables.table import NANO, times_ns
+from acquisition.core.files import write_text
+from acquisition.core.progress import Progress, part_of
+from acquisition.core.trial import software_version
+from analysis.tables.table import NANO, refuse_duplicates, times_ns
 from hybrid.diagnosis.acceptance import UNSEEN, chance_of_gains
+from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.nuisance_basis import force_range
-from hybrid.diagnosis.result import Estimate, IdentifiedCorrection
-from hybrid.effects.catalogue import vessel_plant
+from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection
+from hybrid.diagnosis.serialisation import write_figure_data
+from hybrid.diagnosis.verdict import Conclusion
+from hybrid.effects import Catalogue
+from hybrid.effects.catalogue import catalogue_of, vessel_plant
+from hybrid.effects.regime import as_file
 from hybrid.identification.identify import Identification, identify_tables
 from hybrid.prediction.baselines import present_motion_held
 from hybrid.prediction.scores import distances
+from hybrid.report.diagnosis_sentences import describe
+from hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
+from hybrid.vessel.files import reference_model, save_vessel, trials_of, with_effects
+from hybrid.vessel.parameters import Vessel
+from hybrid.workflows.checked import Checked, checked_files, driven_by_orders, without_wind
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SEGMENT_S = 2.0 * HORIZON_S
 """A stretch that the fit simulates from a start of its own: what is to be foretold, and where that has led to."""
@@ -197,49 +190,97 @@ def diagnose_files(
     *,
     repair: bool = False,
     rebuild_positions: bool | None = None,
-    identify: bool = False,
+    identify: bool | None = None,
     progress: Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
-    Each is checked before (:func:`.checked_tables`): it is parted where its positions jump, what stood still is
+    Each is checked before (:func:`.checked_files`): it is parted where its positions jump, what stood still is
     left out, and faults of the record are repaired. With ``repair`` scales and delays of sensors are, too, and not
     diagnosed any more; ``rebuild_positions`` takes positions by dead reckoning, ``None`` where their time stamps
-    jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`refit_model`).
+    jitter. ``identify`` has the model's coefficients identified from the recordings before (:func:`with_refit`),
+    ``None`` where the diagnosis shows that it is off in many things.
     """
     hashes = refuse_duplicates(files)
     said = reference_model(trials_of(files), vessel).said
-    tables, left_out, repaired = list[pd.DataFrame](), list[str](), list[str]()
-    for number, file in enumerate(files):
-        found = checked_tables(
-            read_recording(file), part_percent, repaired=repair, rebuild_positions=rebuild_positions
-        )
-        tables += found.tables
-        left_out += [f"{Path(file).name}: {each}" for each in found.remarks]
-        repaired += [f"{Path(file).name}: {each}" for each in found.repairs]
-        progress(0.1 * (number + 1) / len(files))
     provenance = {
         "software_version": software_version(),
         "recordings": ", ".join(Path(file).name for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
-        "repair": repair,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
-        **({"repaired": "; ".join(repaired)} if repaired else {}),
-        **({"left_out": "; ".join(left_out)} if left_out else {}),
     }
-    whole, driven = driven_by_orders(tables, vessel)
-    refit = refit_model(whole, vessel, lambda share: progress(0.1 + 0.4 * share)) if identify else None
-    begun = 0.1 if refit is None else 0.5
-    start = vessel if refit is None else refit.vessel
-    run = diagnose_tables(
-        whole, start, tolerance, catalogue, provenance, lambda share: progress(begun + (1.0 - begun) * share)
+
+    def checked(repaired: bool) -> Checked:
+        return checked_files(files, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
+
+    def diagnosed(record: Checked, start: Vessel, part: Progress) -> DiagnosisRun:
+        done = {"repaired": "; ".join(record.repairs), "left_out": "; ".join(record.remarks)}
+        about = provenance | {"repair": record.repaired} | {name: text for name, text in done.items() if text}
+        return diagnose_tables(record.tables, start, tolerance, catalogue, about, part)
+
+    run, refit = with_refit(checked, diagnosed, vessel, identify=identify, repair=repair, progress=progress)
+    first = replace(run.diagnosis, remarks=(*said.remarks.get("remarks", ()), *run.diagnosis.remarks))
+    if refit is None:
+        return replace(run, diagnosis=first)
+    start = refit.vessel if refit.correction.applied else None
+    return replace(run, diagnosis=replace(first, identified=refit.correction), refit=start)
+
+
+def with_refit(
+    checked: Callable[[bool], Checked],
+    diagnosed: Callable[[Checked, Vessel, Progress], DiagnosisRun],
+    vessel: Vessel,
+    *,
+    identify: bool | None = None,
+    repair: bool = False,
+    progress: Progress = lambda share: None,
+) -> tuple[DiagnosisRun, Refit | None]:
+    """What is ``diagnosed`` in a record that is ``checked``, with or without repair of its sensors.
+
+    Before it, if ``identify`` or with None where the model proves :func:`off_in_many_things`, the coefficients are
+    identified. The sensors are repaired then, too, because coefficients would absorb the scale of one. Where new
+    coefficients are no better, the model as it is has been or is diagnosed.
+    """
+    record = checked(repair or bool(identify))
+    progress(0.1)
+    first = None if identify else diagnosed(record, vessel, lambda share: progress(0.1 + 0.3 * share))
+    if first is not None and (identify is False or not off_in_many_things(first.diagnosis)):
+        progress(1.0)
+        return first, None
+    record = record if record.repaired else checked(True)
+    tables = driven_by_orders(record.tables, vessel)[0]
+    refit = refit_model(tables, vessel, lambda share: progress(0.4 + 0.3 * share))
+    if first is None or refit.correction.applied:
+        run = diagnosed(record, refit.vessel, lambda share: progress(0.7 + 0.3 * share))
+    else:
+        run = first
+    why = () if first is None else (_many_things(first.diagnosis, refit.correction.applied),)
+    return replace(run, diagnosis=replace(run.diagnosis, remarks=(*why, *run.diagnosis.remarks))), refit
+
+
+MANY = 5
+"""Effects named at once from which a model that needs them is better re-identified: more than the three causes
+that simulated trials had at most, and fewer than the eight to eleven named for halves of R/V Gunnerus' trials of
+2022."""
+
+
+def off_in_many_things(diagnosis: Diagnosis) -> bool:
+    """Whether a model predicts worse than constant velocity does, needs many effects, and forces remain beside."""
+    gap = diagnosis.gap
+    worse = gap.before_m > gap.constant_velocity_m
+    return worse and len({each.name for each in diagnosis.effects}) >= MANY and diagnosis.remainder is not None
+
+
+def _many_things(diagnosis: Diagnosis, applied: bool) -> str:
+    gap, names = diagnosis.gap, dict.fromkeys(each.name for each in diagnosis.effects)
+    outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
+    return (
+        f"The model as it is predicts worse than constant velocity ({gap.before_m:.2f} m against "
+        f"{gap.constant_velocity_m:.2f} m), and {len(names)} effects left forces unexplained: {outcome}. The "
+        f"effects were {', '.join(names)}; with them the error on held-out legs was {gap.after_m:.2f} m."
     )
-    remarks = (*said.remarks.get("remarks", ()), *driven, *run.diagnosis.remarks)
-    correction = None if refit is None else refit.correction
-    said_first = replace(run.diagnosis, remarks=remarks, identified=correction)
-    return replace(run, diagnosis=said_first, refit=None if start is vessel else start)
 
 
 def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:

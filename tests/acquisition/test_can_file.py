@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.sections import CanFileSource
+from acquisition.config.sections import FileSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.sources import make_source
@@ -23,7 +23,7 @@ MILLISECOND = 1_000_000
 
 
 def can_file(path: Path) -> LogFile:
-    source = make_source(CanFileSource(name="log", type="can_file", path=path, channels=()))
+    source = make_source(FileSource(name="log", type="can_file", path=path, channels=()))
     assert isinstance(source, LogFile)
     return source
 

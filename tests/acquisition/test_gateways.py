@@ -24,7 +24,7 @@ from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.config.configuration import load_config
-from acquisition.config.sections import CanFileSource, FileSource, Form, SerialSource
+from acquisition.config.sections import FileSource, Form, SerialSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.logger.display import summary
@@ -437,7 +437,7 @@ def test_a_damaged_log_is_read_or_refused_but_breaks_nothing(
     tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject
 ) -> None:
     path = written(tmp_path_factory.getbasetemp(), changed(SHORT[name], data))
-    source = LogFile(CanFileSource(name="log", type="can_file", path=path, channels=()))
+    source = LogFile(FileSource(name="log", type="can_file", path=path, channels=()))
     try:
         source.open()
     except SourceError:

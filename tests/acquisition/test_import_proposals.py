@@ -17,12 +17,11 @@ from acquisition.core.angles import difference
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import is_circular
 from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.tables.column_names import headed, matches
 from acquisition.tables.draft import Question
 from acquisition.tables.import_table import import_proposed, propose_for
 from acquisition.tables.propose import Proposal
 from acquisition.tables.table_files import read_raw
-from acquisition.tables.unit_names import headed
-from acquisition.tables.vocabulary import matches
 from analysis.tables.table import read_table
 from tests.conftest import Command
 

@@ -17,8 +17,8 @@ import pytest
 from acquisition.config.sections import LiveSection
 from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.trial import Trial
-from acquisition.logger.live_view import LiveView
 from acquisition.logger.requests import running_recorders, send_prediction
+from acquisition.logger.viewers import LiveView
 from acquisition.recording.messages import Topic, decode
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import kind_of

@@ -22,9 +22,8 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.frames import NANO, Frame
 from acquisition.emulator import moments_of
 from acquisition.logger.redecode import redecode
-from acquisition.recording.migrate import migrate
 from acquisition.recording.reader import MessageStream, Recording, describe, read_recording
-from acquisition.recording.recover import recover
+from acquisition.recording.recover import migrate, recover
 from acquisition.recording.tail import Tail
 from analysis.tables.table import read_table
 from seatrial import app

@@ -295,11 +295,11 @@ def test_the_disk_is_told_twice_a_second(
     monkeypatch.setattr("acquisition.logger.maintenance.time", clock)
     monkeypatch.setattr(RecordingParts, "sync_soon", sync_soon)
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
-    scale = Timescale.of_now()
-    chores = Maintenance(config.recording, parts, health_of(config), scale, lambda level, text: None)
+    scale = Timescale(*now_ns())
+    maintenance = Maintenance(config.recording, parts, health_of(config), scale, lambda level, text: None)
     for _ in range(200):
         clock.sleep(TICK_S)
-        chores.due()
+        maintenance.tick()
     parts.close()
     assert len(synced_s) >= 200 * TICK_S / 0.5 - 1
     assert max(later - earlier for earlier, later in pairwise(synced_s)) < 0.5 + 1e-9

@@ -19,7 +19,7 @@ from acquisition.logger.display import Picture
 from acquisition.logger.health import Health, SourceHealth
 from acquisition.logger.host_clock import HostClock
 from acquisition.logger.record import record
-from acquisition.logger.status_page import StatusPage
+from acquisition.logger.viewers import StatusPage
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port
 

@@ -83,7 +83,7 @@ def fitted_by_scipy(network: nn.Sequential, fitted: Rows, kept_out: Rows, method
         return perceptron.jacobian(weights, perceptron.outputs(weights, fitted[0])[1]).numpy()
 
     least_squares(differences, best[1].numpy().copy(), jacobian, method=method, max_nfev=steps)
-    perceptron.give(best[1], network)
+    nn.utils.vector_to_parameters(best[1], network.parameters())
 
 
 def adaptive(seed: int) -> dict[str, tuple[float, float]]:

@@ -31,7 +31,7 @@ from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from analysis.tables.table import NANO, actuators_in_recording
-from hybrid.calibrators.predictor import HORIZON_S, predictor_of
+from hybrid.calibrators.predict import HORIZON_S, predictor_of
 from hybrid.twin import twin as twin_module
 from hybrid.twin.twin import Twin, warm_up
 from hybrid.twin.watch import summary_of

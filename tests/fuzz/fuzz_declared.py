@@ -18,7 +18,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.core.channels import channels_known_to
     from acquisition.core.frames import Frame, FrameFlag
     from acquisition.decoders import decoders_by_protocol
-    from acquisition.decoders.declared_messages import dialect
+    from acquisition.decoders.mavlink import dialect
     from acquisition.decoders.nmea0183 import checksum
     from acquisition.logger.derive import Derivation
     from tests.acquisition.can_frames import identifier_of

@@ -14,10 +14,10 @@ from io import BytesIO
 import atheris
 
 with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.sources import looks_like
     from acquisition.sources.file_forms import FILE_FORMS, read_lines
     from acquisition.sources.line_forms import LineReader
     from acquisition.sources.log_clock import LogClock
-    from acquisition.sources.looks import looks_like
     from acquisition.sources.streams import LineAssembler
     from tests.acquisition.bus_logs import FORMS
     from tests.fuzz.running import fuzz

@@ -168,7 +168,7 @@ def test_a_force_that_the_model_lacks_is_found(plant: Plant, name: str, size: fl
     If the force is believed to last, less is left than if it is believed to fade.
     """
     numbers: dict[str, Any] = {name: size}
-    windows = voyages(replace(plant, **numbers), 20, 15)
+    windows = voyages(plant.replaced(**numbers), 20, 15)
     alone = off_m(reference(windows, plant), windows)
     found = off_m(tracks(UNADAPTED, plant, windows), windows)
     lasting = UNADAPTED.copy()

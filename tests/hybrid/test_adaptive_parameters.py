@@ -3,7 +3,6 @@ not."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +102,8 @@ def test_the_domain_says_which_quantity_lies_outside(
 
 def test_values_are_the_models_own_and_what_was_learned(calibrator: AdaptiveCalibrator) -> None:
     """A model that has a current of 0.3 m/s and learned nothing has it still; a lag below none is at its bound."""
-    plant = replace(calibrator.plant, current_north_mps=0.3, thruster_lag_s=0.5)  # type: ignore[type-var]
+    assert calibrator.plant is not None
+    plant = calibrator.plant.replaced(current_north_mps=0.3, thruster_lag_s=0.5)
     told = AdaptiveCalibrator(0, plant)
     told.vectors_, told.covariance_ = (
         np.zeros((2, len(parameter_names(FORM)))),

@@ -25,7 +25,7 @@ from hybrid.calibrators.artefact import SIDECAR, load, save
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.networks import command_inputs
 from hybrid.calibrators.train import TrainedCalibrator
-from hybrid.evaluation.splits import SPLITS, draws_of, shared_seconds
+from hybrid.evaluation.splits import SPLITS, shared_seconds
 from hybrid.evaluation.validate import validate
 from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.dataset import Dataset, load_dataset
@@ -179,7 +179,7 @@ def test_windows_clear_of_others_share_no_second_with_them(seed: int, horizon_s:
 @pytest.mark.parametrize("kind", sorted(set(SPLITS) - {"random"}))
 def test_no_second_that_is_judged_was_fitted(kind: str) -> None:
     windows = _one_after_the_other(400, 15, 0)
-    for draw in draws_of(kind, windows, 2, 0):
+    for draw in SPLITS[kind](windows, 2, 0):
         assert draw.held_out.sum() > 20
         assert draw.stopping.sum() > 20
         assert shared_seconds(windows, draw.fitting, draw.held_out | draw.stopping) == 0

@@ -177,7 +177,7 @@ def test_a_rehearsal_stays_in_her_range_and_its_map_names_her_settings(name: str
     ship = SHIPS[name](tmp_path)
     plant = vessel_plant(ship)
     for candidate in repertoire(shafts_of(ship, usual_rpm(ship))):
-        log = rehearse(candidate.legs, ship, plant, CALM, 60 * candidate.minutes)
+        log = rehearse(candidate.legs, ship, plant, CALM, round(60 * candidate.minutes))
         assert np.isfinite(log.measured).all(), candidate.name
         found = quantities(log, log.nominal)
         assert "rpm" in found

@@ -14,7 +14,7 @@ from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.network_training import StoppingRule, fit_network_by_adam
+from hybrid.calibrators.network_training import StoppingRule, fit_network
 from hybrid.calibrators.networks import (
     REFERENCE_INPUTS,
     AdditiveCalibrator,
@@ -142,7 +142,7 @@ def test_a_step_of_adam_is_its_equation() -> None:
         network[0].weight.copy_(torch.tensor([[3.0, -2.0]]))
         network[0].bias.zero_()
     data = rows, torch.zeros(2, 1, dtype=torch.float64)
-    fit_network_by_adam(network, data, data, StoppingRule(steps=1, rows=2, patience=1))
+    fit_network(network, data, data, StoppingRule(steps=1, rows=2, patience=1), None)
     weights = torch.nn.utils.parameters_to_vector(network.parameters()).tolist()
     assert weights == pytest.approx([3.0 - 1e-3, -2.0 + 1e-3, -1e-3], abs=1e-9)
 

@@ -14,7 +14,7 @@ from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.windows.recordings import tables_of_recordings
 from hybrid.calibrators.predict import window_at
-from hybrid.evaluation.splits import draws_of, shared_seconds
+from hybrid.evaluation.splits import SPLITS, shared_seconds
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.kalman_filter import filtered_starts
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -115,7 +115,7 @@ def test_legs_reach_over_whole_and_shorter_windows(both: tuple[PredictionWindows
 def test_only_whole_windows_are_judged(both: tuple[PredictionWindows, PredictionWindows], kind: str) -> None:
     """And nothing that is learned from shares a second with them; shorter ones are learned from."""
     _, longer = both
-    for draw in draws_of(kind, longer, 3, 0):
+    for draw in SPLITS[kind](longer, 3, 0):
         assert longer.whole[draw.held_out].all()
         assert (~longer.whole)[draw.fitting].any()
         assert shared_seconds(longer, draw.fitting | draw.stopping, draw.held_out) == 0

@@ -216,7 +216,7 @@ def test_a_ship_that_drifts_ever_so_slowly_comes_to_rest_as_her_time_constants_s
     damped = CATALOGUE["low_speed_damping"].apply(bare, dict(zip(names, rates, strict=True)))
     start = np.zeros(6)
     start[3 + axis] = speed
-    controls = sum(len(KINDS[each.kind].units) for each in bare.actuators)
+    controls = sum(len(KINDS[each.kind].units) for each in bare.layout)
     states = simulate(damped, start, np.zeros((60, controls)), np.zeros((60, 2)), 1.0)[:, 3:]
     M, m, x_G = mass_matrix(bare), bare.mass_kg, bare.centre_of_gravity_m
     M[2, 2] += m * x_G**2
@@ -290,7 +290,7 @@ def test_a_bottom_only_adds_and_meets_the_published_form(slenderness: float, exp
 
 def test_a_ship_aground_is_refused(plant: Plant) -> None:
     """Water no deeper than the draught has no forces that this model knows."""
-    deep = Plant(**{name: getattr(plant, name) for name in plant.__slots__} | {"draught_m": 6.0})
+    deep = plant.replaced(draught_m=6.0)
     with pytest.raises(ConfigurationError, match="draught"):
         with_effect(deep, "shallow_water", depth_m=5.0)
 

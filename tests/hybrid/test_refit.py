@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.progress import Progress
 from acquisition.core.serialisation import from_json
 from hybrid.diagnosis.gap import fold_of
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.result import Estimate, Extras, IdentifiedCorrection
+from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
 from hybrid.identification.coefficients import coefficients_of, with_values
 from hybrid.report.diagnosis_words import coefficient_rows, correction_sentence, page_of, structure_rows
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.workflows import diagnose
-from hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
+from hybrid.workflows.checked import Checked
+from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables, vessel_with_effects
 from tests.hybrid.diagnosis.made_up import named
 
 SHIP = load_vessel("gunnerus_long")
+NOTHING: Any = None  # in the place of a conclusion that is only passed on
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +97,69 @@ def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
     )
     again = from_json(IdentifiedCorrection, json.loads(json.dumps(diagnosis.as_dict()["identified"])))
     assert again == diagnosis.identified
+
+
+def off_in(effects: int, before_m: float) -> Diagnosis:
+    """A diagnosis that needs so many effects, with forces left beside them; constant velocity errs by 0.9 m."""
+    diagnosis = named()
+    effect = diagnosis.effects[0]
+    return replace(
+        diagnosis,
+        effects=tuple(replace(effect, name=f"effect_{number}") for number in range(effects)),
+        gap=replace(diagnosis.gap, before_m=before_m),
+        remainder=Remainder(0.2, 0.3, ("speed",)),
+    )
+
+
+def test_a_model_is_off_in_many_things_where_it_is_worse_than_constant_velocity_and_many_effects_do_not_do() -> (
+    None
+):
+    assert diagnose.off_in_many_things(off_in(8, 1.7))
+    assert not diagnose.off_in_many_things(off_in(8, 0.8))  # better than constant velocity: its effects are its own
+    assert not diagnose.off_in_many_things(off_in(3, 1.7))  # few causes, however large
+    assert not diagnose.off_in_many_things(replace(off_in(8, 1.7), remainder=None))  # they explain all
+    in_parts = replace(off_in(1, 1.7), effects=off_in(1, 1.7).effects * 8)
+    assert not diagnose.off_in_many_things(in_parts)  # one effect that varies over the trial
+
+
+@pytest.mark.parametrize(
+    ("identify", "effects", "better", "diagnosed", "refitted"),
+    [
+        (None, 8, True, [(SHIP.name, False), ("refitted", True)], True),
+        (None, 8, False, [(SHIP.name, False)], True),
+        (None, 2, True, [(SHIP.name, False)], False),
+        (False, 8, True, [(SHIP.name, False)], False),
+        (True, 2, True, [("refitted", True)], True),
+        (True, 2, False, [(SHIP.name, True)], True),
+    ],
+)
+def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_kept_where_better(
+    monkeypatch: pytest.MonkeyPatch, table: pd.DataFrame, identify: bool | None, effects: int, better: bool,
+    diagnosed: list[tuple[str, bool]], refitted: bool,
+) -> None:  # fmt: skip
+    refit = diagnose.Refit(replace(SHIP, name="refitted") if better else SHIP, a_correction(better))
+    monkeypatch.setattr(diagnose, "refit_model", lambda tables, vessel, progress: refit)
+    asked, shares = list[tuple[str, bool]](), list[float]()
+
+    def of(record: Checked, vessel: Vessel, progress: Progress) -> DiagnosisRun:
+        asked.append((vessel.name, record.repaired))
+        progress(1.0)
+        return DiagnosisRun(replace(off_in(effects, 1.7), provenance={"of": vessel.name}), NOTHING, Extras())
+
+    def checked(repaired: bool) -> Checked:
+        return Checked((table,), repaired=repaired)
+
+    run, found = diagnose.with_refit(checked, of, SHIP, identify=identify, progress=shares.append)
+    assert asked == diagnosed
+    assert run.diagnosis.provenance["of"] == diagnosed[-1][0]
+    assert found is (refit if refitted else None)
+    assert shares == sorted(shares)
+    said = run.diagnosis.remarks[0]
+    assert (said[:9] == "The model") == (identify is None and refitted)
+    if said[:9] == "The model":
+        assert "(1.70 m against 0.90 m)" in said
+        assert "effect_7" in said
+        assert ("re-identified" in said) == better
 
 
 @pytest.mark.slow

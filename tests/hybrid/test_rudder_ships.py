@@ -163,9 +163,7 @@ def oracle(rudder_rad: Floats, x_G: float) -> Floats | None:
         a_H=0.312, x_H=-0.464 * L, γ_R_minus=0.395, γ_R_plus=0.640, l_R=-0.710, κ=0.5, t_P=0.220, w_P0=0.40,
         x_P=-0.690,
     )  # fmt: skip
-    hull = KVLCC2.hull
-    numbers = dict(zip(KVLCC2.hull_model.numbers, hull.values, strict=True))
-    dashed = {f"{name}_dash": value for name, value in numbers.items()}
+    dashed = {f"{name}_dash": KVLCC2.number(name) for name in KVLCC2.hull_model.numbers}
     coefficients = mmg_3dof.Mmg3DofManeuveringParams(k_0=0.2931, k_1=-0.2753, k_2=-0.1385, **dashed)
     time = np.arange(len(rudder_rad)) * 0.1
     run = mmg_3dof.simulate_mmg_3dof(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import sin
 
 import numpy as np
@@ -36,7 +35,7 @@ def test_plain_numpy_equations_give_the_same_runs(plant: Plant) -> None:
     start, controls, wind = _wild(4, 60)
     current = (0.4, -0.7)
     for flow in ((0.0, 0.0), current):
-        flowing = replace(plant, current_north_mps=flow[0], current_east_mps=flow[1])
+        flowing = plant.replaced(current_north_mps=flow[0], current_east_mps=flow[1])
         ours = simulate(flowing, start, controls, wind, 0.5, substeps=1)
         for run in range(4):
             oracle = by_hand.simulate(start[run], controls[run], wind[run], 0.5, flow)
@@ -83,7 +82,7 @@ def test_moving_water_and_air_carry_everything_along(plant: Plant) -> None:
         return np.tile([np.arctan2(-velocity[1], -velocity[0]), np.hypot(*velocity)], (1, 40, 1))
 
     still = simulate(plant, start, controls, reported(air), 1.0)
-    flowing = replace(plant, current_north_mps=c[0], current_east_mps=c[1])
+    flowing = plant.replaced(current_north_mps=c[0], current_east_mps=c[1])
     carried = simulate(flowing, boosted, controls, reported(air + c), 1.0)
     carried[..., :2] -= np.arange(41)[:, np.newaxis] * c
     assert carried[..., :3] == pytest.approx(still[..., :3], abs=1e-5)
@@ -145,7 +144,7 @@ def test_leaving_the_range_is_said_and_marked(plant: Plant) -> None:
     start = np.array([[0, 0, 0, 4, 0, 0], [0, 0, 0, 4, 0, 0.14], [0, 0, 0, np.nan, 0, 0]], dtype=float)
     controls, wind = np.tile([2.5, 0.0, 2.5, 0.0, 0.0], (3, 30, 1)), np.zeros((3, 30, 2))
     controls[1, 5:, (1, 3)] = -1.5
-    narrow = replace(plant, yaw_rate_limit_radps=0.1)
+    narrow = plant.replaced(yaw_rate_limit_radps=0.1)
     runs = simulate_batch(narrow, start, controls, wind, 1.0)
     assert runs.inside.tolist() == [True, False, False]
     assert np.isfinite(runs.states[0]).all()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 import torch
@@ -17,7 +15,6 @@ from hybrid.calibrators.network_training import (
     Perceptron,
     StoppingRule,
     fit_network,
-    fit_network_by_adam,
     make_network,
     train_network,
     training_device,
@@ -118,8 +115,7 @@ def test_what_is_kept_needs_no_torch(windows: int | None) -> None:
     given = [tuple(each.numpy() for each in data) for data in (training, stopping)]
     layers = train_network(given[0], given[1], until, windows, seed=5)
     net = network(5)
-    fit = partial(fit_network, windows=100) if windows else fit_network_by_adam
-    fit(net, training, stopping, until, seed=5, progress=lambda share: errors.append(error(net, stopping)))
+    fit_network(net, training, stopping, until, windows, 5, lambda share: errors.append(error(net, stopping)))
     missed = outputs_of(layers, given[1][0]) - given[1][1]
     assert np.square(missed).mean() == pytest.approx(min(errors))
 

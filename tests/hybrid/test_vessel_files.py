@@ -13,7 +13,6 @@ from acquisition.config.vessel_file import load_actuators, vessel_names
 from acquisition.core.actuators import VESSELS, Actuator
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects.catalogue import catalogue_for
-from hybrid.vessel.actuators import list_of
 from hybrid.vessel.files import load_vessel, save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant, dtype_of, flat, pack, places_of
@@ -79,7 +78,7 @@ def test_recorder_and_simulator_find_the_same_base(
     base = {"name": "gunnerus_short", "absolute": str(whole), "relative": "../whole.toml"}[how]
     derived = tmp_path / "ships" / "derived.toml"
     derived.write_text(f"base = {base!r}\n[[actuator]]\nname = 'tunnel'\nx_m = 9.0\n")
-    assert load_actuators(derived) == load_actuators("gunnerus_short") == list_of(vessel.actuator)
+    assert load_actuators(derived) == load_actuators("gunnerus_short") == vessel.actuators
     assert load_vessel(derived).actuator[-1] == replace(vessel.actuator[-1], x_m=9.0)
 
 

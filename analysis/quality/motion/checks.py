@@ -80,33 +80,28 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
         fit = fit_kinematics(table, coarse)
     except (DataShortageError, InputError):
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
-    if not fit.converged:
-        return _flagged(table, (_diverged_finding(table),))
-    return _flagged(table, findings_of(table, fit), position_jumps(table, fit))
-
-
-def _diverged_finding(table: pd.DataFrame) -> Finding:
-    """The finding for a fit that ran against its bounds."""
-    return Finding(
+    if fit.converged:
+        return _flagged(table, findings_of(table, fit), position_jumps(table, fit))
+    diverged = Finding(
         "motion_contradiction", "north_m", *span_of(table),
         "Positions, heading, speeds and yaw rate tell of no one motion, and nothing that was tried explains it",
         "Check signs, units and axes of the motion channels.",
     )  # fmt: skip
+    return _flagged(table, (diverged,))
 
 
 def _flagged(
     table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
 ) -> CheckResult:
     flags = uniform_flags(table, MOTION)
-    suspect = {name for finding in findings for name in _stamped_with(finding.channel)}
+    suspect = {name for finding in findings for name in _group_of(finding.channel)}
     flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
     for name in GROUPS["north_m"]:
         mark(flags, name, np.flatnonzero(displaced(table, jumps) & table[name].notna().to_numpy()), Quality.BAD)
     return CheckResult(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
 
 
-def _stamped_with(channel: str) -> tuple[str, ...]:
-    """The channel and those of its group."""
+def _group_of(channel: str) -> tuple[str, ...]:
     return next((names for names in GROUPS.values() if channel in names), (channel,))
 
 
@@ -224,9 +219,7 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
     main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
     size, error = sizes[main]
     half = _half(fit, main, error)
-    where = " and ".join(
-        f"{abs(metres):.2f} m {_SIDES[cause][metres < 0.0]}" for cause, (metres, _) in sizes.items()
-    )
+    where = " and ".join(f"{abs(each):.2f} m {_SIDES[cause][each < 0.0]}" for cause, (each, _) in sizes.items())
     metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in _SIDES}
     found = Finding(
         "position_offset", "north_m", *span, f"The positions are measured {where} of the speeds",
@@ -272,7 +265,6 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
 
     ``jitter_s2`` is the variance of the positions' stamps: by chance they are late on the whole.
     """
-    best = Explanation((), np.empty(0), np.empty(0), 0.0)
     for count in range(4):
         tried = sorted(
             (_explanation(fit.believed, causes, jitter_s2) for causes in combinations(CAUSES, count)),
@@ -282,7 +274,7 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         if best.misfit <= _ADEQUATE:
             rivals = [each for each in tried[1:] if each.misfit <= best.misfit + _AS_WELL and count == 1]
             named = tuple((each.causes[0], float(each.sizes[0])) for each in rivals)
-            return Explanation(best.causes, best.sizes, best.standard_errors, best.misfit, named)
+            return replace(best, rivals=named)
     return best
 
 
@@ -298,9 +290,8 @@ def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Ex
     inverse = np.linalg.inv(covariance)
     design = np.array([CAUSES[cause] for cause in causes]).reshape(-1, len(OBSERVED)).T
     normal = design.T @ inverse @ design
-    sizes = np.linalg.solve(normal, design.T @ inverse @ observed) if causes else np.empty(0)
-    left = observed - design @ sizes if causes else observed
-    errors = np.sqrt(np.diag(np.linalg.inv(normal))) if causes else np.empty(0)
+    sizes = np.linalg.solve(normal, design.T @ inverse @ observed)
+    left, errors = observed - design @ sizes, np.sqrt(np.diag(np.linalg.inv(normal)))
     return Explanation(causes, sizes, errors, float(left @ inverse @ left))
 
 
@@ -458,12 +449,8 @@ YAW_RATE_UNITS = (
 
 def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> Unit | None:
     """The unit whose factor is this one, within its interval and half a percent."""
-    return next(
-        (
-            unit
-            for unit in units
-            if low - abs(_MATCHES * unit.factor) <= unit.factor <= high + abs(_MATCHES * unit.factor)
-            and abs(factor / unit.factor - 1.0) < _MATCHES
-        ),
-        None,
-    )
+    for unit in units:
+        slack = abs(_MATCHES * unit.factor)
+        if low - slack <= unit.factor <= high + slack and abs(factor / unit.factor - 1.0) < _MATCHES:
+            return unit
+    return None

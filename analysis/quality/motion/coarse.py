@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Complexes, Floats
+from acquisition.core.arrays import Complexes, Floats, Ints
 from analysis.kinematics import integrate
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
@@ -125,7 +125,7 @@ class _Moves:
     """Positions as complex moves over windows [n], and grid values of what should explain them."""
 
     grid_s: Floats
-    starts: NDArray[np.int64]
+    starts: Ints
     length: int
     moved: Complexes
     heading: Floats
@@ -230,7 +230,7 @@ def _left_of_long(moves: _Moves, motion: Motion) -> float:
     return left / path if path > _LEAST_MOVE_M and left > _BEYOND_NOISE * noise else 0.0
 
 
-def _changes_over(values: NDArray[Any], starts: NDArray[np.int64], length: int) -> NDArray[Any]:
+def _changes_over(values: NDArray[Any], starts: Ints, length: int) -> NDArray[Any]:
     """The change of values on the grid over each window."""
     return np.asarray(values[starts + length] - values[starts])
 

@@ -13,13 +13,13 @@ sensors, its own scale and delay; the interval comes from a jackknife over stret
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Bools, Floats, Ints
 from analysis.quality.findings import Finding
 from analysis.quality.motion.jumps import PositionErrors, position_errors
 from analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile
@@ -84,10 +84,9 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     usable, short = _usable(long), short[_usable(short)]
     if usable.sum() < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
         return Jitter()
-    size = _excess_over_speed(_in_the_limit(long, half, 2)[usable])
-    variance, error, telling = _excess_over_speed(short)
+    size, surest = _excess_over_speed(_in_the_limit(long, half, 2)[usable]), _excess_over_speed(short)
     ratio = short[:, 2].sum() / max(float(short[:, 3].sum()), 1e-12)
-    return Jitter(*size, variance / max(error, 1e-12), telling, float(ratio))
+    return Jitter(*size, surest.surplus, surest.effective_stretches, float(ratio))
 
 
 def _makes_way(errors: PositionErrors, interval_s: float) -> bool:
@@ -107,7 +106,7 @@ def _position_sums(errors: PositionErrors, seconds: float) -> Floats:
     return _sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(body**2).T)
 
 
-def _sums_by_stretch(stretch: NDArray[np.int64], *columns: Floats) -> Floats:
+def _sums_by_stretch(stretch: Ints, *columns: Floats) -> Floats:
     """The sum of each column [n] over each stretch: [k, columns]."""
     return np.column_stack([np.bincount(stretch, column) for column in columns]).astype(float)
 
@@ -119,7 +118,7 @@ def _in_the_limit(long: Floats, half: Floats, first: int) -> Floats:
     return np.hstack([long[:, :first], 2.0 * long[:, first:] - paired[:, first:]])
 
 
-def _usable(sums: Floats) -> NDArray[np.bool_]:
+def _usable(sums: Floats) -> Bools:
     """Stretches with samples enough and without breaks."""
     count, _, along, across = sums.T
     usable = count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0])))
@@ -127,17 +126,28 @@ def _usable(sums: Floats) -> NDArray[np.bool_]:
     return np.asarray(usable & (size <= _BROKEN * np.median(size[usable])) if usable.any() else usable)
 
 
-def _excess_over_speed(sums: Floats) -> tuple[float, float, float]:
-    """The variance along less that across over the square of the speed [s2], its standard error by a jackknife, and
-    the effective number of stretches."""
+class _Variance(NamedTuple):
+    """The variance of the stamps [s2], its standard error, and the effective number of stretches."""
+
+    variance_s2: float
+    standard_error_s2: float
+    effective_stretches: float
+
+    @property
+    def surplus(self) -> float:
+        return self.variance_s2 / max(self.standard_error_s2, 1e-12)
+
+
+def _excess_over_speed(sums: Floats) -> _Variance:
+    """The variance along less that across over the square of the speed, its standard error by a jackknife."""
     _, moved_m2, along_m2, across_m2 = sums.T
     excess_m2 = along_m2 - across_m2
     total, base = excess_m2.sum(), moved_m2.sum()
     error = jackknife_error(ratios_without_each(excess_m2, moved_m2))
-    return float(total / base), float(error), float(base**2 / (moved_m2**2).sum())
+    return _Variance(float(total / base), float(error), float(base**2 / (moved_m2**2).sum()))
 
 
-def _about_straight_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
+def _about_straight_lines(values: Floats, stretch: Ints) -> Floats:
     """Residuals about the straight line of each stretch, scaled for the two degrees of freedom that it takes."""
     place = np.arange(values.size, dtype=float)
     count = np.bincount(stretch)
@@ -261,7 +271,7 @@ class _Lines:
     """The ``stretch`` of each heading and what is ``left`` of it about the stretch's line: [n]; which stretches are
     ``usable``, with samples enough and no breaks: [k]."""
 
-    stretch: NDArray[np.int64]
+    stretch: Ints
     left: Floats
     usable: Bools
 
@@ -299,12 +309,10 @@ def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
     least = step**2 / 12.0
     size = _growth(_in_the_limit(long, half, 3)[lines[2].usable], least)
     others = _growth(short[lines[0].usable], least)
-    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.telling))
+    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.effective_stretches))
     judged = lines[2].usable[lines[2].stretch]
     ratio = _ratio(spoils2[judged], lines[2].left[judged] ** 2)
-    return Jitter(
-        size.variance_s2, size.standard_error_s2, size.telling, surest.surplus, surest.telling, ratio
-    )  # fmt: skip
+    return Jitter(*size, surest.surplus, surest.effective_stretches, ratio)
 
 
 def _heading_sums(lines: _Lines, spoils2: Floats) -> Floats:
@@ -322,27 +330,14 @@ def _ratio(spoils2: Floats, left2: Floats) -> float:
     return float(spoils2 @ left2 / spoils2.sum()) / max(still, 1e-12)
 
 
-@dataclass(frozen=True, slots=True)
-class _Growth:
-    """The variance of the stamps [s2], its standard error, and the effective number of stretches."""
-
-    variance_s2: float
-    standard_error_s2: float
-    telling: float
-
-    @property
-    def surplus(self) -> float:
-        return self.variance_s2 / max(self.standard_error_s2, 1e-12)
-
-
-def _growth(sums: Floats, least: float) -> _Growth:
+def _growth(sums: Floats, least: float) -> _Variance:
     """A straight line through squared errors against what jitter would spoil, by least squares."""
     total = sums.sum(axis=0)
     error = jackknife_error(_slopes(total - sums, least))
     usual = total[1] / total[0]
     lever = sums[:, 2] - 2.0 * usual * sums[:, 1] + usual**2 * sums[:, 0]
-    telling = lever.sum() ** 2 / max(float((lever**2).sum()), 1e-300)
-    return _Growth(float(_slopes(total[np.newaxis], least)[0]), float(error), float(telling))
+    effective_stretches = lever.sum() ** 2 / max(float((lever**2).sum()), 1e-300)
+    return _Variance(float(_slopes(total[np.newaxis], least)[0]), float(error), float(effective_stretches))
 
 
 def _slopes(sums: Floats, least: float) -> Floats:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
 from analysis.quality.findings import Finding
@@ -116,7 +115,7 @@ def _scale(steps: _Steps) -> Floats:
     return np.asarray(np.quantile(np.abs(steps.error), 0.25, axis=0) / _NORMAL_QUARTER + 1e-9)
 
 
-def _jumps(steps: _Steps) -> NDArray[np.bool_]:
+def _jumps(steps: _Steps) -> Bools:
     limit = np.maximum(_JUMP * _scale(steps), _LEAST_JUMP * steps.distance[:, np.newaxis])
     return np.asarray((np.abs(steps.error) > limit).any(axis=1))
 
@@ -190,14 +189,6 @@ class PositionJump:
     east_m: float
     until_s: float
 
-    @property
-    def metres(self) -> float:
-        return float(np.hypot(self.north_m, self.east_m))
-
-    @property
-    def returns(self) -> bool:
-        return bool(np.isfinite(self.until_s))
-
 
 def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, ...]:
     """The jumps of the positions in a table about the motion that was fitted to it."""
@@ -239,12 +230,10 @@ def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: flo
 
 def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: float, fit: Kinematics) -> bool:
     """Whether the motion about a step was recorded throughout and its stamps do not crowd."""
-    begin, end = time_s[place - 1], time_s[place]
-    around = time_s[min(place + width, time_s.size - 1)] - time_s[max(place - width, 0)]
-    samples = min(place + width, time_s.size - 1) - max(place - width, 0)
-    if around < 0.8 * samples * interval_s:
+    first, last = max(place - width, 0), min(place + width, time_s.size - 1)
+    if time_s[last] - time_s[first] < 0.8 * (last - first) * interval_s:
         return False
-    return all(_recorded(each, begin, end) for each in (fit.motion.speed, fit.motion.heading))
+    return all(_recorded(each, *time_s[place - 1 : place + 1]) for each in (fit.motion.speed, fit.motion.heading))
 
 
 def _recorded(samples: Group, begin: float, end: float) -> bool:
@@ -282,16 +271,17 @@ def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
     """A jump in words; it ends where the positions return."""
     index = utc_index(table)
     start = index.min() + pd.Timedelta(round(jump.time_s * NANO), "ns")
-    end = index.min() + pd.Timedelta(round(jump.until_s * NANO), "ns") if jump.returns else start
+    returns, metres = bool(np.isfinite(jump.until_s)), float(np.hypot(jump.north_m, jump.east_m))
+    end = index.min() + pd.Timedelta(round(jump.until_s * NANO), "ns") if returns else start
     text = (
-        f"The positions jump by {jump.metres:.1f} m ({jump.north_m:+.1f} m north, {jump.east_m:+.1f} m east)"
+        f"The positions jump by {metres:.1f} m ({jump.north_m:+.1f} m north, {jump.east_m:+.1f} m east)"
         f" at {start:%H:%M:%S}"
     )
-    after = f" and return after {jump.until_s - jump.time_s:.1f} s" if jump.returns else " and do not return"
+    after = f" and return after {jump.until_s - jump.time_s:.1f} s" if returns else " and do not return"
     return Finding(
         "position_jump", "north_m", start, end, text + after,
-        "Leave out what is displaced." if jump.returns else "Take what lies before and after as two recordings.",
-        {"metres": jump.metres, "north_m": jump.north_m, "east_m": jump.east_m},
+        "Leave out what is displaced." if returns else "Take what lies before and after as two recordings.",
+        {"metres": metres, "north_m": jump.north_m, "east_m": jump.east_m},
     )  # fmt: skip
 
 

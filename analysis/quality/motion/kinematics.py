@@ -30,15 +30,15 @@ out one block after another says (jackknife: B. Efron, The Jackknife, the Bootst
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.errors import DataShortageError
 from analysis.quality.motion.coarse import Coarse, coarse_fit
 from analysis.quality.motion.jumps import remove_jumps
@@ -238,7 +238,7 @@ class _Frame:
     """The grid, its blocks and the highest frequency that the slowest channel resolves."""
 
     grid_s: Floats
-    starts: NDArray[np.int64]
+    starts: Ints
     length: int
     step_s: float
     highest_hz: float
@@ -335,8 +335,11 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
     """
     coarse = fit.coarse
     motion = rescale(fit.motion, coarse.speed_factor, coarse.heading_offset_rad, coarse.yaw_rate_factor)
-    quarters = (part for part in map(_fit_or_none, _quarters(motion)) if part is not None and part.converged)
-    parts = [replace(part, slowly=fit.slowly) for part in quarters]
+    parts = []
+    for quarter in _quarters(motion):
+        with suppress(DataShortageError):
+            parts.append(replace(fit_motion(quarter), slowly=fit.slowly))
+    parts = [part for part in parts if part.converged]
     if len(parts) < _FEWEST_PARTS:
         return fit
     half = _half_between(
@@ -379,13 +382,6 @@ def _quarters(motion: Motion) -> list[Motion]:
     return [each for each in quarters if min(group.time_s.size for group in each.groups) >= _SAMPLES]
 
 
-def _fit_or_none(motion: Motion) -> Kinematics | None:
-    try:
-        return fit_motion(motion)
-    except DataShortageError:
-        return None
-
-
 _ROUNDS = 4
 _TOLERATED = 4.0
 _LEAST_RELIABILITY = 0.7
@@ -415,7 +411,7 @@ class Solution:
         return replace(self, parameters=self.parameters * scale + shift, covariance=covariance)
 
 
-def cosines(levels: Floats, starts: NDArray[np.int64], length: int, most: int) -> Floats:
+def cosines(levels: Floats, starts: Ints, length: int, most: int) -> Floats:
     """Orthonormal cosine coefficients 1..``most`` of blocks of levels [points, ...]: [blocks, ..., most]."""
     from scipy.fft import dct
 
@@ -464,13 +460,18 @@ def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) ->
     root = np.linalg.inv(np.linalg.cholesky(matrices.sum(axis=0) + precision))
     reliability, turned = np.linalg.eigh(root @ (common + precision) @ root.T)
     directions = root.T @ turned
-    told = reliability > _LEAST_RELIABILITY
-    basis = directions[:, told] / np.minimum(reliability[told], 1.0)
-    values = basis @ directions[:, told].T @ sides.sum(axis=0)
-    covariance, informative = _spread(matrices, sides, directions[:, told], basis)
-    untold = directions[:, ~told]
-    size = np.maximum(np.einsum("pi,pq,qi->i", untold, precision, untold), np.maximum(reliability[~told], 0.1) ** 2)
-    return Solution(values, covariance + (untold / size) @ untold.T + 1e-12 * np.diag(prior**2), informative)
+    determined = reliability > _LEAST_RELIABILITY
+    basis = directions[:, determined] / np.minimum(reliability[determined], 1.0)
+    values = basis @ directions[:, determined].T @ sides.sum(axis=0)
+    covariance, informative = _spread(matrices, sides, directions[:, determined], basis)
+    undetermined = directions[:, ~determined]
+    size = np.maximum(
+        np.einsum("pi,pq,qi->i", undetermined, precision, undetermined),
+        np.maximum(reliability[~determined], 0.1) ** 2,
+    )
+    return Solution(
+        values, covariance + (undetermined / size) @ undetermined.T + 1e-12 * np.diag(prior**2), informative
+    )
 
 
 def _spread(matrices: Floats, sides: Floats, directions: Floats, basis: Floats) -> tuple[Floats, Floats]:
@@ -486,13 +487,13 @@ def _spread(matrices: Floats, sides: Floats, directions: Floats, basis: Floats) 
     return covariance * np.outer(larger, larger), informative
 
 
-def _bands(count: int) -> NDArray[np.int64]:
+def _bands(count: int) -> Ints:
     """First coefficients of bands that widen with frequency by about a third."""
     edges = np.unique(np.floor(1.33 ** np.arange(0, 60)).astype(np.int64) - 1)
     return edges[edges < count]
 
 
-def _noise(left: Floats, bands: NDArray[np.int64]) -> Floats:
+def _noise(left: Floats, bands: Ints) -> Floats:
     """Variance of each component at each frequency [c, k], robust, and at least that of all higher ones."""
     power = np.median(left**2, axis=0) / _CHI2_MEDIAN
     sizes = np.diff(np.append(bands, power.shape[-1]))
@@ -501,7 +502,7 @@ def _noise(left: Floats, bands: NDArray[np.int64]) -> Floats:
     return np.repeat(np.maximum(falling, 1e-18), sizes, axis=-1)
 
 
-def _trust(ratio: Floats, bands: NDArray[np.int64]) -> Floats:
+def _trust(ratio: Floats, bands: Ints) -> Floats:
     """Weights of the blocks' bands: 1 where as noisy as the others, less where noisier; shape of ``ratio``."""
     sizes = np.diff(np.append(bands, ratio.shape[-1]))
     excess = np.add.reduceat(ratio.sum(axis=1), bands, axis=-1) / (sizes * ratio.shape[1])

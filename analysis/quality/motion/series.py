@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.errors import DataShortageError
 from analysis.kinematics import integrate, to_earth
 from analysis.quality.samples import runs, runs_of_equal
@@ -222,7 +221,7 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
     return np.asarray(np.interp(np.arange(angle_rad.size), places, np.unwrap(np.angle(middle))))
 
 
-def block_starts(motion: Motion, grid_s: Floats, length: int) -> NDArray[np.int64]:
+def block_starts(motion: Motion, grid_s: Floats, length: int) -> Ints:
     """First grid points of the blocks of ``length`` points over which every group was recorded."""
     there = np.ones(grid_s.size, dtype=bool)
     for group in motion.groups:

@@ -85,8 +85,10 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
     control = windows.commands
     if control is None:
         control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
-    wind = np.repeat(_mean_wind(past)[:, None], windows.horizon_s, axis=1)
-    if gust_s is not None:
+    if gust_s is None:
+        mean = _mean_vector(_wind_vectors(past)[:, :_AVERAGED_S])
+        wind = np.repeat(np.column_stack([np.angle(mean), np.abs(mean)])[:, None], windows.horizon_s, axis=1)
+    else:
         wind = expected_wind(measured, gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
     return Observations(past, known_s.clip(max=OBSERVED_S), control, wind)
@@ -100,12 +102,6 @@ def _mean_control(past: Floats, actuators: Actuators) -> Floats:
     off[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
     still = np.cumprod((np.abs(off) < most).all(axis=2), axis=1)[..., None]
     return np.asarray(recent[:, 0] + (np.nan_to_num(off) * still).sum(axis=1) / still.sum(axis=1))
-
-
-def _mean_wind(past: Floats) -> Floats:
-    """The mean wind vector of the last seconds, ignoring NaN, as direction [rad] and speed [m/s]: [N, 2]."""
-    vector = _mean_vector(_wind_vectors(past)[:, :_AVERAGED_S])
-    return np.column_stack([np.angle(vector), np.abs(vector)])
 
 
 def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:

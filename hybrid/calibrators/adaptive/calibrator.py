@@ -77,13 +77,6 @@ def start_names(actuators: Actuators) -> tuple[str, ...]:
     return ("surge_mps", "sway_mps", "yaw_rate_radps", "wind_speed_mps", *shafts, *turned)
 
 
-def least_margin(actuators: Actuators) -> Floats:
-    """The least margin of each of :func:`start_names`."""
-    kinds = [KINDS[each.kind] for each in actuators]
-    shafts = [most for kind in kinds for most, angle in zip(kind.alike, kind.angles, strict=True) if not angle]
-    return np.array([*_LEAST_MARGIN, *shafts, *[_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(actuators)))])
-
-
 _LEAST_RATIO = 0.1  # lower bound on hindcast errors, as a share of the median
 _UNKNOWN_RATIO = 2.0  # hindcast error of a window with an unknown past, in medians
 _RECENT_S = 5
@@ -182,45 +175,33 @@ class AdaptiveCalibrator(Calibrator):
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
-        self.vectors_ = np.stack(
-            [
-                self._fit_member(
-                    windows, clear_of(windows, fold != member, fold == member), member,
-                    part_of(progress, member, members),
-                )
-                for member in range(members)
-            ]
-        )  # fmt: skip
-        self.covariance_ = self._covariance(windows)
-        starts = starts_of(windows)
-        self.range_ = np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
+        vectors = []
+        for member in range(members):
+            drawn = self._drawn(windows, clear_of(windows, fold != member, fold == member), member)
+            vectors.append(adapt(self._model, *drawn, part_of(progress, member, members)))
+        self.vectors_ = np.stack(vectors)
+        every = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
+        self.covariance_ = covariance_at(self.vectors_.mean(axis=0), self._model, *every)
+        self.range_ = start_range(windows)
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
 
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         return self.out_of_sample_
 
-    def _fit_member(self, windows: PredictionWindows, chosen: Bools, member: int, progress: Progress) -> Floats:
-        """The parameter vector of one member."""
-        drawn = self._fitted(windows, np.flatnonzero(chosen), member)
-        return adapt(self._model, self._observed(drawn), drawn.track, _own_share(drawn), progress)
-
     def _observed(self, windows: PredictionWindows) -> Observations:
         """The observer's observations; the decay of gusts is learned with any commands only."""
         return observations_of(windows, self.gust_s_)
 
-    def _fitted(self, windows: PredictionWindows, rows: NDArray[np.int64], member: int) -> PredictionWindows:
-        """The first seconds of the windows of some rows, no more than :data:`MOST_WINDOWS`."""
+    def _drawn(self, windows: PredictionWindows, chosen: Bools, number: int) -> tuple[Observations, Floats, float]:
+        """Observations, tracks and overlap, as :func:`adapt` takes them, of the first seconds of the chosen
+        windows, of no more than :data:`MOST_WINDOWS`; the draw's ``number`` is part of its seed."""
+        rows = np.flatnonzero(chosen)
         if len(rows) > MOST_WINDOWS:
-            drawn = np.random.default_rng([self.seed, member]).choice(rows, MOST_WINDOWS, replace=False)
-            rows = np.sort(drawn)
-        return first_seconds(windows.subset(rows), FITTED_S)
-
-    def _covariance(self, windows: PredictionWindows) -> Floats:
-        """The covariance of the members' mean vector, [parameters, parameters]."""
-        drawn = self._fitted(windows, np.arange(len(windows)), len(self.vectors_))
-        vector = self.vectors_.mean(axis=0)
-        return covariance_at(vector, self._model, self._observed(drawn), drawn.track, _own_share(drawn))
+            random = np.random.default_rng([self.seed, number])
+            rows = np.sort(random.choice(rows, MOST_WINDOWS, replace=False))
+        drawn = first_seconds(windows.subset(rows), FITTED_S)
+        return self._observed(drawn), drawn.track, _own_share(drawn)
 
     @property
     def _model(self) -> Plant:
@@ -369,9 +350,7 @@ class AdaptiveCalibrator(Calibrator):
         return self.region_
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
-        low, high = self.range_
-        margin = np.maximum(DOMAIN_MARGIN * (high - low), least_margin(windows.actuators))
-        return DomainOfApplicability(start_names(windows.actuators), starts_of(windows), low, high, margin)
+        return start_domain(windows, self.range_, DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
         power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # files cannot hold infinity
@@ -421,6 +400,23 @@ def starts_of(windows: PredictionWindows) -> Floats:
     motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 0, 1]])
     repeated = np.repeat(motion[:, None], control.shape[1], axis=1)
     return np.concatenate([repeated, control[..., shafts], *turned], axis=-1)
+
+
+def start_range(windows: PredictionWindows) -> Floats:
+    """The least and the most of each of :func:`start_names` at the windows' starts [2, names]."""
+    starts = starts_of(windows)
+    return np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
+
+
+def start_domain(windows: PredictionWindows, trained: Floats, share: float) -> DomainOfApplicability:
+    """The windows' starts compared with the :func:`start_range` in training, which they may exceed by a ``share``
+    of it, or by the smallest margin."""
+    kinds = [KINDS[each.kind] for each in windows.actuators]
+    shafts = [most for kind in kinds for most, angle in zip(kind.alike, kind.angles, strict=True) if not angle]
+    angles = [_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(windows.actuators)))
+    low, high = trained
+    margin = np.maximum(share * (high - low), np.array([*_LEAST_MARGIN, *shafts, *angles]))
+    return DomainOfApplicability(start_names(windows.actuators), starts_of(windows), low, high, margin)
 
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:

@@ -69,21 +69,19 @@ def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Fl
     off, known = _differences(plant, windows, track)
     now = off(vector)
     slope = _slope(off, vector, now, _whitening(now, known, overlap, plant))
-    slope = slope[
-        (np.abs(slope) < _STEEPEST).all(axis=1)
-    ]  # windows at the edge of the model's range are uninformative
+    slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # those at the edge of the model's range say nothing
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
 
 def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
-    """A function for the differences [N, H, 3] between predictions with a vector and the tracks, and the known
-    seconds [N, H]."""
+    """A function for the differences [N, H, 3] between predictions with a vector and the tracks, in surge, sway
+    and heading, and the known seconds [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
     def off(vector: Floats) -> Floats:
         states, waves = run_observer(vector, plant, windows)
         gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
-        return _ahead_aside(gap, track[:, :1, 2])
+        return np.stack([*to_ship(gap[..., 0], gap[..., 1], track[:, :1, 2]), gap[..., 2]], axis=-1)
 
     return off, ~unknown
 
@@ -103,11 +101,6 @@ def _median_where(known: Bools, squares: Floats) -> Floats:
     middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
     median = np.take_along_axis(ordered, middle[None], axis=0)[0]
     return np.asarray(np.where(np.isfinite(median), median, 1.0))
-
-
-def _ahead_aside(gap: Floats, heading: Floats) -> Floats:
-    """Differences of north, east and heading [N, H, 3] as surge, sway and heading."""
-    return np.stack([*to_ship(gap[..., 0], gap[..., 1], heading), gap[..., 2]], axis=-1)
 
 
 def _weights(whitened: Floats, overlap: float) -> Floats:

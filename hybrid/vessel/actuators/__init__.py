@@ -7,34 +7,17 @@ To add a kind: its controls in :data:`acquisition.core.actuators.KINDS`, and a f
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Protocol
 
 import numpy as np
 
 from acquisition.core.actuators import KINDS as RECORDED_KINDS
-from acquisition.core.actuators import Actuator, Actuators
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
 from analysis.compiling import by_code, compiled
 from hybrid.vessel.actuators.kind import FIRST_NUMBER, KIND, PLAY, Kind
 
 KINDS: dict[str, Kind] = {name: import_module(f"{__name__}.{name}").DEFINITION for name in RECORDED_KINDS}
 """The kinds by name, each from the file of its name."""
-
-
-class Entry(Protocol):
-    """One ``[[actuator]]`` of a vessel file, of whatever kind."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    @property
-    def kind(self) -> str:
-        """Its kind, one of :data:`KINDS`."""
-
-    @property
-    def x_m(self) -> float:
-        """How far ahead of the origin of the body axes it is [m]."""
 
 
 CODES: dict[str, float] = {name: float(code) for code, name in enumerate(KINDS)}
@@ -72,11 +55,6 @@ def angle_columns(actuators: Actuators) -> list[int]:
     """Which of a ship's controls are angles."""
     angles = [angle for each in actuators for angle in KINDS[each.kind].angles]
     return [number for number, angle in enumerate(angles) if angle]
-
-
-def list_of(entries: tuple[Entry, ...]) -> Actuators:
-    """The names and kinds of a vessel file's actuators."""
-    return tuple(Actuator(each.name, each.kind) for each in entries)
 
 
 @compiled

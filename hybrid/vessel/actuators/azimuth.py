@@ -23,18 +23,16 @@ from hybrid.vessel.actuators.effects import (
     backlash,
     for_each_and_all,
     loss,
-)
-from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
-from hybrid.vessel.effect import Effect, Parameter, scaling
+)  # fmt: skip
+from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns, wrapped
+from hybrid.vessel.effect import Effect, Parameter, multiplied, scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Azimuth:
+class Azimuth(Entry):
     """An azimuth thruster in a vessel file: place, propeller, force coefficients, and what its drive can do."""
 
-    name: str
     kind: Literal["azimuth"]
-    x_m: Number
     y_m: Number
     propeller_diameter_m: Number
     thrust_nn: Number
@@ -63,18 +61,12 @@ COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
 
 
 @compiled
-def scaled_azimuth(p: Record, angle_rad: float) -> float:
-    """The true azimuth before its offset: the plant's factor acts on the angle within half a turn of ahead."""
-    if p.azimuth_scale == 1.0:
-        return angle_rad
-    turns = round(angle_rad / (2.0 * pi))
-    return float(p.azimuth_scale * (angle_rad - 2.0 * pi * turns))
-
-
-@compiled
 def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """Where the pod points and how its shaft turns while ``control`` holds."""
-    true_rad = scaled_azimuth(p, control[first + 1]) + row[ANGLE_OFFSET_RAD]
+    angle_rad = control[first + 1]
+    if p.azimuth_scale != 1.0:  # it acts on the angle within half a turn of ahead
+        angle_rad = p.azimuth_scale * wrapped(angle_rad)
+    true_rad = angle_rad + row[ANGLE_OFFSET_RAD]
     work[COSINE], work[SINE] = cos(true_rad), sin(true_rad)
     work[SHAFT_RPS], work[EFFECT] = control[first], 1.0 - row[THRUST_LOSS]
 
@@ -118,7 +110,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",
-            family="propulsion",
             what="Lost thrust: both force components of the {names} pod times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
             parameter=FRACTION,
@@ -148,7 +139,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what=f"{subject}: true angle = factor x reported, from ahead either way",
             source="Gain of the azimuth feedback",
             parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
-            change=lambda plant, values: plant.scaled(values["factor"], "azimuth_scale"),
+            change=multiplied("azimuth_scale"),
             confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
         ),
         *backlash(names, "azimuth"),

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import radians
 from typing import TYPE_CHECKING
 
 from hybrid.vessel.actuators.kind import PLAY
-from hybrid.vessel.effect import Effect, Parameter, Values
+from hybrid.vessel.effect import Effect, Parameter, Values, shift
 
 if TYPE_CHECKING:
     from hybrid.vessel.plant import Plant
@@ -24,21 +23,6 @@ def loss(plant: Plant, number: str, fraction: float) -> Plant:
     return plant.replaced(**{number: 1.0 - (1.0 - plant.number(number)) * (1.0 - fraction)})
 
 
-def offset(plant: Plant, number: str, angle_deg: float) -> Plant:
-    """An angle added."""
-    return plant.shifted(**{number: radians(angle_deg)})
-
-
-def times(plant: Plant, number: str, factor: float) -> Plant:
-    """A number multiplied."""
-    return plant.scaled(factor, number)
-
-
-def more(plant: Plant, number: str, amount: float) -> Plant:
-    """An amount added, of time or of what else."""
-    return plant.shifted(**{number: amount})
-
-
 def named(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
     """The names of the effects of a stem on each actuator."""
     return tuple(f"{stem}_{name}" for name in names)
@@ -46,13 +30,12 @@ def named(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
     """``lag_NAME`` for each actuator and ``lag_both_TOGETHER`` for a pair: what acts follows what is reported."""
-    parameter = Parameter("time_constant_s", "s", 0.0, 0.0, 60.0, 1.0, 0.3, 0.03)
     return for_each_and_all(
-        "lag", names, more, number,
+        "lag", names, shift, number,
         family="clock",
         what=f"The {{names}}'s {part} that acts follows the reported one with a first-order lag",
         source="First-order actuator model; feedback has none, orders have about a second",
-        parameter=parameter,
+        parameter=Parameter("time_constant_s", "s", 0.0, 0.0, 60.0, 1.0, 0.3, 0.03),
         like=("command_delay", "thruster_lag"),
         kind_of_all=f"_{together}",
     )  # fmt: skip
@@ -61,7 +44,7 @@ def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s")
 def angle_offset(part: str, names: tuple[str, ...], points: str, typical_deg: float) -> tuple[Effect, ...]:
     """``PART_offset_NAME`` of each actuator and that of all: the slot ``angle_offset_rad``."""
     return for_each_and_all(
-        f"{part}_offset", names, offset, "angle_offset_rad",
+        f"{part}_offset", names, shift, "angle_offset_rad",
         family="alignment",
         what=f"The {{names}} {points} elsewhere: true angle = reported + offset",
         source=f"Zero of the {part} feedback",
@@ -76,7 +59,7 @@ def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[
     The play operator: the end that turns stays where it is until the motor's side has gone through the play.
     """
     return for_each_and_all(
-        "backlash", names, offset, PLAY,
+        "backlash", names, shift, PLAY,
         family="alignment",
         what=f"Play in the {{names}}'s gear: the {part} stays until the reported one has moved by the play's width",
         source="Play operator: Nordin and Gutman, Automatica 38 (2002), 1633-1649",
@@ -88,8 +71,7 @@ def backlash(names: tuple[str, ...], part: str, kind_of_all: str = "") -> tuple[
 def astern_thrust(names: tuple[str, ...], what: str) -> tuple[Effect, ...]:
     """``astern_thrust_NAME`` and that of all: thrust while the shaft turns astern, the slot ``astern_factor``."""
     return for_each_and_all(
-        "astern_thrust", names, times, "astern_factor",
-        family="propulsion",
+        "astern_thrust", names, lambda plant, number, factor: plant.scaled(factor, number), "astern_factor",
         what=f"Thrust of the {{names}} {what} while its shaft turns astern: times a factor",
         source="Scatter of four-quadrant propeller data; cf. van Lammeren et al., Trans. SNAME 77 (1969)",
         parameter=Parameter("factor", "1", 1.0, 0.0, 3.0, 1.2, 0.05),
@@ -102,10 +84,10 @@ def for_each_and_all(
     change: Callable[[Plant, str, float], Plant],
     number: str,
     *,
-    family: str,
     what: str,
     source: str,
     parameter: Parameter,
+    family: str = "propulsion",
     like: tuple[str, ...] = (),
     one_is_like: tuple[str, ...] = (),
     all_are_like: tuple[str, ...] = (),

@@ -9,8 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import pi
 from typing import Any
 
+from pydantic import StrictFloat as Number
+
+from analysis.compiling import compiled
 from hybrid.vessel.effect import Effect
 
 KIND, CONTROL, FIRST_NUMBER = range(3)
@@ -20,6 +24,15 @@ KIND, CONTROL, FIRST_NUMBER = range(3)
 RPM_PER_RPS = 60.0
 PLAY = "play_rad"
 """The slot of the play [rad] between the angle that an actuator reports and its true one: its whole width."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """An ``[[actuator]]`` of a vessel file: its name, its kind, how far ahead of the body axes' origin it is."""
+
+    name: str
+    kind: str
+    x_m: Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +61,7 @@ class Kind:
     ``lag`` is the slot of its own lag [s].
     """
 
-    entry: type
+    entry: type[Entry]
     numbers: tuple[str, ...]
     labels: tuple[str, ...]
     units: tuple[float, ...]
@@ -67,6 +80,12 @@ class Kind:
     numbers_of: Callable[[Any], dict[str, float]] = lambda entry: {}
     positive: tuple[str, ...] = ()
     lag: str = ""
+
+
+@compiled
+def wrapped(angle_rad: float) -> float:
+    """The same direction within half a turn of zero."""
+    return float(angle_rad - 2.0 * pi * round(angle_rad / (2.0 * pi)))
 
 
 def columns(numbers: tuple[str, ...]) -> range:

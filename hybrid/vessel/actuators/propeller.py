@@ -16,23 +16,13 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import (
-    FRACTION,
-    WAKE,
-    astern_thrust,
-    for_each_and_all,
-    lag,
-    loss,
-    more,
-    named,
-    times,
-)
-from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
-from hybrid.vessel.effect import Effect, Parameter
+from hybrid.vessel.actuators.effects import FRACTION, WAKE, astern_thrust, for_each_and_all, lag, loss, named
+from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Entry, Kind, columns
+from hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Blades:
+class Blades(Entry):
     """Place, blades and what the hull does to them; of ``wake_x_m``, ``pitch_m`` and the forces see the module.
 
     The wake is ``(wake_0 + wake_1 |b| + wake_2 b^2) exp(-wake_decay b^2)`` with ``b`` the drift at ``wake_x_m``:
@@ -41,8 +31,6 @@ class Blades:
     force aside and its moment while the shaft or the ship goes astern.
     """
 
-    name: str
-    x_m: Number
     diameter_m: Number
     k_0: Number
     k_1: Number
@@ -196,7 +184,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",
-            family="propulsion",
             what="Lost thrust of the {names} propeller, and with it of its race: times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
             parameter=FRACTION,
@@ -204,16 +191,14 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             all_are_like=("hull_fouling", "towed_load"),
         ),
         *for_each_and_all(
-            "wake", names, lambda plant, number, share: times(plant, number, 1.0 - share), "inflow_factor",
-            family="propulsion",
+            "wake", names, lambda plant, number, share: plant.scaled(1.0 - share, number), "inflow_factor",
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=WAKE,
             all_are_like=("hull_fouling", "towed_load", *named("thrust_loss", names)),
         ),
         *for_each_and_all(
-            "thrust_deduction", names, more, "thrust_deduction",
-            family="propulsion",
+            "thrust_deduction", names, shift, "thrust_deduction",
             what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),

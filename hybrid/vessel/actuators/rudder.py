@@ -10,32 +10,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, cos, hypot, pi, radians, sin, sqrt
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.effects import (
-    FRACTION,
-    angle_offset,
-    backlash,
-    for_each_and_all,
-    lag,
-    loss,
-    more,
-    named,
-)
-from hybrid.vessel.actuators.kind import PLAY, Drive, Kind, columns
+from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss, named
+from hybrid.vessel.actuators.kind import PLAY, Drive, Entry, Kind, columns
 from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
-from hybrid.vessel.effect import Effect, Parameter
-
-if TYPE_CHECKING:
-    from hybrid.vessel.plant import Plant
+from hybrid.vessel.effect import Effect, Parameter, shift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rudder:
+class Rudder(Entry):
     """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
 
     ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
@@ -45,9 +33,7 @@ class Rudder:
     ``inflow_factor`` is 1 - w of a rudder that is behind no propeller.
     """
 
-    name: str
     kind: Literal["rudder"]
-    x_m: Number
     area_m2: Number
     span_m: Number
     t_R: Number
@@ -139,11 +125,15 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     return X, -(1.0 + row[A_H]) * across, -(row[X_M] + row[A_H] * row[X_H_M]) * across - row[Y_M] * X
 
 
+def normal_force_slope(aspect_ratio: float) -> float:
+    """Slope of the normal force of a rudder alone, f_alpha (Fujii and Tsuda 1961)."""
+    return 6.13 * aspect_ratio / (2.25 + aspect_ratio)
+
+
 def numbers_of(entry: Rudder) -> dict[str, float]:
     """What follows where the entry does not say it: Fujii's slope; the switch where the inflow aside is."""
-    aspect_ratio = entry.span_m**2 / entry.area_m2
     return {
-        "lift_slope": entry.lift_slope or 6.13 * aspect_ratio / (2.25 + aspect_ratio),
+        "lift_slope": entry.lift_slope or normal_force_slope(entry.span_m**2 / entry.area_m2),
         "switch_x_m": entry.l_R_m if entry.switch_x_m is None else entry.switch_x_m,
     }
 
@@ -156,31 +146,26 @@ def drives(entry: Rudder) -> tuple[Drive]:
 _STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and 0.4 +- 0.2 of their ships"
 
 
-def _straightened(plant: Plant, number: str, factor: float) -> Plant:
-    return plant.scaled(factor, f"{number}_plus", f"{number}_minus")
-
-
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset, lost force, what the hull does to flow and force, lag and play of each rudder and of all alike."""
     return (
         *for_each_and_all(
             "rudder_loss", names, loss, "force_loss",
-            family="propulsion",
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
             parameter=FRACTION,
             like=("hull_lengthening", "yaw_damping", *named("rudder_interaction", names)),
         ),
         *for_each_and_all(
-            "rudder_interaction", names, more, "a_H",
-            family="propulsion",
+            "rudder_interaction", names, shift, "a_H",
             what="The hull's share of the side force of the {names}: a_H plus an amount",
             source=_STRAIGHT,
             parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
         ),
         *for_each_and_all(
-            "flow_straightening", names, _straightened, "flow_straightening",
-            family="propulsion",
+            "flow_straightening", names,
+            lambda plant, number, factor: plant.scaled(factor, f"{number}_plus", f"{number}_minus"),
+            "flow_straightening",
             what="How much of the drift at the stern reaches the {names}: gamma_R times a factor, to both sides",
             source=_STRAIGHT,
             parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),

@@ -13,17 +13,15 @@ from pydantic import StrictFloat as Number
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
 from hybrid.vessel.actuators.effects import FRACTION
-from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.actuators.kind import Drive, Entry, Kind, columns
 from hybrid.vessel.effect import Effect, Parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tunnel:
+class Tunnel(Entry):
     """A tunnel thruster in a vessel file: place, side force as a polynomial of the shaft in rpm, and its drive."""
 
-    name: str
     kind: Literal["tunnel"]
-    x_m: Number
     cubic_n: Number
     quadratic_n: Number
     linear_n: Number

@@ -16,17 +16,15 @@ from pydantic import StrictFloat as Number
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
 from hybrid.vessel.actuators.effects import FRACTION, angle_offset, backlash, for_each_and_all, lag, loss
-from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Kind, columns
+from hybrid.vessel.actuators.kind import PLAY, RPM_PER_RPS, Drive, Entry, Kind, columns
 from hybrid.vessel.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waterjet:
+class Waterjet(Entry):
     """A waterjet in a vessel file: place, thrust over shaft speed [N s^2] and inflow [N s^2/m], and its drive."""
 
-    name: str
     kind: Literal["waterjet"]
-    x_m: Number
     thrust_nn: Number
     thrust_nu: Number
     limit_rpm: Number
@@ -74,7 +72,6 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     return (
         *for_each_and_all(
             "thrust_loss", names, loss, "thrust_loss",
-            family="propulsion",
             what="Lost thrust of the {names} jet: times (1 - fraction)",
             source="Wear and air drawn in as one share",
             parameter=FRACTION,

@@ -5,24 +5,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from math import sqrt
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Field, TypeAdapter, ValidationError
 
 from acquisition.core.errors import InputError
+from hybrid.vessel.actuators.rudder import normal_force_slope
+from hybrid.vessel.effect import USUAL_LENGTH_M
 from hybrid.vessel.estimate import hull
 from hybrid.vessel.estimate import propeller as screws
-from hybrid.vessel.estimate.particulars import Assumed, Cell, Estimate, Estimates, Particulars, Table, with_scatter
+from hybrid.vessel.estimate.hull import KIJIMA, YOSHIMURA
+from hybrid.vessel.estimate.particulars import Cell, Estimate, Estimates, Particulars, Table, with_scatter
+
+Size = Annotated[float, Field(gt=0.0, lt=1e9)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Screw:
     """A screw: diameter, blades, place from midship [m]; ``rpm`` at service speed if known."""
 
-    diameter: float
+    diameter: Size
     name: str = ""
-    pitch_ratio: float | None = None
+    pitch_ratio: Size | None = None
     blades: int = 4
-    area_ratio: float = 0.55
-    rpm: float | None = None
+    area_ratio: Size = 0.55
+    rpm: Size | None = None
     x: float | None = None
     y: float | None = None
 
@@ -38,7 +45,7 @@ class Propeller(_Screw):
 class Azimuth(_Screw):
     """A pod or a steerable thruster, like a propeller; ``rate`` is its rate of turn [deg/s]."""
 
-    rate: float | None = None
+    rate: Size | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,13 +53,13 @@ class Rudder:
     """A rudder: area [m2], height [m], place from midship [m]; ``behind`` names the propeller before it."""
 
     name: str = ""
-    area: float | None = None
-    span: float | None = None
+    area: Size | None = None
+    span: Size | None = None
     behind: str | None = None
     x: float | None = None
     y: float | None = None
-    limit: float | None = None
-    rate: float | None = None
+    limit: Size | None = None
+    rate: Size | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,10 +67,10 @@ class Tunnel:
     """A tunnel thruster: full side force [N], or diameter [m] and power [kW]; full rpm; place from midship [m]."""
 
     name: str = ""
-    force: float | None = None
-    diameter: float | None = None
-    power: float | None = None
-    rpm: float = 300.0
+    force: Size | None = None
+    diameter: Size | None = None
+    power: Size | None = None
+    rpm: Size = 300.0
     x: float | None = None
 
 
@@ -76,43 +83,31 @@ def device(kind: type[Device], said: str | Device) -> Device:
         return said
     text = str(said)
     try:
-        made = kind(**_pairs(kind, text))
-    except TypeError as error:
-        raise _cannot(kind, text, "its diameter is missing") from error
-    return _checked(made, text)
+        return TypeAdapter(kind).validate_python(_pairs(kind, text))
+    except ValidationError as error:
+        raise _cannot(kind, text, _why(error)) from error
 
 
-def _pairs(kind: type[Any], text: str) -> dict[str, Any]:
-    types = {field.name: str(field.type) for field in fields(kind)}
-    pairs: dict[str, Any] = {}
+def _pairs(kind: type[Any], text: str) -> dict[str, str]:
+    known = {field.name for field in fields(kind)}
+    pairs: dict[str, str] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         key, equals, value = (each.strip() for each in part.partition("="))
         if not equals:
             key, value = "name", key
-        if key not in types or key in pairs:
+        if key not in known or key in pairs:
             raise _cannot(kind, text, f"{key!r} is {'said twice' if key in pairs else 'not known'}")
-        try:
-            pairs[key] = _value(types[key], value)
-        except ValueError as error:
-            raise _cannot(kind, text, f"{key} is {value!r}, which is no {types[key].split()[0]}") from error
+        pairs[key] = value
     return pairs
 
 
-def _value(kind: str, text: str) -> Any:
-    if kind.startswith("bool"):
-        return {"true": True, "false": False, "yes": True, "no": False}.get(text.lower()) or text.lower() == "true"
-    if kind.startswith("int"):
-        return int(text)
-    return float(text) if kind.startswith("float") else text
-
-
-def _checked(made: Device, text: str) -> Device:
-    for field in fields(made):
-        value = getattr(made, field.name)
-        is_place = field.name in ("x", "y")
-        if isinstance(value, float) and not is_place and not 0.0 < value < 1e9:
-            raise _cannot(type(made), text, f"{field.name} is {value:g}")
-    return made
+def _why(error: ValidationError) -> str:
+    """What is wrong with the first of the pairs that is wrong."""
+    first = error.errors()[0]
+    key, value, (kind, _, problem) = first["loc"][0], first["input"], first["type"].partition("_")
+    if kind == "missing":
+        return f"its {key} is missing"
+    return f"{key} is {value!r}, which is no {kind}" if problem == "parsing" else f"{key} is {float(value):g}"
 
 
 def _cannot(kind: type[Any], text: str, why: str) -> InputError:
@@ -132,7 +127,6 @@ FITTED = 1.5
 HIRANO = "usual, Hirano 1980"
 ODD_SHARE = 0.1
 """A shaft speed said that differs by more from the one estimated is mentioned."""
-_USUAL_LENGTH_M = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,12 +151,15 @@ class Driven:
         )
 
 
-def named(given: Sequence[Any], kind: str) -> list[Any]:
-    """Names for the devices that have none: their kind, with the side of a pair, or a number."""
-    usual = {1: [kind], 2: [f"port_{kind}", f"starboard_{kind}"]}.get(
-        len(given), [f"{kind}_{number + 1}" for number in range(len(given))]
-    )
-    return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=True)]
+def listed(kind: type[Device], said: Sequence[str | Device]) -> list[Device]:
+    """The devices of a kind; those without a name get that of their kind, with the side of a pair, or a number."""
+    word, given = kind.__name__.lower(), [device(kind, each) for each in said]
+    usual = [f"{word}_{number + 1}" for number in range(len(given))]
+    if kind is Tunnel:
+        usual[:2] = ["bow", "stern"]
+    elif len(given) <= 2:
+        usual = [word] if len(given) == 1 else [f"port_{word}", f"starboard_{word}"]
+    return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=False)]
 
 
 def driven(ship: Particulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]) -> list[Driven]:
@@ -188,7 +185,7 @@ def _driven(ship: Particulars, said: Propeller | Azimuth, place: tuple[float, fl
         "x_m": x_m,
         "y_m": y_m,
         **_blades(ship, said, pitch_ratio, known, wake, deduction),
-        "limit_rpm": Assumed(RESERVE * rpm, f"{rpm:.4g} rpm at service speed, and a reserve"),
+        "limit_rpm": Estimate(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
         "shaft_lag_s": _lag(ship, 1.0),
     }
     return Driven(Table("[[actuator]]", said.name, rows), said, x_m, y_m, wake.value, rpm)
@@ -221,7 +218,7 @@ def _blades(
         return {
             "propeller_diameter_m": said.diameter,
             **screws.pod(pitch, said.area_ratio, said.blades, known, wake, deduction),
-            "azimuth_rate_limit_dps": said.rate or Assumed(12.0, "two turns a minute, usual"),
+            "azimuth_rate_limit_dps": said.rate or Estimate(12.0, source="two turns a minute, usual"),
             "azimuth_lag_s": _lag(ship, 1.0),
         }
     k = screws.open_water(pitch, said.area_ratio, said.blades, known)
@@ -238,9 +235,9 @@ def _blades(
     }
 
 
-def _lag(ship: Particulars, seconds: float) -> Assumed:
+def _lag(ship: Particulars, seconds: float) -> Estimate:
     """A drive's time constant [s], that of a ship of 30 m, by Froude's law."""
-    return Assumed(seconds * sqrt(ship.length_m / _USUAL_LENGTH_M), f"assumed, {seconds:g} s at 30 m")
+    return Estimate(seconds * sqrt(ship.length_m / USUAL_LENGTH_M), source=f"assumed, {seconds:g} s at 30 m")
 
 
 def _abeam(ship: Particulars, count: int, x_m: float) -> list[tuple[float, float]]:
@@ -266,8 +263,7 @@ def rudders(ship: Particulars, given: Sequence[Rudder], propellers: Sequence[Dri
 def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
     before = _before(said, shafts, number, count)
     beside = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
-    area, share = said.area, usual_area(ship)
-    area_m2 = Estimate(area, 0.0, "given") if area else Estimate(share.value / count, share.error, share.source)
+    area_m2 = Estimate(said.area) if said.area else usual_area(ship).times(1.0 / count)
     span = said.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
     numbers = interaction(ship, before.wake if before else 0.0)
     straight = numbers["flow_straightening"]
@@ -279,24 +275,24 @@ def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: i
         "y_m": said.y if said.y is not None else beside,
         **({"behind": before.said.name} if before else {}),
         "area_m2": area_m2,
-        "span_m": said.span or Assumed(span, "aspect ratio 1.6, within the draught"),
+        "span_m": said.span or Estimate(span, source="aspect ratio 1.6, within the draught"),
         "t_R": numbers["t_R"],
         "a_H": numbers["a_H"],
-        "x_H_m": _by_length(numbers["x_H"], L),
+        "x_H_m": numbers["x_H"].times(L),
         "flow_straightening_minus": straight,
         "flow_straightening_plus": straight,
-        "l_R_m": _by_length(numbers["l_R"], L),
+        "l_R_m": numbers["l_R"].times(L),
         "lift_slope": Estimate(normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
-        **({"eps": numbers["eps"], "kappa": numbers["kappa"]} if before else {"inflow_factor": Assumed(0.8)}),
-        "limit_deg": said.limit or Assumed(35.0, "usual"),
-        "rate_limit_dps": said.rate or Assumed(usual_rate_dps(ship), "65 degrees in 28 s at 100 m, SOLAS"),
+        **(
+            {name: numbers[name] for name in ("eps", "kappa")}
+            if before
+            else {"inflow_factor": Estimate(0.8, source="assumed")}
+        ),
+        "limit_deg": said.limit or Estimate(35.0, source="usual"),
+        "rate_limit_dps": said.rate or Estimate(usual_rate_dps(ship), source="65 degrees in 28 s at 100 m, SOLAS"),
         "lag_s": _lag(ship, 0.5),
     }
     return Table("[[actuator]]", said.name, rows)
-
-
-def _by_length(estimate: Estimate, length_m: float) -> Estimate:
-    return replace(estimate, value=estimate.value * length_m)
 
 
 def _before(said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Driven | None:
@@ -326,7 +322,7 @@ def tunnel(ship: Particulars, said: Tunnel) -> Table:
         "kind": "tunnel",
         "x_m": said.x if said.x is not None else x,
         "cubic_n": 0.0,
-        "quadratic_n": replace(force, value=force.value / said.rpm**2),
+        "quadratic_n": force.times(said.rpm**-2),
         "linear_n": 0.0,
         "limit_rpm": said.rpm,
         "shaft_lag_s": _lag(ship, 1.0),
@@ -345,17 +341,10 @@ def _tunnel_force(said: Tunnel) -> Estimate:
     return screws.tunnel_force(said.diameter, said.power)
 
 
-KIJIMA = "Kijima et al. 1990"
-YOSHIMURA = "Yoshimura and Masumoto 2012"
 MATSUMOTO = "Matsumoto and Suemitsu 1980"
 USUAL_ASPECT_RATIO = 1.6
 _WAKES = (0.2, 0.5)
 """The wake fractions of single-screw ships that eps was fitted to."""
-
-
-def normal_force_slope(aspect_ratio: float) -> float:
-    """Slope of the normal force of a rudder alone, f_alpha (Fujii and Tsuda 1961)."""
-    return 6.13 * aspect_ratio / (2.25 + aspect_ratio)
 
 
 def usual_area(ship: Particulars) -> Estimate:

@@ -12,8 +12,9 @@ models, prismatic coefficient 0.55 to 0.85, L/B 3.9 to 15, B/T 2.1 to 4.
 
 from __future__ import annotations
 
-from bisect import bisect
 from math import cos, exp, log10, pi, sqrt
+
+import numpy as np
 
 from hybrid.vessel.estimate.particulars import GRAVITY_MPS2, Estimate, Estimates, Particulars, with_scatter
 
@@ -62,7 +63,7 @@ def _yaw_added_radius(ship: Particulars) -> float:
 def centre_of_gravity(ship: Particulars) -> Estimate:
     """Centre of gravity forward of midship by length, from the usual centre of buoyancy at a Froude number."""
     if ship.centre_of_gravity_m is not None:
-        return Estimate(ship.centre_of_gravity_m / ship.length_m, 0.0, "given")
+        return Estimate(ship.centre_of_gravity_m / ship.length_m)
     forward = min(max(0.088 - 0.389 * ship.froude, -0.03), 0.035)
     return with_scatter(forward, 0.015, "usual centre of buoyancy, Schneekluth and Bertram 1998")
 
@@ -116,10 +117,7 @@ def cross_flow_drag(ship: Particulars) -> float:
 
     Hoerner's curve as Leite et al. (1998, Applied Ocean Research 20) give it for ships.
     """
-    x = min(max(0.5 * ship.beam_m / ship.draught_m, HALF_BEAM_BY_DRAUGHT[0]), HALF_BEAM_BY_DRAUGHT[-1])
-    i = min(max(bisect(HALF_BEAM_BY_DRAUGHT, x), 1), len(HALF_BEAM_BY_DRAUGHT) - 1)
-    x_0, x_1, C_0, C_1 = *HALF_BEAM_BY_DRAUGHT[i - 1 : i + 1], *CROSS_FLOW_DRAG[i - 1 : i + 1]
-    return C_0 + (C_1 - C_0) * (x - x_0) / (x_1 - x_0)
+    return float(np.interp(0.5 * ship.beam_m / ship.draught_m, HALF_BEAM_BY_DRAUGHT, CROSS_FLOW_DRAG))
 
 
 def mmg(ship: Particulars, R_0: Estimate) -> Estimates:
@@ -135,7 +133,7 @@ def cross_flow(ship: Particulars, R_0: Estimate) -> Estimates:
     strips = "strip theory, Yoshimura 1988"
     first = linear(ship)
     return {
-        "X_0F": Estimate(-R_0.value, R_0.error, R_0.source),
+        "X_0F": R_0.times(-1.0),
         "X_0A": Estimate(-1.5 * R_0.value, 0.3, "1.5 times the resistance ahead, as of Esso Osaka"),
         "X_vr": surge(ship)["X_vr"],
         "Y_v": first["Y_v"],

@@ -7,7 +7,7 @@ each estimate, one standard deviation, stands in ``[estimated]``, so that an ide
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -16,11 +16,9 @@ from acquisition.core.errors import InputError
 from acquisition.core.files import write_text
 from hybrid.vessel.estimate import devices
 from hybrid.vessel.estimate import hull as hulls
-from hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, device
+from hybrid.vessel.estimate.devices import Azimuth, Propeller, Rudder, Tunnel, listed
 from hybrid.vessel.estimate.particulars import (
     SEA_WATER_KGPM3,
-    Assumed,
-    Cell,
     Estimate,
     Estimates,
     Particulars,
@@ -78,8 +76,7 @@ def new_vessel(
     their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no displacement
     ship has and for propulsors that cannot be, :class:`StorageError`.
     """
-    shafts = devices.named([device(Propeller, each) for each in propellers], "propeller")
-    pods = devices.named([device(Azimuth, each) for each in azimuths], "azimuth")
+    shafts, pods = listed(Propeller, propellers), listed(Azimuth, azimuths)
     if not shafts and not pods:
         raise InputError(
             "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
@@ -90,11 +87,10 @@ def new_vessel(
         screws=len(shafts) + len(pods),
     )  # fmt: skip
     driven = devices.driven(ship, shafts, pods)
-    blades = devices.named([device(Rudder, each) for each in rudders], "rudder")
     actuators = [
         *(each.table for each in driven),
-        *devices.rudders(ship, blades, driven),
-        *(devices.tunnel(ship, each) for each in _with_tunnel_names(tunnels)),
+        *devices.rudders(ship, listed(Rudder, rudders), driven),
+        *(devices.tunnel(ship, each) for each in listed(Tunnel, tunnels)),
     ]
     check_actuators(Actuator(each.label, str(each.rows["kind"])) for each in actuators)
     tables = [
@@ -120,12 +116,6 @@ def course_stable(ship: Particulars) -> bool:
     return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
 
 
-def _with_tunnel_names(tunnels: Sequence[Tunnel | str]) -> list[Tunnel]:
-    usual = ("bow", "stern", *(f"tunnel_{number}" for number in range(3, len(tunnels) + 1)))
-    given = [device(Tunnel, each) for each in tunnels]
-    return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=False)]
-
-
 def _dimensions(ship: Particulars, overall_m: float) -> Table:
     return Table("[dimensions]", "dimensions", {
         "length_overall_m": overall_m,
@@ -138,10 +128,10 @@ def _dimensions(ship: Particulars, overall_m: float) -> Table:
 def _validity(ship: Particulars) -> Table:
     U, by_speed = ship.service_speed_mps, "by the service speed"
     return Table("[validity]", "validity", {
-        "surge_low_mps": Assumed(-0.6 * U, by_speed),
-        "surge_high_mps": Assumed(1.3 * U, by_speed),
-        "sway_mps": Assumed(0.8 * U, by_speed),
-        "yaw_rate_radps": Assumed(2.0 * U / ship.length_m, "r' = 2 at service speed"),
+        "surge_low_mps": Estimate(-0.6 * U, source=by_speed),
+        "surge_high_mps": Estimate(1.3 * U, source=by_speed),
+        "sway_mps": Estimate(0.8 * U, source=by_speed),
+        "yaw_rate_radps": Estimate(2.0 * U / ship.length_m, source="r' = 2 at service speed"),
     })  # fmt: skip
 
 
@@ -152,8 +142,8 @@ def _hull(ship: Particulars, hull: HullName) -> Table:
 
 
 def _wind(ship: Particulars, frontal_m2: float | None, lateral_m2: float | None) -> Table:
-    known: dict[str, Cell] = {"model": "fujiwara", "air_density_kgpm3": 1.225}
-    return Table("[wind]", "wind", {**known, **outline(ship, frontal_m2, lateral_m2)})
+    numbers = outline(ship, frontal_m2, lateral_m2)
+    return Table("[wind]", "wind", {"model": "fujiwara", "air_density_kgpm3": 1.225, **numbers})
 
 
 def _text(
@@ -164,19 +154,18 @@ def _text(
         "# Body axes at midship, x forward, y to starboard. Measured numbers are better: write them in.",
         *(f"# Note: {warning}." for warning in warnings),
     ]
-    known: dict[str, Cell] = {
+    plain = Table("", "", {
         "name": name,
         "description": f"{name.replace('_', ' ')}, estimated from main dimensions",
-    }
-    plain = Table("", "", {**known, "water_density_kgpm3": ship.water_density_kgpm3})
-    provenance: dict[str, Cell] = {
+        "water_density_kgpm3": ship.water_density_kgpm3,
+    })  # fmt: skip
+    provenance = Table("[provenance]", "provenance", {
         "source": "seatrial vessel new",
         "block_coefficient": ship.block,
         "service_speed_mps": ship.service_speed_mps,
         **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
-    }
-    parts = [plain, Table("[provenance]", "provenance", provenance), *tables]
-    return "\n".join(["\n".join(head), *(text_of(part) for part in parts), estimated(tables)])
+    })  # fmt: skip
+    return "\n".join(["\n".join(head), *map(text_of, [plain, provenance, *tables]), estimated(tables)])
 
 
 OUTLINES = "mean of Esso Osaka and R/V Gunnerus"
@@ -184,7 +173,7 @@ ESSO_OSAKA = "as of Esso Osaka"
 AREA_ERROR = 0.4
 
 
-def outline(ship: Particulars, frontal_m2: float | None = None, lateral_m2: float | None = None) -> Estimates:
+def outline(ship: Particulars, frontal_m2: float | None, lateral_m2: float | None) -> Estimates:
     """Areas, centres and heights above water for Fujiwara's regression; with the areas that are known.
 
     The ratios are the geometric means of two published outlines, Esso Osaka's and R/V Gunnerus'; where only Esso
@@ -193,10 +182,8 @@ def outline(ship: Particulars, frontal_m2: float | None = None, lateral_m2: floa
     L, B = ship.length_m, ship.beam_m
     frontal = Estimate(0.70 * B * B, AREA_ERROR, f"0.70 B^2, {OUTLINES}")
     lateral = Estimate(0.45 * L * B, AREA_ERROR, f"0.45 L B, {OUTLINES}")
-    if frontal_m2 is not None:
-        frontal = Estimate(frontal_m2, 0.0, "given")
-    if lateral_m2 is not None:
-        lateral = Estimate(lateral_m2, 0.0, "given")
+    frontal = frontal if frontal_m2 is None else Estimate(frontal_m2)
+    lateral = lateral if lateral_m2 is None else Estimate(lateral_m2)
     A_T, A_L = frontal.value, lateral.value
     return {
         "frontal_area_m2": frontal,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, sqrt
 
 from acquisition.core.errors import InputError
@@ -18,11 +18,18 @@ _NEAR_ZERO = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A number that a regression gives: its usual relative error (one standard deviation), and where it is from."""
+    """A number, its usual relative error (one standard deviation) and where it is from.
+
+    Without an error it is assumed for the reason that ``source`` tells, or given where it tells none.
+    """
 
     value: float
-    error: float
-    source: str
+    error: float = 0.0
+    source: str = ""
+
+    def times(self, factor: float) -> Estimate:
+        """The same estimate in another unit."""
+        return replace(self, value=factor * self.value)
 
 
 Estimates = dict[str, Estimate]
@@ -130,17 +137,7 @@ def outside_samples(ship: Particulars) -> list[str]:
 
 
 DIGITS = 5
-
-
-@dataclass(frozen=True, slots=True)
-class Assumed:
-    """A number that is neither given nor estimated, and why it is what it is."""
-
-    value: float
-    why: str = "assumed"
-
-
-Cell = str | float | Estimate | Assumed
+Cell = str | float | Estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,11 +147,6 @@ class Table:
     head: str
     label: str
     rows: dict[str, Cell]
-
-    def number(self, key: str) -> float:
-        """The number of a row."""
-        cell = self.rows[key]
-        return float(cell.value if isinstance(cell, Estimate | Assumed) else cell)
 
 
 def text_of(table: Table) -> str:
@@ -174,17 +166,12 @@ def estimated(tables: Iterable[Table]) -> str:
 
 
 def _row(key: str, cell: Cell) -> str:
-    if isinstance(cell, Estimate) and cell.error == 0.0:
-        return f"{key} = {_number(cell.value)}"
-    if isinstance(cell, Estimate):
-        return _with_comment(f"{key} = {_number(cell.value)}", f"+-{100.0 * cell.error:.0f} %: {cell.source}")
-    if isinstance(cell, Assumed):
-        return _with_comment(f"{key} = {_number(cell.value)}", cell.why)
-    return f"{key} = {json.dumps(cell) if isinstance(cell, str) else _number(cell)}"
-
-
-def _with_comment(text: str, comment: str) -> str:
-    return f"{text:<34}  # {comment}"
+    if isinstance(cell, str):
+        return f"{key} = {json.dumps(cell)}"
+    number = cell if isinstance(cell, Estimate) else Estimate(cell)
+    text = f"{key} = {_number(number.value)}"
+    error = f"+-{100.0 * number.error:.0f} %: " if number.error > 0.0 else ""
+    return f"{text:<34}  # {error}{number.source}" if number.source else text
 
 
 def _number(value: float) -> str:

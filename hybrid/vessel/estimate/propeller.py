@@ -65,13 +65,9 @@ def open_water(pitch_ratio: float, area_ratio: float, blades: int, known: float)
 
     ``known`` multiplies the errors: 1 for a propeller whose particulars are known, more for a typical one.
     """
-    errors = (0.05, 0.10, 0.25)
-    return {
-        name: Estimate(value, error * known, B_SERIES)
-        for name, value, error in zip(
-            ("k_0", "k_1", "k_2"), quadratic(pitch_ratio, area_ratio, blades), errors, strict=True
-        )
-    }
+    k_0, k_1, k_2 = quadratic(pitch_ratio, area_ratio, blades)
+    numbers = {"k_0": (k_0, 0.05), "k_1": (k_1, 0.10), "k_2": (k_2, 0.25)}
+    return {name: Estimate(value, error * known, B_SERIES) for name, (value, error) in numbers.items()}
 
 
 def service_rps(

@@ -5,8 +5,6 @@ To add a model: a file like ``mmg.py`` and a line in :data:`HULLS`.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from analysis.compiling import by_code, compiled
 from hybrid.vessel.hulls.cross_flow import CROSS_FLOW
 from hybrid.vessel.hulls.kind import HullModel
@@ -14,14 +12,6 @@ from hybrid.vessel.hulls.mmg import MMG
 from hybrid.vessel.hulls.polynomial import POLYNOMIAL
 
 HULLS: dict[str, HullModel] = {"polynomial": POLYNOMIAL, "mmg": MMG, "cross_flow": CROSS_FLOW}
-
-
-class HullEntry(Protocol):
-    """The ``[hull]`` table of a vessel file, of whatever model."""
-
-    @property
-    def model(self) -> str:
-        """Its model, one of :data:`HULLS`."""
 
 
 HULL_CODES: dict[str, float] = {name: float(code) for code, name in enumerate(HULLS)}

@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel, coefficients_of
+from hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
 
 EVEN_FLOW = 1e-3
 """Where the flow across differs by less than this share along the ship, the integral is its series."""
@@ -24,7 +24,7 @@ NO_FLOW = 1e-100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CrossFlow:
+class CrossFlow(HullEntry):
     """Coefficients without dimension: forces by rho/2 L d U^2, moments by L times that.
 
     ``X_0F`` and ``X_0A`` are the resistance ahead and astern (negative), ``C_D`` the drag of the flow across,

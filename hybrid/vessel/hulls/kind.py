@@ -15,6 +15,18 @@ def coefficients_of(entry: type) -> tuple[str, ...]:
     return tuple(each.name for each in fields(entry) if each.name != "model" and each.default is MISSING)
 
 
+def as_stated(entry: Any, water_density_kgpm3: float, length_m: float, draught_m: float) -> tuple[float, ...]:
+    """The coefficients of an entry that states them as its model computes with them."""
+    return tuple(getattr(entry, name) for name in coefficients_of(type(entry)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HullEntry:
+    """The ``[hull]`` table of a vessel file: the name of its model, and in each model the coefficients."""
+
+    model: str
+
+
 @dataclass(frozen=True, slots=True)
 class HullModel:
     """A hull model.
@@ -30,7 +42,7 @@ class HullModel:
     beside N's coefficients, not in them.
     """
 
-    entry: type
+    entry: type[HullEntry]
     numbers: tuple[str, ...]
     force: Callable[..., tuple[float, float, float]]
     linear: tuple[str, str, str, str]
@@ -42,17 +54,9 @@ class HullModel:
     turning_drag: tuple[str, ...]
     yaw_damping: tuple[str, ...]
     keeps_sign: tuple[str, ...]
-    in_si: Callable[[Any, float, float, float], tuple[float, ...]] | None = None
+    in_si: Callable[[Any, float, float, float], tuple[float, ...]] = as_stated
     primed: bool = False
     munk: bool = False
-
-    def values(
-        self, entry: Any, water_density_kgpm3: float, length_m: float, draught_m: float
-    ) -> tuple[float, ...]:
-        """The coefficients of an entry as the model computes with them."""
-        if self.in_si is not None:
-            return self.in_si(entry, water_density_kgpm3, length_m, draught_m)
-        return tuple(getattr(entry, name) for name in self.numbers)
 
     @property
     def turning(self) -> tuple[str, ...]:
@@ -68,10 +72,3 @@ class HullModel:
         """Pairs of a moment's coefficient and the side force's of like name."""
         pairs = ((name, f"Y{name[1:]}") for name in self.numbers if name.startswith("N"))
         return [(moment, force) for moment, force in pairs if force in self.numbers]
-
-    def unit(self, name: str, water_density_kgpm3: float, length_m: float, draught_m: float) -> float:
-        """What a coefficient of Y or N is multiplied with to be in SI, at its power of speed and yaw rate."""
-        if not self.primed:
-            return 1.0
-        levers = name.startswith("N") + name.partition("_")[2].count("r")
-        return 0.5 * water_density_kgpm3 * length_m * draught_m * length_m**levers

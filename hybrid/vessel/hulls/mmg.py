@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel, coefficients_of
+from hybrid.vessel.hulls.kind import HullEntry, HullModel, coefficients_of
 
 ASTERN_SHARE = 0.3
 """The published resistance goes with the speed squared; below this share of it ahead, it fades and turns around."""
@@ -23,7 +23,7 @@ LARGEST_YAW_RATE = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mmg:
+class Mmg(HullEntry):
     """A hull's derivatives without dimension: forces by rho/2 L d U^2, moments by L times that."""
 
     model: Literal["mmg"]

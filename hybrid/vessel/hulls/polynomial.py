@@ -12,11 +12,11 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel, coefficients_of
+from hybrid.vessel.hulls.kind import HullEntry, HullModel, as_stated, coefficients_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Polynomial:
+class Polynomial(HullEntry):
     """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|.
 
     With ``units = "primed"`` they are without dimension: forces by rho/2 L d U^2, moments by L times that, speeds
@@ -95,9 +95,9 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
 
 def in_si(entry: Polynomial, water_density_kgpm3: float, length_m: float, draught_m: float) -> tuple[float, ...]:
     """The coefficients in SI, whichever the entry states."""
-    values = [getattr(entry, name) for name in NUMBERS]
+    values = as_stated(entry, water_density_kgpm3, length_m, draught_m)
     if entry.units == "si":
-        return tuple(values)
+        return values
     q = 0.5 * water_density_kgpm3 * length_m * draught_m
 
     def unit(name: str) -> float:

@@ -11,7 +11,6 @@ from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from hybrid.diagnosis.coarse_model import (
     alike,
-    alike_in_pairs,
     chance_of_closer,
     is_coarse,
     one_is_enough,
@@ -85,7 +84,7 @@ def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
     def by_leg_m(names: tuple[str, ...]) -> Floats:
         return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
 
-    rivals = {"yaw_inertia": ("loading",), "trim": ("yaw_damping", "skeg", "drift_moment")}
+    rivals = {"yaw_inertia": [("loading",)], "trim": [("yaw_damping",), ("skeg",), ("drift_moment",)]}
     assert alike(by_leg_m, ("yaw_inertia", "trim"), rivals) == [("trim", "yaw_damping")]
 
 
@@ -96,7 +95,7 @@ def test_two_that_make_a_name_are_tied_with_it_where_they_predict_as_well_togeth
         return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
 
     pairs = {"trim": [], "skeg": [("yaw_damping", "drift_moment"), ("drift_moment", "drift_force")]}
-    assert alike_in_pairs(by_leg_m, ("trim", "skeg"), pairs) == [("skeg", "yaw_damping", "drift_moment")]
+    assert alike(by_leg_m, ("trim", "skeg"), pairs) == [("skeg", "yaw_damping", "drift_moment")]
 
 
 def test_closer_on_all_legs_but_the_worst_is_closer() -> None:

@@ -17,7 +17,7 @@ from hybrid.diagnosis.result import Replication
 from hybrid.effects import apply_effects, load_effects
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.effects.regime import MOST, Regime, as_file, quantities_along, regime_effect
-from hybrid.report.regime_sentences import regime_in_words
+from hybrid.report.diagnosis_sentences import regime_in_words
 from hybrid.simulation.manoeuvres import Leg
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel, with_effects

@@ -14,7 +14,8 @@ from hybrid.diagnosis.course import Course, varied
 from hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, When
 from hybrid.effects import CATALOGUE, vessel_plant
 from hybrid.effects.catalogue import catalogue_for
-from hybrid.report.diagnosis_sentences import in_parts, sentence
+from hybrid.report.diagnosis_sentences import in_parts
+from hybrid.report.effect_sentences import sentence
 from hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.log_by_hand import a_log
 

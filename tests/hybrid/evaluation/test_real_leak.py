@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.tables.import_table import import_table
-from hybrid.evaluation.splits import draws_of, shared_seconds
+from hybrid.evaluation.splits import SPLITS, shared_seconds
 from hybrid.evaluation.study import evaluation_of, study
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -28,9 +28,9 @@ def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Pred
 
 @pytest.mark.parametrize("kind", ["leg", "time"])
 def test_real_windows_share_no_second(docking: PredictionWindows, kind: str) -> None:
-    for draw in draws_of(kind, docking, 5, 0):
+    for draw in SPLITS[kind](docking, 5, 0):
         assert shared_seconds(docking, draw.fitting | draw.stopping, draw.held_out) == 0
-    (leaky,) = draws_of("random", docking, 1, 0)
+    (leaky,) = SPLITS["random"](docking, 1, 0)
     assert shared_seconds(docking, leaky.fitting, leaky.held_out) > 0
 
 

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
-from hybrid.evaluation.splits import draws_of, refuse_unknown, shared_seconds
+from hybrid.evaluation.splits import SPLITS, refuse_unknown, shared_seconds
 from tests.hybrid.evaluation.windows_in_legs import SECONDS, windows_of_legs
 
 legs_of_windows = st.lists(st.integers(1, 8), min_size=6, max_size=12)
@@ -25,7 +25,7 @@ def test_no_second_is_on_both_sides(sizes: list[int], gap_s: int, kind: str, see
     """Held-out windows share no second with any window that is fitted or stopped by."""
     windows = windows_of_legs(sizes, ("first", "second"), gap_s)
     try:
-        draws = draws_of(kind, windows, 2, seed)
+        draws = SPLITS[kind](windows, 2, seed)
     except DataShortageError:
         assume(False)
     for draw in draws:
@@ -40,7 +40,7 @@ def test_no_second_is_on_both_sides(sizes: list[int], gap_s: int, kind: str, see
 def test_windows_at_random_share_most_of_their_seconds(seed: int) -> None:
     """That is the leak: of what is judged, most was fitted."""
     windows = windows_of_legs([12] * 8)
-    (draw,) = draws_of("random", windows, 1, seed)
+    (draw,) = SPLITS["random"](windows, 1, seed)
     judged = shared_seconds(windows, draw.held_out, draw.held_out)
     assert shared_seconds(windows, draw.fitting, draw.held_out) > 0.5 * judged
 
@@ -48,20 +48,20 @@ def test_windows_at_random_share_most_of_their_seconds(seed: int) -> None:
 def test_legs_are_kept_whole_and_drawn_anew() -> None:
     """About 30 % of the windows in each draw, other legs in the next, the same legs with the same seed."""
     windows = windows_of_legs([5] * 20)
-    draws = draws_of("leg", windows, 4, 7)
+    draws = SPLITS["leg"](windows, 4, 7)
     for draw in draws:
         assert not set(windows.leg[draw.held_out]) & set(windows.leg[draw.fitting | draw.stopping])
         assert 0.2 < draw.held_out.mean() < 0.4
         assert (draw.fitting | draw.stopping | draw.held_out).all()
     assert len({tuple(draw.held_out) for draw in draws}) > 1
-    again = draws_of("leg", windows, 4, 7)
+    again = SPLITS["leg"](windows, 4, 7)
     assert all((one.fitting == other.fitting).all() for one, other in zip(draws, again, strict=True))
 
 
 def test_the_end_of_every_recording_is_kept_back() -> None:
     """What is fitted ends before what is judged begins, in each recording; both sides hold their share."""
     windows = windows_of_legs([4] * 20, ("first", "second"))
-    (draw,) = draws_of("time", windows, 5, 0)
+    (draw,) = SPLITS["time"](windows, 5, 0)
     known = draw.fitting | draw.stopping
     for trial in ("first", "second"):
         mine = windows.trial == trial
@@ -73,18 +73,18 @@ def test_the_end_of_every_recording_is_kept_back() -> None:
 
 def test_each_recording_is_kept_back_once() -> None:
     windows = windows_of_legs([3] * 6, ("a", "b", "c"))
-    held_out = [set(windows.trial[draw.held_out]) for draw in draws_of("recording", windows, 5, 0)]
+    held_out = [set(windows.trial[draw.held_out]) for draw in SPLITS["recording"](windows, 5, 0)]
     assert held_out == [{"a"}, {"b"}, {"c"}]
 
 
 def test_what_cannot_be_parted_is_said() -> None:
     """One recording, one leg, a name that is no split: one line each."""
     with pytest.raises(DataShortageError, match="two or more"):
-        draws_of("recording", windows_of_legs([3] * 6), 1, 0)
+        SPLITS["recording"](windows_of_legs([3] * 6), 1, 0)
     with pytest.raises(DataShortageError, match="one leg"):
-        draws_of("leg", windows_of_legs([9]), 1, 0)
+        SPLITS["leg"](windows_of_legs([9]), 1, 0)
     with pytest.raises(DataShortageError, match="longer"):
-        draws_of("time", windows_of_legs([1]), 1, 0)
+        SPLITS["time"](windows_of_legs([1]), 1, 0)
     with pytest.raises(ConfigurationError, match="leg, time, recording, random"):
         refuse_unknown(["leg", "month"])
 

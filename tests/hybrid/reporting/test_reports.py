@@ -24,7 +24,7 @@ from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
 from analysis.tables.table import table_of
 from hybrid.report.folder import Choices, report
-from hybrid.reproduction.fidelity import SOURCES
+from hybrid.reproduction import SOURCES
 from tests.browser import running_browser
 
 try:

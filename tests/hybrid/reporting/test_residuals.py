@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -51,7 +49,7 @@ def test_the_models_acceleration_is_the_slope_of_what_it_simulates(voyage: pd.Da
 def test_a_steady_force_that_is_missing_is_the_force_over_the_mass(voyage: pd.DataFrame) -> None:
     plant: Plant = vessel_plant(load_vessel("gunnerus_short"))
     states, controls, wind = states_of(voyage), controls_of(voyage), wind_of(voyage)
-    pushed = replace(plant, constant_X_n=plant.constant_X_n + 10_000.0)
+    pushed = plant.replaced(constant_X_n=plant.constant_X_n + 10_000.0)
     gap = modelled_acceleration(pushed, states, controls, wind) - modelled_acceleration(
         plant, states, controls, wind
     )

@@ -19,7 +19,7 @@ from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances
-from hybrid.reproduction.fidelity import notebook
+from hybrid.reproduction import notebook
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import windows_at

@@ -19,7 +19,7 @@ from hybrid.prediction.scores import distances
 from hybrid.report.plots import start_frame
 from hybrid.reproduction import campaign, figures, page
 from hybrid.reproduction.campaign import Job, seas_of
-from hybrid.reproduction.figures import FIGURES, FigureData, figure_data_of, write_figure_data
+from hybrid.reproduction.figures import FIGURES, Seas, write_figures
 from hybrid.reproduction.page import shortfalls, write_page, write_table3
 from hybrid.reproduction.table3 import Table3, table3
 from hybrid.vessel.plant import Plant
@@ -35,22 +35,22 @@ def quick(method: str, seed: int, plant: Plant) -> Calibrator:
 
 
 @pytest.fixture(scope="module")
-def shown() -> Iterator[FigureData]:
+def shown() -> Iterator[Seas]:
     """One small campaign in a gentle sea."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(campaign, "make_calibrator", quick)
         patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
-        yield figure_data_of(seas_of([Job("gentle", 2, sequences=12)], workers=1))
+        yield seas_of([Job("gentle", 2, sequences=12)], workers=1)
 
 
 @pytest.fixture(scope="module")
-def table(shown: FigureData) -> Table3:
-    return table3(shown.seas)
+def table(shown: Seas) -> Table3:
+    return table3(shown)
 
 
-def test_predictions_are_the_errors_put_back_on_the_measured_tracks(shown: FigureData) -> None:
+def test_predictions_are_the_errors_put_back_on_the_measured_tracks(shown: Seas) -> None:
     """The reference's tracks from its errors are those that it was simulated to."""
-    (sea,) = shown.seas
+    (sea,) = shown
     assert np.allclose(sea.predicted("reference"), sea.reference[sea.unseen][..., :2])
     gap_m = np.linalg.norm(sea.errors["sequence"]["floor"].gap_m, axis=2)
     assert gap_m.mean() < distances(sea.reference[sea.unseen], sea.judged.track).mean()
@@ -71,7 +71,7 @@ def test_the_start_frame_has_the_bow_up_and_keeps_distances() -> None:
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_every_axis_of_every_figure_has_its_unit(shown: FigureData, name: str) -> None:
+def test_every_axis_of_every_figure_has_its_unit(shown: Seas, name: str) -> None:
     figure = Figure(figsize=FIGURES[name].size_inch)
     FIGURES[name].draw(figure, shown)
     assert figure.axes
@@ -94,9 +94,9 @@ def few(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_figures_are_written_as_pictures_for_print_and_as_numbers(
-    shown: FigureData, few: list[str], tmp_path: Path
+    shown: Seas, few: list[str], tmp_path: Path
 ) -> None:
-    paths = write_figure_data(shown, tmp_path)
+    paths = write_figures(shown, tmp_path)
     endings = ("png", "svg", "pdf", "json")
     assert {path.name for path in paths} == {f"{name}.{ending}" for name in few for ending in endings}
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths if path.suffix == ".png")
@@ -111,9 +111,9 @@ def test_boxes_lie_where_the_errors_are() -> None:
 
 
 def test_the_page_says_what_falls_short_and_needs_no_network(
-    shown: FigureData, table: Table3, few: list[str], tmp_path: Path
+    shown: Seas, table: Table3, few: list[str], tmp_path: Path
 ) -> None:
-    write_figure_data(shown, tmp_path)
+    write_figures(shown, tmp_path)
     write_table3(table, tmp_path)
     text = write_page(tmp_path).read_text()
     assert text.count("data:image/png;base64") == len(few)

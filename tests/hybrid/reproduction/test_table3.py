@@ -264,8 +264,7 @@ def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatc
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
     monkeypatch.setattr("hybrid.reproduction.campaign.seas_of", lambda *_: ())
     monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
-    monkeypatch.setattr("hybrid.reproduction.figures.figure_data_of", lambda *_: None)  # the page without figures
-    monkeypatch.setattr("hybrid.reproduction.figures.write_figure_data", lambda *_: [])
+    monkeypatch.setattr("hybrid.reproduction.figures.write_figures", lambda *_: [])  # the page without figures
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
     assert "Shortfalls" in (tmp_path / "table3.html").read_text()

@@ -22,7 +22,7 @@ from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.messages import Topic, decode
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.schemas import PREDICTION_TOPIC
-from hybrid.calibrators.predictor import Predictor
+from hybrid.calibrators.predict import Predictor
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.twin import twin as twin_module
 from hybrid.twin.running_error import LARGEST_FACTOR, step

@@ -19,6 +19,7 @@ from hybrid.effects import CATALOGUE
 from hybrid.planning import plan as planning
 from hybrid.planning.information import Design
 from hybrid.planning.plan import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
+from hybrid.planning.repertoire import Candidate
 from hybrid.report.plan_page import page_of
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.vessel.parameters import Vessel
@@ -134,7 +135,7 @@ def test_the_command_prints_writes_and_says_where(
 ) -> None:
     asked: list[float] = []
 
-    def prepared(parts: tuple[planning.Part, ...], *_: object) -> Plan:
+    def prepared(parts: tuple[Candidate, ...], *_: object) -> Plan:
         asked.extend(part.minutes for part in parts)
         return planned
 
