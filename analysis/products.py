@@ -38,7 +38,7 @@ class Options:
     horizon_s: int = 15
     stride_s: int = 5
     length_m: float | None = None
-    rebuild_positions: bool = False
+    rebuild_positions: bool | None = False
 
 
 @dataclass(slots=True)

@@ -73,17 +73,19 @@ def repair(
     flags: FlagsByChannel | None = None,
     recording: Recording | None = None,
     *,
-    rebuild_positions: bool = False,
+    rebuild_positions: bool | None = False,
 ) -> RepairResult:
     """Put right what is certain of ``findings``; the given table stays as it is.
 
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
     without them these two are left alone. ``recording`` is what the table was read from: angles of the other
     convention, which the table lacks, are brought back from it. ``rebuild_positions`` takes the path that speeds
-    and heading give for the positions (:func:`request_position_repair`). Codes that have no repair here are passed
-    over, and so is a repair whose channels are lacking. A channel that is certain to be late is moved by its delay,
-    and the rows are joined anew.
+    and heading give for the positions (:func:`request_position_repair`), None where their time stamps jitter.
+    Codes that have no repair here are passed over, and so is a repair whose channels are lacking. A channel that is
+    certain to be late is moved by its delay, and the rows are joined anew.
     """
+    if rebuild_positions is None:
+        rebuild_positions = any(each.code == "position_time_jitter" for each in findings)
     if rebuild_positions:
         findings = request_position_repair(findings, table)
     order, raw = tuple(REPAIRS), table

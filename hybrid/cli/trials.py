@@ -32,6 +32,7 @@ def init(
     """Set up a folder for trials: configuration, vessel file, column map, example table."""
     from hybrid.workflows.start import start_folder
 
+    typer.echo("simulating an example, the first time with half a minute of compilation", err=True)
     for path in start_folder(folder, name or "", force=force):
         typer.echo(path)
 

@@ -44,7 +44,7 @@ from hybrid.report.errors import (
     predicted_motion,
     residuals_of,
 )
-from hybrid.vessel.files import load_vessel
+from hybrid.vessel.files import load_vessel, locate_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.windage import known_conditions
@@ -91,14 +91,24 @@ class Case:
         """The analysis of one recording; channels of motion and wind that it lacks are there, and empty."""
         ship = self._ship_of(read_trial(path).vessel, path)
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
-                          length_m=None if ship is None else ship.between_perpendiculars_m)  # fmt: skip
+                          length_m=None if ship is None else ship.between_perpendiculars_m,
+                          rebuild_positions=None if self.repair else False)  # fmt: skip
         products = analyse([path], options, name)
         lacking = [each for each in MOTION if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
     def _ship_of(self, name: str, recording: Path) -> Ship | None:
         given_m = self.length_m
-        return ship_of(name, recording) if given_m is None else Ship(name, given_m, given_m)
+        return ship_of(self._vessel_of(name, recording)) if given_m is None else Ship(name, given_m, given_m)
+
+    def _vessel_of(self, name: str, recording: Path) -> Vessel | None:
+        """The vessel file of the ship that a recording names, or of the model asked for where it names none."""
+        try:
+            asked = locate_vessel(self.vessel) if self.vessel and not name else None
+            file = asked or vessel_of_ship(name, recording.parent)
+            return None if file is None else load_vessel(file)
+        except ConfigurationError:
+            return None
 
     @property
     def products(self) -> dict[str, Products]:
@@ -129,7 +139,7 @@ class Case:
         if not made:
             return None
         recorded = [(each.recording.trial, each.table) for each in made.values()]
-        ship = _vessel_of(recorded[0][0].vessel, self.named_paths[next(iter(made))])
+        ship = self._vessel_of(recorded[0][0].vessel, self.named_paths[next(iter(made))])
         events = [event for each in made.values() for event in each.recording.events]
         try:
             given = Conditions(length_m=self.length_m)
@@ -267,18 +277,8 @@ class Case:
         return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
 
 
-def _vessel_of(name: str, recording: Path) -> Vessel | None:
-    """The vessel file of the ship that a recording names; None without a good one."""
-    try:
-        file = vessel_of_ship(name, recording.parent)
-        return None if file is None else load_vessel(file)
-    except ConfigurationError:
-        return None
-
-
-def ship_of(name: str, recording: Path) -> Ship | None:
-    """The main dimensions of the ship that a recording names, with what lengthens her; None without a good file."""
-    vessel = _vessel_of(name, recording)
+def ship_of(vessel: Vessel | None) -> Ship | None:
+    """The main dimensions of a ship, with what lengthens her; None without a vessel file."""
     if vessel is None:
         return None
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)

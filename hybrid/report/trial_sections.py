@@ -216,7 +216,8 @@ def model_sentence(case: Case) -> str:
     """What the simulation model is worth on this trial, beside a ship that goes on as she does."""
     judged, scores = case.validation, case.validation.scores
     mine, kept = (scores[name].mean_distance_m for name in (case.best, "constant_velocity"))
-    doubted = f"the model {case.model.name}, which is not of this ship,"
+    named = any(each.recording.trial.vessel for each in case.products.values())
+    doubted = f"the model {case.model.name}{', which is not of this ship,' if named else ''}"
     whose = doubted if case.model.doubt else "the ship's simulation model"
     with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
     gain = f"is {1.0 - mine / kept:.0%} better" if mine < kept else "is no better"

@@ -139,7 +139,6 @@ _FROZEN = ("stuck", "feedback_frozen", "position_jump")
 _MOST_FROZEN = 0.5
 _FOR_A_NAME = ("speed_scale", "yaw_rate_scale", "channel_delay")
 """Errors of sensors that the catalogue has: a diagnosis names them."""
-JITTER = "position_time_jitter"
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,8 +169,6 @@ def checked_tables(
     raw = table_of(recording)
     quality = check_recording(recording, raw)
     findings = quality.findings
-    if rebuild_positions is None:
-        rebuild_positions = any(each.code == JITTER for each in findings)
     faults = [each for each in findings if repaired or each.code not in _FOR_A_NAME]
     done = repair(raw, faults, quality.flags, recording, rebuild_positions=rebuild_positions)
     flags = quality.flags if done.flags is None else done.flags

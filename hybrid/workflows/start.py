@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 from pymap3d import ned2geodetic
 
@@ -14,11 +13,14 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import write_text
 from acquisition.recording.parts import safe_name
 from acquisition.tables.import_table import refuse_overwriting
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.estimate.new_vessel import new_vessel
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.parameters import Vessel
 
 TEMPLATES = VESSELS.parent / "start"
 _KNOT_MPS = 1852.0 / 3600.0
-_EXAMPLE_S, _SPEED_MPS, _SWING_DEG, _PERIOD_S = 180, 6.0, 20.0, 60.0
+_EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
 _HEADER = """# An example, a coaster of 82 m, to be replaced by your ship:
 #   seatrial vessel new -o vessel.toml --name {name} --length ... --beam ... --draught ... --block ... \\
 #     --service-speed ... --propeller "propeller,diameter=..." --rudder "rudder,area=..."
@@ -37,12 +39,13 @@ def start_folder(folder: Path, name: str = "", *, force: bool = False) -> list[P
     name = safe_name(name or folder.resolve().name)
     if name in vessel_names():
         raise ConfigurationError(f"{name} is the name of a ship in Seatrial", fix="give yours another --name")
-    texts = {"vessel.toml": _HEADER.format(name=name) + _example_ship(name), "example.csv": _example_table()}
+    texts = {"vessel.toml": _HEADER.format(name=name) + _example_ship(name)}
     for each in ("trial.toml", "columns.toml"):
         texts[each] = (TEMPLATES / each).read_text(encoding="utf-8").replace("NAME", name)
-    for each in texts:
+    for each in (*texts, "example.csv"):
         refuse_overwriting(folder / each, force)
-    return [write_text(folder / each, text) for each, text in texts.items()]
+    written = [write_text(folder / each, text) for each, text in texts.items()]
+    return [*written, write_text(folder / "example.csv", _example_table(load_vessel(written[0])))]
 
 
 def _example_ship(name: str) -> str:
@@ -52,18 +55,15 @@ def _example_ship(name: str) -> str:
     ).text  # fmt: skip
 
 
-def _example_table() -> str:
-    """Three minutes of a ship that swings about north at a steady speed, as a logger aboard writes them."""
-    time_s = np.arange(float(_EXAMPLE_S))
-    phase = 2.0 * np.pi * time_s / _PERIOD_S
-    heading_deg, rate_dps = _SWING_DEG * np.sin(phase), 2.0 * np.pi / _PERIOD_S * _SWING_DEG * np.cos(phase)
-    north_m, east_m = (_SPEED_MPS * np.cumsum(each(np.deg2rad(heading_deg))) for each in (np.cos, np.sin))
-    lat, lon, _ = ned2geodetic(north_m, east_m, 0.0, 63.44, 10.4, 0.0)
-    start = pd.Timestamp("2026-06-01T08:00:00Z")
+def _example_table(vessel: Vessel) -> str:
+    """A 10/10 zigzag of the example ship in a calm sea, as a logger aboard writes it."""
+    table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0)
+    lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
+    knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / _KNOT_MPS
     return pd.DataFrame({
-        "Time UTC": (start + pd.to_timedelta(time_s, unit="s")).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "Lat": lat.round(7), "Lon": lon.round(7),
-        "Heading": (heading_deg % 360.0).round(2), "ROT deg/min": (60.0 * rate_dps).round(2),
-        "Speed ahead kn": round(_SPEED_MPS / _KNOT_MPS, 2), "Speed to starboard kn": 0.0,
-        "Wind from": 270.0, "Wind kn": 10.0, "Shaft rpm": 160.0, "Rudder": (10.0 * np.cos(phase)).round(1),
+        "Time UTC": table.index.strftime("%Y-%m-%dT%H:%M:%SZ"), "Lat": lat.round(7), "Lon": lon.round(7),
+        "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
+        "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
+        "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
+        "Shaft rpm": table["propeller_rpm"].round(1), "Rudder": table["rudder_angle_deg"].round(1),
     }).to_csv(index=False)  # fmt: skip

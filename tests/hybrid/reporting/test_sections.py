@@ -22,7 +22,7 @@ from analysis.tables.table import table_of
 from hybrid.report.case import Case, load_case
 from hybrid.report.folder import BLOCKS
 from hybrid.report.sections import FAILED, sections, templates
-from hybrid.report.trial_sections import verdict_of
+from hybrid.report.trial_sections import model_sentence, verdict_of
 from hybrid.report.words import plain
 from tests.analysis.speed_power.trials import Day, sail
 
@@ -256,6 +256,20 @@ def test_a_speed_trial_has_a_section_of_speed_and_power_and_others_have_none(bar
     assert (tmp_path / "figures" / "speed_power.svg").is_file()
     assert "In still water she makes" in verdict_of(case)
     assert sections("trial.html", case=bare)("speed_power").html.strip() == ""
+
+
+def test_a_vessel_asked_for_is_the_ship_of_a_recording_that_names_none(unseen: Path, tmp_path: Path) -> None:
+    path, table = tmp_path / "unnamed.mcap", table_of(read_recording(unseen))
+    write_table(table, path, Trial(name="trial"), source="test")
+    case = load_case([path], vessel="gunnerus_short")
+    ship = case.ship(next(iter(case.products)))
+    assert ship is not None
+    assert ship.name == "gunnerus_short"
+    assert "which is not of this ship" not in model_sentence(case)
+    write_table(table, path, Trial(name="trial", vessel="Another"), source="test")
+    other = load_case([path], vessel="gunnerus_short")
+    assert other.ship(next(iter(other.products))) is None  # the model asked for is of another ship
+    assert "which is not of this ship" in model_sentence(other)
 
 
 def test_predicted_lines_are_lifted_between_windows(case: Case) -> None:
