@@ -7,6 +7,7 @@ it is read, and what is no value, is decided here.
 from __future__ import annotations
 
 import re
+import threading
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -107,12 +108,22 @@ def _field(name: str, origin: GroupField) -> KnownField:
     return known[name]
 
 
+LIBRARY = threading.Lock()
+"""Held while the library's codec is used, of which a process has one: it raises when two threads meet in it."""
+
+
+def variants_of(group: int) -> Sequence[Any]:
+    """What canboat's database knows of a group: each of its variants; nothing of a group that it lacks."""
+    from nmea2000 import backend
+
+    with LIBRARY:
+        return list(backend.DATABASE.pgn_variants(group))
+
+
 @cache
 def canboat_fields(group: int) -> Mapping[str, KnownField]:
     """The numbers and codes of a group by their names in canboat's database; none where it tells of several."""
-    from nmea2000 import backend
-
-    variants = backend.DATABASE.pgn_variants(group)
+    variants = variants_of(group)
     if len(variants) != 1:
         return {}
     return {
@@ -135,7 +146,8 @@ def _is_signed(group: int, info: Any) -> bool:
     from nmea2000 import backend
 
     ones = ((1 << info.bit_length) - 1) << info.bit_offset
-    decoded = backend.decode(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
+    with LIBRARY:
+        decoded = backend.decode(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
     raw = {each.id: each.raw_value for each in decoded.fields}[info.id] if decoded else None
     return isinstance(raw, int | float) and raw < 0
 
@@ -148,9 +160,7 @@ def _is_fast(group: int) -> bool:
         return True
     if group < _NMEA2000_FROM or group == single[0]:
         return False
-    from nmea2000 import backend
-
-    return any(each.packet_type == "Fast" for each in backend.DATABASE.pgn_variants(group))
+    return any(each.packet_type == "Fast" for each in variants_of(group))
 
 
 def _follows_j1939(group: int) -> bool:

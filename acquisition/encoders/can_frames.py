@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import threading
 from collections.abc import Callable, Mapping
 from math import nan, pi, radians
 from typing import Any
@@ -21,9 +20,9 @@ from acquisition.core.frames import NANO
 from acquisition.core.units import DEG_PER_RAD, Linear
 from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
+from acquisition.decoders.declared_groups import LIBRARY
 from acquisition.encoders import Moment, Packet
 
-_LIBRARY = threading.Lock()  # its codec, one a process, raises when two threads meet in it
 _ADDRESS = 35
 
 
@@ -95,7 +94,7 @@ class CanEncoder:
         message = NMEA2000Message(
             PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=given
         )
-        with _LIBRARY:
+        with LIBRARY:
             first, *others = self._encoder.encode(message)
         packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
         return packets + [Packet(bytes(each.data), each.arbitration_id) for each in others]

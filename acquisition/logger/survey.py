@@ -20,6 +20,7 @@ from acquisition.core.channels import channel_names
 from acquisition.core.frames import Frame, FrameFlag, Group, Sample, label_parts
 from acquisition.core.trial import Trial
 from acquisition.decoders import Decoder
+from acquisition.decoders.declared_groups import variants_of
 from acquisition.decoders.fast_packets import FastPackets
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
 from acquisition.decoders.mqtt import topic_and_message
@@ -247,15 +248,8 @@ def _is_later_part(frame: Frame) -> bool:
 
 
 @cache
-def _database() -> Any:
-    from nmea2000 import backend
-
-    return backend.DATABASE
-
-
-@cache
 def _is_fast(group: int) -> bool:
-    variants = _database().pgn_variants(group)
+    variants = variants_of(group)
     return bool(variants) and all(each.packet_type == "Fast" for each in variants)
 
 
@@ -273,7 +267,7 @@ def name_of_group(group: int) -> str:
     """
     if is_makers_own(group):
         return ""
-    names = {each.id for each in _database().pgn_variants(group)}
+    names = {each.id for each in variants_of(group)}
     return names.pop() if len(names) == 1 else ""
 
 

@@ -61,7 +61,8 @@ def _example_table(vessel: Vessel) -> str:
     lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
     knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / _KNOT_MPS
     return pd.DataFrame({
-        "Time UTC": table.index.strftime("%Y-%m-%dT%H:%M:%SZ"), "Lat": lat.round(7), "Lon": lon.round(7),
+        "Time UTC": pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "Lat": lat.round(7), "Lon": lon.round(7),
         "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
         "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
         "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
