@@ -12,6 +12,7 @@ from rich.console import Group
 from rich.text import Text
 
 from analysis.report.rendering import Page, render
+from analysis.report.words import in_words
 from hybrid.diagnosis.result import (
     Correlation,
     Diagnosis,
@@ -446,8 +447,14 @@ def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
         rows.append(["which is", f"{kilo[0]} kN ahead, {kilo[1]} kN across, {kilo[2]} kN m in yaw"])
     for key, value in diagnosis.provenance.items():
         if key not in ("force_range", "noise") and value not in (False, "0..100"):
-            rows.append([plain(str(key)), _words(value)])
+            rows.append([plain(str(key)), _done(value) if key in ("repaired", "left_out") else _words(value)])
     return rows
+
+
+def _done(text: str) -> str:
+    """What was done to each file, with the names of files as they are and those of channels in words."""
+    parts = (each.partition(": ") for each in text.split("; "))
+    return "; ".join(f"{file}{colon}{in_words(said)}" for file, colon, said in parts)
 
 
 def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
@@ -460,6 +467,8 @@ def _words(value: Any) -> str:
         return ", ".join(f"{plain(str(key))} {_words(each)}" for key, each in value.items())
     if isinstance(value, list | tuple):
         return ", ".join(_words(each) for each in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return number(value) if isinstance(value, float) else str(value)
 
 

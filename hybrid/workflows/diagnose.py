@@ -38,6 +38,7 @@ from hybrid.prediction.baselines import present_motion_held
 from hybrid.prediction.scores import distances
 from hybrid.report.diagnosis_sentences import describe
 from hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
+from hybrid.report.words import plain
 from hybrid.vessel.files import reference_model, save_vessel, trials_of, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.workflows.checked import Checked, checked_files, driven_by_orders, without_wind
@@ -274,12 +275,12 @@ def off_in_many_things(diagnosis: Diagnosis) -> bool:
 
 
 def _many_things(diagnosis: Diagnosis, applied: bool) -> str:
-    gap, names = diagnosis.gap, dict.fromkeys(each.name for each in diagnosis.effects)
+    gap, names = diagnosis.gap, dict.fromkeys(plain(each.name) for each in diagnosis.effects)
     outcome = "its coefficients were re-identified" if applied else "new coefficients were not better"
     return (
         f"The model as it is predicts worse than constant velocity ({gap.before_m:.2f} m against "
         f"{gap.constant_velocity_m:.2f} m), and {len(names)} effects left forces unexplained: {outcome}. The "
-        f"effects were {', '.join(names)}; with them the error on held-out legs was {gap.after_m:.2f} m."
+        f"effects were {', '.join(names)}; with them the error on held-out legs was {gap.after_m:.2f} m"
     )
 
 

@@ -16,7 +16,13 @@ from hybrid.diagnosis.gap import fold_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
 from hybrid.identification.coefficients import coefficients_of, with_values
-from hybrid.report.diagnosis_words import coefficient_rows, correction_sentence, page_of, structure_rows
+from hybrid.report.diagnosis_words import (
+    coefficient_rows,
+    correction_sentence,
+    granted_rows,
+    page_of,
+    structure_rows,
+)
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
@@ -99,6 +105,13 @@ def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
     assert again == diagnosis.identified
 
 
+def test_what_was_done_to_a_file_is_in_words_beside_its_name() -> None:
+    done = "a_b.mcap: surge_mps: surge and sway multiplied by 1.02; a_b.mcap: parted at 12:00:00"
+    rows = dict(granted_rows(replace(named(), provenance={"repair": True, "repaired": done})))
+    assert rows["repaired"] == done.replace("surge_mps", "surge")
+    assert rows["repair"] == "yes"
+
+
 def off_in(effects: int, before_m: float) -> Diagnosis:
     """A diagnosis that needs so many effects, with forces left beside them; constant velocity errs by 0.9 m."""
     diagnosis = named()
@@ -158,7 +171,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     assert (said[:9] == "The model") == (identify is None and refitted)
     if said[:9] == "The model":
         assert "(1.70 m against 0.90 m)" in said
-        assert "effect_7" in said
+        assert "effect 7" in said
         assert ("re-identified" in said) == better
 
 
