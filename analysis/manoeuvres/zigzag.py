@@ -161,12 +161,14 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
         motion, "zigzag", name, executes[[0, -1]], side_of(_first_side(part, executes)), settings, found,
         executes=tuple(motion.utc(each) for each in executes[1:-1]), notes=(*steady, *event_notes(motion)),
     )  # fmt: skip
-    return replace(made, indices={**made.indices, **_overshoots_from_order(part, both, made.indices)})
+    return replace(made, indices={**made.indices, **_overshoots_from_order(part, both, unsure_s[1:], made.indices)})
 
 
-def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Index]) -> dict[str, Index]:
-    """The overshoots as IMO counts them, from the start of the helm's movement, if that adds more than their
-    uncertainty."""
+def _overshoots_from_order(
+    part: Motion, both: Floats, unsure_s: Floats, indices: Mapping[str, Index]
+) -> dict[str, Index]:
+    """The overshoots as IMO counts them, from the start of the helm's movement, which is ``unsure_s`` as well, if
+    that adds more than their uncertainty."""
     if part.orders_are_events:
         return {}
     found = {}
@@ -174,7 +176,9 @@ def _overshoots_from_order(part: Motion, both: Floats, indices: Mapping[str, Ind
         index, (begun_s, half_s) = indices.get(f"overshoot_{number}_deg"), both[:, number]
         more = abs(float(np.diff(np.interp((begun_s, half_s), part.time_s, part.heading_deg))[0]))
         if index is not None and more > 0.5 * (index.high - index.low):
-            low, value, high = (each + more for each in (index.low, index.value, index.high))
+            half_deg, turned_deg = 0.5 * (index.high - index.low), unsure_s[number] * more / (half_s - begun_s)
+            wider = float(np.hypot(half_deg, turned_deg)) - half_deg
+            low, value, high = (each + more for each in (index.low - wider, index.value, index.high + wider))
             found[from_order(number)] = replace(index, value=value, low=low, high=high)
     return found
 
