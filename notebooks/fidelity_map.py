@@ -120,8 +120,8 @@ def single_degradations(
             for each in factors
         ),
         *(Degradation(THRUST, f"thrust x {each:g}", truth.scaled(each, *THRUST_NUMBERS)) for each in factors),
-        Degradation(MISSING, "without current and wave drift", replace(truth, **weather)),
-        Degradation(MISSING, "without what changed the ship", replace(reference, **other_weather)),
+        Degradation(MISSING, "without current and wave drift", truth.replaced(**weather)),
+        Degradation(MISSING, "without what changed the ship", reference.replaced(**other_weather)),
     )
 
 

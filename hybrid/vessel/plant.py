@@ -335,6 +335,8 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
     Raises :class:`ValueError` for a missing, unknown or ill-shaped one.
     """
     numbers = {**LATER, **numbers}
+    if missing := [name for name in SCALARS if name not in numbers]:
+        raise ValueError(f"{missing[0]} is missing")
     wrong = [name for name, value in numbers.items() if _size(value) != (TABLE_SIZE if name in TABLES else 0)]
     if wrong:
         raise ValueError(f"{wrong[0]} has {_size(numbers[wrong[0]])} columns")

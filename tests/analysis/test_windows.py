@@ -166,7 +166,7 @@ def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path
 
 def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:
     table = steady_table(60).assign(port_angle_deg=np.linspace(0, 90, 60))
-    with pytest.raises(DataShortageError, match="9 azimuth_moved"):
+    with pytest.raises(DataShortageError, match="9 azimuth moved"):
         windows_of_tables({"voyage": SecondBySecond(table)})
     assert held_windows(table.iloc[:10]).candidates == 0
     with pytest.raises(InputError, match="1 Hz"):

@@ -141,13 +141,13 @@ def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float])
     """
     then, now = flat(pack(plant))[0], flat(adapt_plant(np.array(numbers), plant))[0]
     for name, number in zip(NAMES, numbers, strict=True):
-        place = places_of(plant.form, name) if name in POSITIVE or name in SIGNED else []
+        place = list(places_of(plant.form, name)) if name in POSITIVE or name in SIGNED else []
         if name in POSITIVE:
             assert now[place] == pytest.approx(then[place] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
         elif name in SIGNED:
             assert now[place] == pytest.approx(then[place] * (1.0 + 0.5 * number), rel=1e-12)
     for name in ("length_overall_m", "propeller_diameter_m", "CX", "lateral_area_m2", "wind_load_factor"):
-        place = places_of(plant.form, name)
+        place = list(places_of(plant.form, name))
         assert np.array_equal(now[place], then[place])
 
 
@@ -432,7 +432,7 @@ def test_starts_have_a_value_for_each_name_on_any_ship(vessel: str) -> None:
 @pytest.fixture(scope="module")
 def another_day(truth: Plant) -> PredictionWindows:
     """The ship of the training, pushed by a wind that nobody measured and that the training did not have."""
-    return noisy(voyages(replace(truth, constant_X_n=-30e3, constant_Y_n=20e3), 24, SECONDS, seed=7))
+    return noisy(voyages(truth.replaced(constant_X_n=-30e3, constant_Y_n=20e3), 24, SECONDS, seed=7))
 
 
 def test_a_day_unlike_the_training_shows_in_the_last_minutes(

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
+from acquisition.core.serialisation import to_json
 from hybrid.prediction.scores import Interval, LegBootstrap
 
 
@@ -59,6 +60,6 @@ def test_a_ratio_is_paired(factor: float, seed: int) -> None:
 
 def test_one_leg_gives_no_interval_and_nothing_over_nothing_is_one() -> None:
     alone = LegBootstrap.of(np.array(["only"] * 5), 0).mean(np.arange(5.0))
-    assert alone.as_dict() == {"value": 2.0, "low": None, "high": None}
+    assert to_json(alone) == {"value": 2.0, "low": None, "high": None}
     legs = LegBootstrap.of(np.array(["a", "b"]), 0)
     assert legs.ratio(np.zeros(2), np.zeros(2)) == Interval(1.0, 1.0, 1.0)
