@@ -120,6 +120,14 @@ def variants_of(group: int) -> Sequence[Any]:
         return list(backend.DATABASE.pgn_variants(group))
 
 
+def decoded(group: int, payload: bytes) -> Any:
+    """A message as the library reads it, None of a group that canboat's database lacks."""
+    from nmea2000 import backend
+
+    with LIBRARY:
+        return backend.decode(group, payload)
+
+
 @cache
 def canboat_fields(group: int) -> Mapping[str, KnownField]:
     """The numbers and codes of a group by their names in canboat's database; none where it tells of several."""
@@ -143,12 +151,9 @@ def _as_field(group: int, info: Any) -> Field:
 
 def _is_signed(group: int, info: Any) -> bool:
     """Whether all ones are a value, one step below zero, and not the code for none: the library does not say."""
-    from nmea2000 import backend
-
     ones = ((1 << info.bit_length) - 1) << info.bit_offset
-    with LIBRARY:
-        decoded = backend.decode(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
-    raw = {each.id: each.raw_value for each in decoded.fields}[info.id] if decoded else None
+    message = decoded(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
+    raw = {each.id: each.raw_value for each in message.fields}[info.id] if message else None
     return isinstance(raw, int | float) and raw < 0
 
 

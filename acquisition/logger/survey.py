@@ -20,7 +20,7 @@ from acquisition.core.channels import channel_names
 from acquisition.core.frames import Frame, FrameFlag, Group, Sample, label_parts
 from acquisition.core.trial import Trial
 from acquisition.decoders import Decoder
-from acquisition.decoders.declared_groups import variants_of
+from acquisition.decoders.declared_groups import decoded, variants_of
 from acquisition.decoders.fast_packets import FastPackets
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
 from acquisition.decoders.mqtt import topic_and_message
@@ -273,9 +273,7 @@ def name_of_group(group: int) -> str:
 
 def _identity(group: int, payload: bytes) -> dict[str, Any]:
     """What a claim of an address, or a product's information, tells of a device."""
-    from nmea2000 import backend
-
-    message = backend.decode(group, payload)
+    message = decoded(group, payload)
     told = {} if message is None else {each.id: each.value for each in message.fields}
     wanted = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
               "serial": "modelSerialCode"}  # fmt: skip

@@ -250,18 +250,23 @@ def overshoot_limit_deg(
 def overshoot_limits(
     angle_deg: float, switch_deg: float, length_m: float | None, speed_mps: float, names: Collection[str]
 ) -> dict[str, float | None]:
-    """The limits of the first two overshoots of a zigzag by index: of the ``names`` of her indices, the one from
-    the order where there is one, as IMO counts from there, and else the one from half of the command."""
+    """The limits of the first two overshoots of a zigzag with indices of these ``names``, by index."""
     limits: dict[str, float | None] = {}
     for number in (1, 2):
-        limit = overshoot_limit_deg(number, angle_deg, switch_deg, length_m, speed_mps)
-        limits[from_order(number) if from_order(number) in names else f"overshoot_{number}_deg"] = limit
+        name = as_imo_counts(number, names)
+        limits[name] = overshoot_limit_deg(number, angle_deg, switch_deg, length_m, speed_mps)
     return limits
 
 
 def from_order(number: int) -> str:
     """The name of an overshoot counted from the moment when the helm began to move."""
     return f"overshoot_{number}_from_order_deg"
+
+
+def as_imo_counts(number: int, names: Collection[str]) -> str:
+    """The name of an overshoot among these: from the order, as IMO counts, or where that is none of them from half
+    of the command."""
+    return from_order(number) if from_order(number) in names else f"overshoot_{number}_deg"
 
 
 def add_limits(manoeuvres: Iterable[Manoeuvre], length_m: float | None) -> tuple[Manoeuvre, ...]:

@@ -13,7 +13,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from analysis.manoeuvres.indices import Index, from_order
+from analysis.manoeuvres.indices import Index, as_imo_counts
 from analysis.manoeuvres.measures import peak
 from analysis.manoeuvres.report import plain_name
 from analysis.report.figures import write_figure
@@ -212,10 +212,7 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
             time_s, top = peak(motion.time_s, side * motion.heading_deg, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        overshoots = [
-            from_order(number) if from_order(number) in test.indices else f"overshoot_{number}_deg"
-            for number in (1, 2)
-        ]
+        overshoots = (as_imo_counts(number, test.indices) for number in (1, 2))
         _write(axes, test, (*overshoots, "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)

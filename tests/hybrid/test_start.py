@@ -43,7 +43,7 @@ def test_the_example_is_imported_and_is_one_ships_motion(tmp_path: Path, command
     for name, rate in (("north_m", north), ("east_m", east)):
         assert table[name].to_numpy() - table[name].iloc[0] == pytest.approx(integrate(rate, 1.0), abs=3.0)
     turned = np.rad2deg(np.unwrap(heading))
-    assert turned - turned[0] == pytest.approx(integrate(table["yaw_rate_dps"].to_numpy(), 1.0), abs=4.0)
+    assert turned - turned[0] == pytest.approx(integrate(table["yaw_rate_dps"].to_numpy(), 1.0), abs=0.5)
     (zigzag,) = find_manoeuvres(table)
     assert zigzag.kind == "zigzag"
     assert 1.0 < zigzag.indices["overshoot_1_deg"].value < 20.0
