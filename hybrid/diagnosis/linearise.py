@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import inf, sqrt
 from operator import attrgetter
 
@@ -35,7 +35,7 @@ from hybrid.vessel.channels import check_ship
 from hybrid.vessel.effect import growth, scale_of
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import acting_controls, behind_play, measure, report_alike, report_late
+from hybrid.vessel.sensors import acting_controls, behind_play, measure, move_alike, report_alike, report_late
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -289,8 +289,9 @@ def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> 
     Drifting effects are held at their mean: the change of the other sensitivities is of second order.
     """
     stages, names, catalogue = model.stages(log, _MOST_STAGES), list(names), model.catalogue
+    (ways,) = _in_stages(log, stages, lambda log, each, own: (one_second_paths(log, each.plant(), own),), origin)
     known = [
-        Signature(name, coordinate, *_in_stages(log, stages, partial(_sensitivity, name, coordinate), origin))
+        Signature(name, coordinate, *_in_stages(log, stages, partial(_sensitivity, name, coordinate), origin, ways))
         for name in names if not isinstance(catalogue[name], Varied)
         for coordinate in range(len(catalogue[name].free_scale))
     ]  # fmt: skip
@@ -308,10 +309,18 @@ def varied_signatures(log: Log, changing: Sequence[Varied], known: Sequence[Sign
     return result
 
 
-def _sensitivity(name: str, coordinate: int, log: Log, model: Model, origin: Floats) -> tuple[Floats, Floats]:
-    """The change of the next state and of the readings [T, 6] with one free coordinate of an effect."""
+def _sensitivity(
+    name: str, coordinate: int, log: Log, model: Model, origin: Floats, ways: Floats
+) -> tuple[Floats, Floats]:
+    """The change of the next state and of the readings [T, 6] with one free coordinate of an effect.
+
+    ``ways`` [T, 5, 6] are the model's own paths from ``origin``, which an error of a sensor does not change.
+    """
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
-    further, before = one_second_paths(log, ahead, origin), one_second_paths(log, behind, origin)
+    if move_alike(ahead, behind):
+        further = before = ways
+    else:
+        further, before = one_second_paths(log, ahead, origin), one_second_paths(log, behind, origin)
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
     if report_alike(ahead, behind):
         return D, np.zeros_like(origin)
@@ -350,23 +359,29 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
     simulator continues (:func:`prompt`).
     """
-    lags_s, plays_rad = lags_of(plant), plays_of(plant)
-    if plant.command_delay_s == 0.0 and not lags_s.any() and not plays_rad.any():
+    return _acting(log, plant.command_delay_s, lags_of(plant), plays_of(plant))
+
+
+@lru_cache(maxsize=4)  # few effects concern the controls: all other plants of a linearisation have the same
+def _acting(
+    log: Log, delay_s: float, lags_s: tuple[float, ...], plays_rad: tuple[float, ...]
+) -> tuple[Floats, Floats]:
+    if delay_s == 0.0 and not any(lags_s) and not any(plays_rad):
         return log.controls, log.controls[:, 0]
     if log.cut_from is not None:
         whole, rows = log.cut_from
-        controls, acting = acting_settings(whole, plant)
+        controls, acting = _acting(whole, delay_s, lags_s, plays_rad)
         return controls[rows], acting[rows]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
     angles = angle_columns(log.actuators)
     for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
-        series = acting_controls(series, plant.command_delay_s, DT_S, angles)
+        series = acting_controls(series, delay_s, DT_S, angles)
         for column in np.flatnonzero(plays_rad):
             series[:, column] += _lost_motion(series[:, column], plays_rad[column], log.setting_step_s)
         controls[first:last] = series.reshape(controls[first:last].shape)
-        acting[first:last] = _lagged(series, lags_s)[::STEPS_PER_SECOND]
+        acting[first:last] = _lagged(series, np.array(lags_s))[::STEPS_PER_SECOND]
     return controls, acting
 
 
@@ -374,7 +389,7 @@ def prompt(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
     tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.layout if PLAY in KINDS[each.kind].numbers}
     still = plant.replaced(command_delay_s=0.0)
-    return still.replaced(**tight) if plays_of(plant).any() else still
+    return still.replaced(**tight) if any(plays_of(plant)) else still
 
 
 def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
@@ -395,24 +410,24 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
     return itertools.pairwise([0, *breaks.tolist(), len(log)])
 
 
-def lags_of(plant: Plant) -> Floats:
+def lags_of(plant: Plant) -> tuple[float, ...]:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
     for each in plant.layout:
         kind = KINDS[each.kind]
         own = plant.number(f"{each.name}_{kind.lag}") if kind.lag else 0.0
         lags_s += [plant.thruster_lag_s + own] * len(kind.units)
-    return np.array(lags_s)
+    return tuple(lags_s)
 
 
-def plays_of(plant: Plant) -> Floats:
+def plays_of(plant: Plant) -> tuple[float, ...]:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
     for each in plant.layout:
         kind = KINDS[each.kind]
         own = plant.number(f"{each.name}_{PLAY}") if PLAY in kind.numbers else 0.0
         plays_rad += [own if angle else 0.0 for angle in kind.angles]
-    return np.array(plays_rad)
+    return tuple(plays_rad)
 
 
 def _lagged(series: Floats, lags_s: Floats) -> Floats:

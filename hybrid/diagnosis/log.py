@@ -42,7 +42,7 @@ _SHORTEST_BLOCK_S = 12
 _LONGEST_BREAK_S = 60
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Log:
     """T seconds of one or more trials, in blocks of consecutive seconds.
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_earth, to_ship
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.plant import Plant, places_of
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
 SETTINGS = (
@@ -29,6 +29,15 @@ SETTINGS = (
 def report_alike(one: Plant, other: Plant) -> bool:
     """Whether the sensors of two plants report the same motion in the same way."""
     return all(getattr(one, name) == getattr(other, name) for name in SETTINGS)
+
+
+def move_alike(one: Plant, other: Plant) -> bool:
+    """Whether two plants of one ship differ in nothing but what their sensors report."""
+    if one.forces != other.forces:
+        return False
+    places = {place for name in SETTINGS for place in places_of(one.form, name)}
+    pairs = enumerate(zip(one.values, other.values, strict=True))
+    return all(a == b or place in places for place, (a, b) in pairs)
 
 
 def report_late(plant: Plant) -> bool:

@@ -67,7 +67,7 @@ def worst(plant: Plant, table: pd.DataFrame, truth: dict[str, Any], horizon_s: f
     lagging = {}
     if plant.thruster_lag_s:
         lagging["acting_start"] = _followed(command, plant.thruster_lag_s, dt_s)[list(begins)]
-    if plays_of(plant).any():
+    if any(plays_of(plant)):
         dragged = [behind_play(*each) for each in zip(command.T, plays_of(plant), strict=True)]
         lagging["acting_start"] = np.column_stack(dragged)[[begin - 1 for begin in begins]]
     runs = simulate(

@@ -48,7 +48,7 @@ def test_a_lag_of_every_actuator_is_a_lag_of_all() -> None:
     log = run_of(plant)
     own = plant.shifted(propeller_lag_s=0.8, rudder_response_lag_s=0.8)
     every = plant.shifted(thruster_lag_s=0.8)
-    assert lags_of(own).tolist() == lags_of(every).tolist() == [0.8, 0.8]
+    assert lags_of(own) == lags_of(every) == (0.8, 0.8)
     for one, other in zip(acting_settings(log, own), acting_settings(log, every), strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -57,7 +57,7 @@ def test_a_rudder_with_play_stands_off_by_half_of_it_on_the_side_it_came_from() 
     """As recorded, with noise and without, and as the simulator moves it: the shaft is not touched."""
     plant = bare_plant(ESSO)
     own, half = catalogue_of(ESSO)["backlash_rudder"].apply(plant, {"width_deg": 4.0}), np.deg2rad(2.0)
-    assert plays_of(own).tolist() == pytest.approx([0.0, 2.0 * half])
+    assert plays_of(own) == pytest.approx((0.0, 2.0 * half))
     helm = np.repeat([0.0, 0.3, 0.28, -0.2, -0.15], 48)  # the third turns back within the play
     steps = np.column_stack([np.full(240, 15.0), helm])
     log = run_of(own)
