@@ -43,6 +43,13 @@ NEAR_REST: dict[str, Any] = {
     ), "sea": "calm",
 }  # fmt: skip
 """Pushed about by little, for effects that are gone under way."""
+STOPPING: dict[str, Any] = {
+    "programme": (
+        hold(150, 0, 60), hold(-90, 0, 40),
+        Order(1, 60.0, -90.0, seconds=40.0), Order(1, -90.0, 60.0, seconds=40.0),
+    ), "sea": "calm",
+}  # fmt: skip
+"""Shafts turn astern, together and one by one."""
 
 
 def perfect(
@@ -121,7 +128,8 @@ def test_the_reference_model_follows_within_five_centimetres(plant: Plant) -> No
 def test_an_effect_is_what_the_catalogue_says(plant: Plant, name: str) -> None:
     """The reference model follows once it has the same effect, and is much further off without."""
     effect = CATALOGUE[name]
-    table, truth = perfect({name: effect.typical}, **(NEAR_REST if name == "low_speed_damping" else {}))
+    astern = STOPPING if name.startswith("astern_thrust") else {}
+    table, truth = perfect({name: effect.typical}, **(NEAR_REST if name == "low_speed_damping" else astern))
     scale = np.array([1.0, 1.0, 0.1, 0.3, 0.3, 0.02])
     bare = worst(plant, table, truth) / scale
     known = worst(apply_effects(plant, {name: effect.typical}), table, truth) / scale

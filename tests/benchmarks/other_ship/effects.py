@@ -91,6 +91,18 @@ def _lose(*pods: int) -> Change:
     return change
 
 
+def _weaken_astern(*pods: int) -> Change:
+    def change(sheet: Sheet, factor: float) -> None:
+        for pod in pods:
+            sheet.pod_astern[pod] *= factor
+
+    return change
+
+
+def _fade(sheet: Sheet, half_speed_mps: float) -> None:
+    sheet.tunnel_half_speed_mps = half_speed_mps
+
+
 def _offset(*pods: int) -> Change:
     def change(sheet: Sheet, angle_deg: float) -> None:
         for pod in pods:
@@ -158,6 +170,10 @@ EFFECTS: dict[str, tuple[Change, dict[str, float]]] = {
     "thrust_loss_starboard": (_lose(1), _FRACTION),
     "thrust_loss_both": (_lose(0, 1), _FRACTION),
     "tunnel_thrust_loss": (_scale("tunnel", "cubic_n", "quadratic_n", "linear_n", less=True), _FRACTION),
+    "speed_loss_tunnel": (_fade, {"half_speed_mps": inf}),
+    "astern_thrust_port": (_weaken_astern(0), _FACTOR),
+    "astern_thrust_starboard": (_weaken_astern(1), _FACTOR),
+    "astern_thrust_both": (_weaken_astern(0, 1), _FACTOR),
     "wake_fraction": (_wake, _FRACTION),
     "pod_side_force": (_scale("pods", "side_nv", "side_uv", "side_vv"), _FACTOR),
     "thruster_lag": (_plus("lag_s"), {"time_constant_s": 0.0}),

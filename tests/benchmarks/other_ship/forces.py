@@ -60,9 +60,9 @@ class Body(NamedTuple):
     hull: Floats  # [3, monomials]
     inverse_mass: Floats  # [3, 3]
     mass_kg: float
-    pods: Floats  # port and starboard: x, y [m], offset [rad], share left, factor on the angle
+    pods: Floats  # port and starboard: x, y [m], offset [rad], share left, factors on the angle and astern
     curve: Floats  # thrust: n|n|, |n| u, u|u|; side: |n|, |u|, |v| (times v)
-    tunnel: Floats  # x [m], cubic, quadratic, linear
+    tunnel: Floats  # x [m], cubic, quadratic, linear, speed ahead that halves the force [m/s]
     wind: Floats  # [3, 19] areas times coefficients, half the air's density in them
     length_m: float
     drift: Floats  # size [N], direction it goes to [rad]
@@ -87,11 +87,13 @@ def body_of(sheet: Sheet, heel_coupling: bool) -> Body:
             sheet.pod_offset_rad[i],
             sheet.pod_share[i],
             sheet.azimuth_factor,
+            sheet.pod_astern[i],
         )
         for i, side in enumerate(("port", "starboard"))
     ]
     air = 0.5 * wind["air_density_kgpm3"]
     lateral = air * wind["lateral_area_m2"]
+    jet = [tunnel["x_m"], tunnel["cubic_n"], tunnel["quadratic_n"], tunnel["linear_n"]]
     areas = np.array([[air * wind["frontal_area_m2"]], [lateral], [lateral * size["length_overall_m"]]])
     inertia = _mass_matrix(sheet)
     return Body(
@@ -100,7 +102,7 @@ def body_of(sheet: Sheet, heel_coupling: bool) -> Body:
         numbers["inertia"]["mass_kg"],
         np.array(places),
         density * D * D * np.array(curve),
-        np.array([tunnel["x_m"], tunnel["cubic_n"], tunnel["quadratic_n"], tunnel["linear_n"]]),
+        np.array([*jet, sheet.tunnel_half_speed_mps]),
         areas * np.array([wind["CX"], wind["CY"], wind["CN"]]),
         size["length_overall_m"],
         np.array(sheet.drift_n),
@@ -195,14 +197,15 @@ def pod_force(
     body: Body, o: Outside, which: int, n: float, angle: float, time_s: float, u: float, v: float, r: float
 ) -> Three:
     """X, Y [N] and N [N m] of one pod at ``n`` rev/s and a reported angle [rad]."""
-    x, y, offset, share, factor = body.pods[which]
+    x, y, offset, share, factor, astern = body.pods[which]
     true_angle = factor * angle + offset
     c = body.curve
     ahead, aside = cos(true_angle), sin(true_angle)
     inflow_x, inflow_y = u - y * r, v + x * r
     along = inflow_x * ahead + inflow_y * aside
     across = inflow_y * ahead - inflow_x * aside
-    thrust = ((c[0] * n + c[1] * along) * abs(n) + c[2] * along * abs(along)) * thrust_left(o, time_s)
+    turning = (astern if n < 0 else 1.0) * (c[0] * n + c[1] * along) * abs(n)
+    thrust = (turning + c[2] * along * abs(along)) * thrust_left(o, time_s)
     lift = across * (c[3] * abs(n) + c[4] * abs(along) + c[5] * abs(across)) * lift_left(o, true_angle)
     X = share * (thrust * ahead - lift * aside)
     Y = share * (thrust * aside + lift * ahead)
@@ -216,6 +219,7 @@ def thruster_force(body: Body, o: Outside, control: Control, time_s: float, u: f
     Xs, Ys, Ns = pod_force(body, o, 1, control[2], control[3], time_s, u, v, r)
     t, n = body.tunnel, control[4]
     side = ((t[1] * n + t[2] * (1.0 if n > 0 else -1.0)) * n + t[3]) * n
+    side /= 1.0 + (u / t[4]) ** 2
     return Xp + Xs, Yp + Ys + side, Np + Ns + t[0] * side
 
 

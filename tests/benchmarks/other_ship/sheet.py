@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,9 @@ class Sheet:
     pod_share: list[float] = field(default_factory=lambda: [1.0, 1.0])
     pod_offset_rad: list[float] = field(default_factory=lambda: [0.0, 0.0])
     azimuth_factor: float = 1.0
+    pod_astern: list[float] = field(default_factory=lambda: [1.0, 1.0])  # of the thrust of a shaft turning astern
     pod_play_rad: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    tunnel_half_speed_mps: float = inf  # ahead, at which half of its side force is left
     lag_s: float = 0.0
     # sensors: reported = factor x true + bias, late by the delay
     command_delay_s: float = 0.0
