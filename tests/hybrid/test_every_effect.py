@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from acquisition.core.arrays import Floats
 from hybrid.effects import CATALOGUE, FAMILIES, Effect
 from hybrid.vessel.plant import Plant, flat, pack
-from hybrid.vessel.sensors import measure
+from hybrid.vessel.sensors import measure, move_alike
 from hybrid.vessel.simulate import simulate
 
 EFFECTS = list(CATALOGUE.values())
@@ -23,7 +23,12 @@ DT_S = 0.5
 
 
 def weaving(plant: Plant, effect: Effect) -> Floats:
-    """What is measured [61, 6] of half a minute in which shafts, both helms and the tunnel thruster all move.
+    """What is measured [61, 6] of :func:`moving`."""
+    return measure(moving(plant, effect), plant, DT_S)
+
+
+def moving(plant: Plant, effect: Effect) -> Floats:
+    """The states [61, 6] of half a minute in which shafts, both helms and the tunnel thruster all move.
 
     The shafts turn astern, slowly, where the effect is of that, and hardly at all where it is of a ship near rest.
     """
@@ -37,7 +42,7 @@ def weaving(plant: Plant, effect: Effect) -> Floats:
     ])  # fmt: skip
     wind = np.tile([0.8, 9.0], (60, 1))
     start = [0.0, 0.0, 0.2, 0.4 if near_rest else 4.0, 0.1, 0.01]
-    return measure(simulate(plant, start, controls, wind, DT_S), plant, DT_S)
+    return simulate(plant, start, controls, wind, DT_S)
 
 
 def at(effect: Effect, free: Any) -> dict[str, float]:
@@ -61,6 +66,14 @@ def test_an_ordinary_size_shows_in_what_is_measured(effect: Effect, plant: Plant
     """More than the mean of many samples errs: 2 cm, 0.1 degree, 0.02 m/s or 0.025 deg/s."""
     changed = np.abs(weaving(effect.apply(plant, effect.typical), effect) - weaving(plant, effect)).max(axis=0)
     assert (changed / [0.02, 0.02, 0.0017, 0.02, 0.02, 0.0004]).max() > 1.0
+
+
+@BY_NAME
+def test_plants_move_alike_where_only_what_is_reported_differs(effect: Effect, plant: Plant) -> None:
+    """Nothing that moves the ship is taken for an error of a sensor, and no such error for more than it is."""
+    changed = effect.apply(plant, effect.typical)
+    same = bool((moving(changed, effect) == moving(plant, effect)).all())
+    assert move_alike(changed, plant) == move_alike(plant, changed) == same
 
 
 @pytest.mark.parametrize(("effect", "which"), [

@@ -74,6 +74,12 @@ def test_nothing_fitted_explains_nothing() -> None:
     assert log_evidence(inner, (), np.zeros(0)) == 0.0
 
 
+def test_inner_products_that_no_columns_can_have_have_no_evidence() -> None:
+    inner = np.array([[1.0, 0.1, 0.1], [0.1, 1.0, 9.0], [0.1, 9.0, 1.0]])
+    with pytest.raises(np.linalg.LinAlgError):
+        log_evidence(inner, (1, 2), np.ones(2))
+
+
 def ratio(inner: Floats, column: tuple[int, ...], values: tuple[float, ...], prior: Floats) -> float:
     """Likelihood of these values over that of none, times their prior density."""
     a = np.array(values)
