@@ -118,11 +118,7 @@ def diagnose(
         from hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator
 
         with bar("training") as progress:
-            ladder = compare_calibrators(
-                diagnosed.conclusion, files, percent_of(part),
-                repair=bool(diagnosed.diagnosis.provenance["repair"]), rebuild_positions=bool(rebuild_positions),
-                seed=seed, progress=progress,
-            )  # fmt: skip
+            ladder = compare_calibrators(diagnosed.conclusion, diagnosed.tables, seed=seed, progress=progress)
         diagnosed = replace(
             diagnosed,
             diagnosis=doubted_by_calibrator(diagnosed.diagnosis, ladder),

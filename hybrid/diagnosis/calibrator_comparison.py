@@ -9,19 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
+from functools import partial
 
 import numpy as np
+import pandas as pd
 
 from acquisition.core.arrays import Ints
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
-from analysis.windows.recordings import trial_names
+from analysis.tables.resample import resample
+from analysis.windows.recordings import second_by_second
 from hybrid.calibrators.train import METHOD
 from hybrid.diagnosis.course import courses
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import Log, tables_by_recording
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
 from hybrid.diagnosis.select_effects import Coordinates
@@ -29,7 +31,7 @@ from hybrid.diagnosis.verdict import Conclusion
 from hybrid.evaluation.splits import Draw, with_stopping
 from hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.dataset import dataset_of
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import LegBootstrap
 from hybrid.vessel.plant import Plant
@@ -42,15 +44,12 @@ _LEAST_LEGS = 4  # with fewer the interval of a mean is meaningless
 
 def compare_calibrators(
     conclusion: Conclusion,
-    files: Sequence[Path],
-    part_percent: tuple[float, float] = (0.0, 100.0),
+    tables: Sequence[pd.DataFrame],
     *,
-    repair: bool = False,
-    rebuild_positions: bool = False,
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Ladder:
-    """The ladder of a diagnosis, on the recordings that it was made from, read in the same way.
+    """The ladder of a diagnosis, on the ``tables`` that it was made from.
 
     With too few held windows, or named effects that vary over the trial, the ladder has no rungs and gives the
     reason.
@@ -59,15 +58,20 @@ def compare_calibrators(
     if any(courses(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
         return Ladder(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
     try:
-        dataset = load_dataset(
-            files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
-            rebuild_positions=rebuild_positions, shorter=True, length_m=equations.model.base.length_overall_m,
-        )  # fmt: skip
-        seconds = seconds_in_folds(dataset.windows, equations.log, trial_names(files))
+        windows = _windows(tables, equations.model.base.length_overall_m)
+        seconds = seconds_in_folds(windows, equations.log, equations.log.names)
         named = conclusion.gap.without if conclusion.accepted.names else None
-        return ladder(dataset.windows, seconds, equations.model, named, seed=seed, progress=progress)
+        return ladder(windows, seconds, equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
         return Ladder(HORIZON_S, METHOD, why_not=error.what)
+
+
+def _windows(tables: Sequence[pd.DataFrame], length_m: float) -> PredictionWindows:
+    """The held windows of tables, whose recordings they are named after; some may be parts of one recording."""
+    seconds = {
+        name: second_by_second(partial(resample, table)) for name, table in tables_by_recording(tables).items()
+    }
+    return dataset_of(seconds, HORIZON_S, STRIDE_S, shorter=True, length_m=length_m).windows
 
 
 def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:

@@ -116,7 +116,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     """
     parts = [_one(table) for table in tables]
     first_block, first_leg, joined = 0, 0, list[Log]()
-    whose = [table.attrs.get("recording", str(number)) for number, table in enumerate(tables)]
+    whose = _recordings(tables)
     recordings = list(dict.fromkeys(whose))
     for number, part in zip(map(recordings.index, whose), parts, strict=True):
         if not len(part):
@@ -141,6 +141,22 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
         actuators=joined[0].actuators,
         names=tuple(recordings),
     )
+
+
+def tables_by_recording(tables: Sequence[pd.DataFrame]) -> dict[str, pd.DataFrame]:
+    """One table for each recording, by its name, of tables that may be parts of one."""
+    parts = dict[str, list[pd.DataFrame]]()
+    for name, table in zip(_recordings(tables), tables, strict=True):
+        parts.setdefault(name, []).append(table)
+    joined = {name: pd.concat(some) for name, some in parts.items()}
+    for name, some in parts.items():
+        joined[name].attrs = some[0].attrs
+    return joined
+
+
+def _recordings(tables: Sequence[pd.DataFrame]) -> list[str]:
+    """The recording that each table is of, or a number where it names none."""
+    return [str(table.attrs.get("recording", number)) for number, table in enumerate(tables)]
 
 
 def _one(table: pd.DataFrame) -> Log:

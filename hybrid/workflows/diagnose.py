@@ -139,7 +139,7 @@ def _correction(
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisRun:
-    """A diagnosis, the numbers that it was made from, and what its page shows beside it.
+    """A diagnosis, the numbers and tables that it was made from, and what its page shows beside it.
 
     ``refit`` is the vessel that it started from, where that was identified before.
     """
@@ -147,6 +147,7 @@ class DiagnosisRun:
     diagnosis: Diagnosis
     conclusion: Conclusion
     extras: Extras
+    tables: Sequence[pd.DataFrame]
     refit: Vessel | None = None
 
     def __str__(self) -> str:
@@ -179,7 +180,7 @@ def diagnose_tables(
     said = {} if known == every else {"wind": "not recorded: only a steady one was looked for"}
     conclusion = diagnose(tables, vessel, tolerance, known, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **said})
-    return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras)
+    return DiagnosisRun(replace(diagnosis, remarks=(*driven, *diagnosis.remarks)), conclusion, extras, tables)
 
 
 def diagnose_files(

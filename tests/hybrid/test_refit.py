@@ -157,7 +157,7 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
     def of(record: Checked, vessel: Vessel, progress: Progress) -> DiagnosisRun:
         asked.append((vessel.name, record.repaired))
         progress(1.0)
-        return DiagnosisRun(replace(off_in(effects, 1.7), provenance={"of": vessel.name}), NOTHING, Extras())
+        return DiagnosisRun(replace(off_in(effects, 1.7), provenance={"of": vessel.name}), NOTHING, Extras(), ())
 
     def checked(repaired: bool) -> Checked:
         return Checked((table,), repaired=repaired)
