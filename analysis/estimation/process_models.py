@@ -144,7 +144,7 @@ def _stationary(motion: WaveMotion) -> Floats:
     powers = np.outer(motion._powers, motion._powers)
     unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(drive.shape) * powers
     found = np.asarray(unit * motion.speed**2 / unit[1, 1])
-    found.flags.writeable = False
+    found.setflags(write=False)
     return found
 
 
