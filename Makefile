@@ -7,6 +7,9 @@ PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 # PyTorch's own index of its builds without CUDA; empty: the package index's, on Linux gigabytes more.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
+# Where the environment forbids it, every process that a test starts would compile all our modules anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check clean
 

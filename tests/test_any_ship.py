@@ -56,6 +56,10 @@ SHIPS = {
 }
 
 
+BY_SHIP = ["coaster", *(pytest.param(name, marks=pytest.mark.slow) for name in ("four_azimuths", "twin_screw"))]
+"""What takes long is left to ``make test-slow`` for the others."""
+
+
 @pytest.fixture(params=SHIPS)
 def ship(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Ship:
     """A ship, in whose empty folder everything happens."""
@@ -116,6 +120,7 @@ def test_she_is_a_ship(ship: Ship, command: Command) -> None:
     assert 1.5 < circle["tactical_diameter_m"]["lengths"] < 5.0
 
 
+@pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
 def test_from_main_dimensions_to_a_prediction(ship: Ship, command: Command) -> None:
     """All that was sent is recorded; the check finds nothing; her model predicts."""
     path = recorded(ship, command, "--duration 300 --seed 2")

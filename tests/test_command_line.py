@@ -121,8 +121,8 @@ def test_a_chain_of_commands_speaks_on_the_right_stream(unseen: Path, tmp_path: 
     assert "closed properly" in told.out
 
 
-def test_a_process_without_a_terminal_draws_no_bars(unseen: Path, tmp_path: Path) -> None:
-    done = as_process("windows", unseen, "-o", tmp_path / "windows.parquet", "--json")
+def test_a_process_without_a_terminal_draws_no_bars(simulated: Simulated, tmp_path: Path) -> None:
+    done = as_process("windows", simulated("calm", 1, 60.0), "-o", tmp_path / "windows.parquet", "--json")
     assert done.code == 0
     assert set(done.json) == {"recordings", "candidates", "kept", "dropped"}
     assert done.err == ""

@@ -209,6 +209,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # our own marks know who is to blame
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
+        "distributed.deploy.lost-worker-timeout": f"{_PATIENCE_S:.0f}s",  # a busy machine starts one in 20 s
     }
     with dask.config.set(quiet):
         if scheduler is not None:

@@ -13,6 +13,7 @@ each part of a quantity, slow motion and waves.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -101,9 +102,7 @@ class WaveMotion:
     @property
     def _system(self) -> Floats:
         """The system with the time in units of 1 / frequency."""
-        angles = np.pi * (2 * np.arange(self.order) + self.order + 1) / (2 * self.order)
-        low_pass = np.real(np.poly(_CORNER * np.exp(1j * angles)))
-        polynomial = np.polymul([1.0, 2 * self.damping, 1.0], low_pass)
+        polynomial = np.polymul([1.0, 2 * self.damping, 1.0], _low_pass(self.order))
         system = np.eye(self.size, k=1)
         system[-1] = -polynomial[:0:-1]
         return system
@@ -116,11 +115,7 @@ class WaveMotion:
     @property
     def covariance(self) -> Floats:
         """The stationary covariance of the wave motion [size, size]."""
-        identity, system, drive = np.eye(self.size), self._system, np.zeros((self.size, self.size))
-        drive[-1, -1] = 1.0
-        lyapunov = np.kron(system, identity) + np.kron(identity, system)
-        unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(drive.shape) * np.outer(self._powers, self._powers)
-        return np.asarray(unit * self.speed**2 / unit[1, 1])
+        return _stationary(self)
 
     def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
         """As :meth:`WhiteJerk.over`."""
@@ -131,6 +126,26 @@ class WaveMotion:
         stationary = self.covariance
         added = stationary - forward @ stationary @ forward.transpose(0, 2, 1)
         return forward, (added + added.transpose(0, 2, 1)) / 2.0
+
+
+@cache
+def _low_pass(order: int) -> Floats:
+    """The polynomial of a Butterworth filter whose corner is at :data:`_CORNER`."""
+    angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
+    return np.asarray(np.real(np.poly(_CORNER * np.exp(1j * angles))))
+
+
+@lru_cache(maxsize=64)
+def _stationary(motion: WaveMotion) -> Floats:
+    """The covariance of a wave motion, which a filter asks for at its start and for its transitions."""
+    identity, system, drive = np.eye(motion.size), motion._system, np.zeros((motion.size, motion.size))
+    drive[-1, -1] = 1.0
+    lyapunov = np.kron(system, identity) + np.kron(identity, system)
+    powers = np.outer(motion._powers, motion._powers)
+    unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(drive.shape) * powers
+    found = np.asarray(unit * motion.speed**2 / unit[1, 1])
+    found.setflags(write=False)
+    return found
 
 
 Law: TypeAlias = WhiteJerk | WaveMotion

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2
+from scipy.special import gammaincinv  # scipy.stats would take longer to import than all else here
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Bools, Floats, Ints
@@ -103,7 +103,7 @@ def _judged(ratio: Floats, refused: int) -> ChannelConsistency:
     scatter = float(means.var(ddof=1)) / _BLOCKS
     independent = min(float(nis.size), 2.0 * float(nis.mean()) ** 2 / scatter) if scatter > 0 else float(nis.size)
     independent = max(independent, 1.0)
-    low, high = (float(chi2.ppf(share, independent)) / independent for share in (0.025, 0.975))
+    low, high = (2.0 * float(gammaincinv(0.5 * independent, share)) / independent for share in (0.025, 0.975))
     inside = float((np.abs(ratio) <= _NORMAL_95).mean())
     return ChannelConsistency(float(nis.mean()), low, high, inside, int(nis.size), independent, refused)
 

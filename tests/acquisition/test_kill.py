@@ -31,6 +31,8 @@ from tests.acquisition.test_record_command import start_recorder
 
 RATES_HZ = (130.0, 1300.0)
 RAW_TOPIC = f"{RAW_PREFIX}nmea0183/line"
+FROM_HERE = get_context("forkserver")
+FROM_HERE.set_forkserver_preload([__name__])  # what a recorder imports takes longer than its life here
 
 
 def said(number: int) -> bytes:
@@ -92,7 +94,7 @@ def test_a_kill_costs_no_more_than_the_time_to_the_next_flush(
     tmp_path: Path, rate_hz: float, kill_s: float
 ) -> None:
     config, folder = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n'), tmp_path / "out"
-    process = get_context("spawn").Process(target=record_and_die, args=(config, folder, rate_hz, kill_s))
+    process = FROM_HERE.Process(target=record_and_die, args=(config, folder, rate_hz, kill_s))
     process.start()
     process.join()
     assert process.exitcode == -signal.SIGKILL

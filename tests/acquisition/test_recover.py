@@ -11,6 +11,7 @@ import subprocess
 import sys
 import zlib
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -163,11 +164,16 @@ def test_a_whole_recording_is_copied_and_nothing_is_lost(tmp_path: Path, larger:
     assert after.trial == before.trial
 
 
-def test_every_prefix_gives_exactly_its_complete_chunks(tmp_path: Path, small: Original) -> None:
+@pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.slow)])
+def test_every_prefix_gives_exactly_its_complete_chunks(tmp_path: Path, small: Original, step: int) -> None:
+    """All that end beside the end of a chunk, and every fifth of the others, or each."""
     first_content = len(MCAP_MAGIC) + 9 + int.from_bytes(small.data[9:17], "little")
     metadata_end = first_content + 9 + int.from_bytes(small.data[first_content + 1 : first_content + 9], "little")
     summary_start = small.spans[-1][1] + 50
-    for length in (*range(1, summary_start), *range(summary_start, len(small.data), 7)):  # slow, and much the same
+    edges = {metadata_end, *(place for span in small.spans for place in span)}
+    beside = {edge + off for edge in edges for off in (-1, 0, 1)}
+    summary = range(summary_start, len(small.data), 7 * step)  # slow, and much the same
+    for length in sorted({*range(1, summary_start, step), *beside, *summary}):
         expected = small.without(lambda start, end, length=length: end > length)  # type: ignore[misc]
         if length < metadata_end:
             with pytest.raises(InputError, match="nothing that can be saved"):
@@ -463,6 +469,7 @@ print(re.search(r"VmHWM:\\s+(\\d+) kB", Path("/proc/self/status").read_text())[1
 """
 
 
+@cache
 def ten_gigabytes() -> bytes:
     """A zstd frame of 10 GB of zeros that does not say how long it is."""
     piece = bytes(2**24)

@@ -180,10 +180,17 @@ def catches(process: int, number: signal.Signals) -> bool:
     return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
 
 
-@pytest.mark.parametrize("after_s", [0.0, 0.2, 0.8])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("number", "after_s"),
+    [
+        (signal.SIGINT, 0.0), (signal.SIGTERM, 0.2), (signal.SIGINT, 0.8),
+        pytest.param(signal.SIGTERM, 0.0, marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, 0.2, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, 0.8, marks=pytest.mark.slow),
+    ],
+)  # fmt: skip
 def test_a_signal_while_the_program_is_loaded_ends_it_cleanly(
-    tmp_path: Path, after_s: float, number: signal.Signals
+    tmp_path: Path, number: signal.Signals, after_s: float
 ) -> None:
     """From the moment at which the interpreter itself is ready, long before the recorder is."""
     running = Process(tmp_path)

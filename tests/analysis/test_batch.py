@@ -198,8 +198,9 @@ def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_d
     assert (summary.done, summary.failed, len(summary.failures)) == (3, 3, 3)
 
 
-def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path) -> None:
+def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert workers._CONNECT_S <= 10  # what is waited for an answer
+    monkeypatch.setattr(workers, "_CONNECT_S", 1)
     with pytest.raises(SourceError, match="no scheduler can be reached") as caught:
         run_batch(one, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
     assert "\n" not in str(caught.value)
@@ -259,9 +260,9 @@ def test_no_result_stands_where_another_stands_or_inside_it(paths: list[str]) ->
     assert not (set(names) & (parents | {"index.html", "index.parquet", MARKS, ".lock"}))
 
 
-def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_path: Path) -> None:
+def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, scheduler: str, tmp_path: Path) -> None:
     (one / "empty.mcap").touch()
-    arguments = ["batch", str(one), "-o", str(tmp_path / "out"), "--workers", "2", *FAST, "--json"]
+    arguments = ["batch", str(one), "-o", str(tmp_path / "out"), "--scheduler", scheduler, *FAST, "--json"]
     outcome = CliRunner().invoke(app, arguments)
     assert outcome.exit_code == 1
     assert json.loads(outcome.stdout) == {
@@ -296,31 +297,38 @@ def wait_for_results(out: Path, count: int, limit_s: float = PATIENCE_S) -> None
 
 def _stopped(out: Path, running: subprocess.Popen[bytes], number: int, whole_group: bool) -> list[str]:
     """Stop a command after its first result; the lines that it said."""
-    wait_for_results(out, 1)
+    wait_for_results(out, len(list(out.rglob("summary.json"))) + 1)
     (os.killpg if whole_group else os.kill)(running.pid, number)
     _, said = running.communicate(timeout=PATIENCE_S)
     return said.decode().splitlines()
 
 
-@pytest.mark.parametrize("whole_group", [True, False])
-def test_sigterm_ends_it_as_cleanly_as_an_interrupt(batch_folder: Path, tmp_path: Path, whole_group: bool) -> None:
+TERMINATED = ["seatrial: terminated; what is done stays, the same command goes on from there"]
+
+
+def test_sigterm_to_all_of_it_ends_it_as_cleanly_as_an_interrupt(batch_folder: Path, tmp_path: Path) -> None:
+    """The workers are told as well, as systemd does."""
     running = start_command(batch_folder, tmp_path / "out", "--workers", "1")
-    said = _stopped(tmp_path / "out", running, signal.SIGTERM, whole_group)
-    assert said == ["seatrial: terminated; what is done stays, the same command goes on from there"]
+    assert _stopped(tmp_path / "out", running, signal.SIGTERM, whole_group=True) == TERMINATED
     assert running.returncode == 143
     assert not list((tmp_path / "out").rglob(".part-*"))
 
 
-def test_interrupted_and_resumed_is_as_never_interrupted(
-    batch_folder: Path, first_run: tuple[Summary, Path], tmp_path: Path
+def test_stopped_twice_and_resumed_is_as_never_stopped(
+    batch_folder: Path, scheduler: str, first_run: tuple[Summary, Path], tmp_path: Path
 ) -> None:
+    """By SIGTERM to the command alone, then by an interrupt from the terminal."""
     out = tmp_path / "out"
+    running = start_command(batch_folder, out, "--workers", "1")
+    assert _stopped(out, running, signal.SIGTERM, whole_group=False) == TERMINATED
+    assert running.returncode == 143
+    assert not list(out.rglob(".part-*"))
     running = start_command(batch_folder, out, "--workers", "1")
     said = _stopped(out, running, signal.SIGINT, whole_group=True)  # the workers hear it too, as from a terminal
     assert said == ["seatrial: interrupted; what is done stays, the same command goes on from there"]
     assert running.returncode == 130
     assert not (out / "index.html").exists()
-    resumed = start_command(batch_folder, out, "--workers", "1", "--json")
-    printed, _ = resumed.communicate(timeout=PATIENCE_S)
-    assert 0 < json.loads(printed)["reused"] < json.loads(printed)["done"]
+    arguments = ["batch", str(batch_folder), "-o", str(out), "--scheduler", scheduler, *FAST, "--json"]
+    resumed = json.loads(CliRunner().invoke(app, arguments).stdout)
+    assert 0 < resumed["reused"] < resumed["done"]
     assert hashes(out) == hashes(first_run[1])

@@ -10,8 +10,9 @@ from scipy.linalg import block_diag, expm
 from scipy.stats import chi2
 
 from analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
-from analysis.estimation.kalman_kernel import WIDTH, predict_covariance
+from analysis.estimation.kalman_kernel import WIDTH
 from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
+from tests.kernel_calls import predict_covariance
 
 WIDE = Gate(limit=np.inf)
 START = Start(np.zeros(9), np.diag([100.0, 10.0, 1.0] * 3))

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import nullcontext
 from math import sqrt
 
 import pytest
 
+from analysis.batch import workers as module
 from analysis.batch.workers import map_calls
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_cluster() -> Iterator[None]:
+    """The worker processes of all tests here: starting them takes longer than all that they do."""
+    with module._client(2, None) as client, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_client", lambda workers, scheduler: nullcontext(client))
+        yield
 
 
 @pytest.mark.parametrize("workers", [1, 2])

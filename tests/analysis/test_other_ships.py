@@ -119,7 +119,7 @@ def test_the_interactive_page_has_every_actuator(zigzags: dict[str, pd.DataFrame
     assert len(set(colours.values())) == len(colours)
 
 
-@pytest.mark.parametrize("ship", SHIPS)
+@pytest.mark.parametrize("ship", [pytest.param("ferry", marks=pytest.mark.slow), "tug"])
 def test_a_batch_has_her_row_and_page(zigzags: dict[str, pd.DataFrame], ship: str, tmp_path: Path) -> None:
     table = zigzags[ship]
     trial = Trial(name=ship, actuators=table.attrs["trial"]["actuators"])

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from queue import Queue
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any
 from xml.etree import ElementTree
 
@@ -23,9 +23,10 @@ from acquisition.core.errors import InputError, SourceError, StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from analysis.batch.one_recording import SUMMARY, WAITING
+from analysis.batch.one_recording import SUMMARY, WAITING, Row
+from analysis.batch.workers import Job
 from analysis.serve.app import MOST_RUNS, make_app, serve
-from analysis.serve.season import Season
+from analysis.serve.season import Season, _Worker
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import QUICK, sailed
 from tests.browser import running_browser
@@ -50,6 +51,31 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_table(sailed(60), made / "evil.mcap", Trial(name=EVIL, vessel=EVIL, place=EVIL, crew_notes=EVIL))
     (made / "broken.mcap").write_bytes(b"no recording")
     return made
+
+
+class OneWorker(_Worker):
+    """A worker that outlives the seasons it works for: what it imports takes longer than all that it does here."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._turn = Lock()
+
+    def row_of(self, work: Callable[[Job], Row], job: Job) -> Row | None:
+        with self._turn:
+            return super().row_of(work, job)
+
+    def stop(self) -> None:
+        """Not yet."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_worker() -> Iterator[None]:
+    """One process for all seasons here, and another after the test in which it dies."""
+    shared = OneWorker()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("analysis.serve.season._Worker", lambda: shared)
+        yield
+    _Worker.stop(shared)
 
 
 @pytest.fixture(scope="module")

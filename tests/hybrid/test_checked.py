@@ -63,7 +63,10 @@ def test_a_frozen_sensor_is_left_out_where_it_was(sound: pd.DataFrame, tmp_path:
     assert any("sway_mps" in each for each in (*found.remarks, *found.repairs))
 
 
-@pytest.mark.parametrize("name", ["yaw_rate_dps", "sway_mps", "surge_mps"])
+@pytest.mark.parametrize(
+    "name",
+    ["yaw_rate_dps", *(pytest.param(each, marks=pytest.mark.slow) for each in ("sway_mps", "surge_mps"))],
+)
 def test_a_sensor_that_is_not_there_is_none(sound: pd.DataFrame, tmp_path: Path, name: str) -> None:
     """The log goes without it: what it would have read is free."""
     found = checked(sound.assign(**{name: 0.1}), tmp_path)

@@ -82,7 +82,7 @@ def test_calibrator_beats_the_model_that_lacks_something(ship: tuple[Path, str])
     assert len(st.predict(folder / "2.mcap", "+300", trained).track) == 16
 
 
-@pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
+@pytest.mark.slow
 def test_diagnosis_names_the_actuator_that_lost_force(ship: tuple[Path, str]) -> None:
     file, weak = ship
     found = st.diagnose(file.parent / "1.mcap", vessel=file).diagnosis

@@ -17,13 +17,10 @@ from hypothesis import strategies as st
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects.catalogue import catalogue_of, vessel_plant
-from hybrid.vessel.dynamics import actuators_force, hold
 from hybrid.vessel.files import load_vessel, save_vessel
-from hybrid.vessel.hulls import hull_force
-from hybrid.vessel.hulls.cross_flow import drag_across
 from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.simulate import simulate
-from hybrid.vessel.wind import wind_force
+from tests.force_calls import actuators_force, drag_across, hull_force, wind_force
 
 Force = tuple[float, float, float]
 ESSO, KVLCC2 = (vessel_plant(load_vessel(name)) for name in ("esso_osaka_3m", "kvlcc2_7m"))
@@ -34,10 +31,7 @@ rates = st.floats(-0.2, 0.2)
 
 def force_of_actuators(plant: Plant, control: tuple[float, float], motion: Force) -> Force:
     """What the compiled core says of propeller and rudder."""
-    packed = pack(plant)[0]
-    work = np.zeros((2, 4))
-    hold(packed, np.array(control), work, 0.0, 0.0)
-    X, Y, N = actuators_force(packed, work, *motion)
+    X, Y, N = actuators_force(pack(plant)[0], np.array(control), np.zeros((2, 4)), *motion)
     return X, Y, N
 
 

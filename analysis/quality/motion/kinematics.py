@@ -30,9 +30,10 @@ out one block after another says (jackknife: B. Efron, The Jackknife, the Bootst
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -256,11 +257,19 @@ class _Frame:
     def slowly(self, values: Floats) -> Floats:
         """Series [points, ...] without what is faster than :attr:`slow_hz`, which would leak into the cosines of
         the blocks; nothing is shifted."""
-        from scipy.signal import butter, sosfiltfilt
+        from scipy.signal import sosfiltfilt
 
-        filter_ = butter(4, min(1.25 * self.slow_hz * self.step_s, 0.45), fs=1.0, output="sos")
+        filter_ = _low_pass(min(1.25 * self.slow_hz * self.step_s, 0.45))
         padded = min(len(values) - 1, int(3.0 / (self.slow_hz * self.step_s)))
         return np.asarray(sosfiltfilt(filter_, values, axis=0, padlen=padded))
+
+
+@lru_cache(maxsize=64)
+def _low_pass(edge: float) -> Floats:
+    """Sections of a filter that every step of a fit needs again; its edge in shares of the samples' rate."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(4, edge, fs=1.0, output="sos"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,11 +296,13 @@ class _Fit:
 
     def _by_slow_and_all(self) -> tuple[Solution, Solution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster."""
-        start = np.where(np.arange(self.prior.size) == 0, 1.0, 0.0)
-        slow = self._gauss_newton(Solution(start, np.diag(self.prior**2), start), _SLOW_STAGES)
-        return slow, self._gauss_newton(slow, _STAGES_HZ)
+        start, measured = np.where(np.arange(self.prior.size) == 0, 1.0, 0.0), spline(self.level)
+        slow = self._gauss_newton(measured, Solution(start, np.diag(self.prior**2), start), _SLOW_STAGES)
+        return slow, self._gauss_newton(measured, slow, _STAGES_HZ)
 
-    def _gauss_newton(self, found: Solution, stages: tuple[float | None, ...]) -> Solution:
+    def _gauss_newton(
+        self, measured: Callable[..., Floats], found: Solution, stages: tuple[float | None, ...]
+    ) -> Solution:
         """Steps from ``found`` by the motion below each of ``stages`` [Hz], None for the slow motion alone.
 
         A delay or lever arm that is not significant starts the next at zero, or it might settle a whole wave period
@@ -300,17 +311,20 @@ class _Fit:
         for limit_hz in stages:
             unclear = np.abs(found.parameters) < _CLEAR * np.sqrt(np.diag(found.covariance))
             values = np.where(unclear & (self.prior >= _DELAY_PRIOR_S), 0.0, found.parameters)
-            found = self._step(values, limit_hz)
+            found = self._step(measured, values, limit_hz)
         moving = np.diag((2.0 * (found.parameters - values)) ** 2)
         return replace(found, covariance=found.covariance + moving)
 
-    def _step(self, values: Floats, limit_hz: float | None) -> Solution:
-        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
+    def _step(self, measured: Callable[..., Floats], values: Floats, limit_hz: float | None) -> Solution:
+        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion.
+
+        ``measured`` is the level at any time.
+        """
         level, frame = self.level, self.frame
         most = frame.coefficients(limit_hz or SLOW_HZ)
         (wanted, slopes), *halves = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-        parts = (spline(level)(times) - wanted, slopes, *(half[1] for half in halves))
+        parts = (measured(times) - wanted, slopes, *(half[1] for half in halves))
         band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
         residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in band)
         found = solve(residuals, by, (first, second), self.prior)

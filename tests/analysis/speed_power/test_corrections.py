@@ -21,8 +21,8 @@ from analysis.speed_power.corrections import (
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import pack
-from hybrid.vessel.wind import wind_force
 from hybrid.vessel.windage import conditions_of
+from tests.force_calls import wind_force
 
 SHIP = Conditions(
     length_m=180.0, beam_m=32.0, draught_m=11.0, displacement_m3=48_000.0, midship_section_m2=345.0,

@@ -60,6 +60,7 @@ def test_one_hidden_effect_is_named_and_sized() -> None:
     assert result["said"]["gap"]["closed"] > 0.9
 
 
+@pytest.mark.slow
 def test_two_hidden_effects_of_two_families_are_both_named() -> None:
     current = {"speed_mps": 0.15, "direction_deg": 200.0}
     result = outcome(3, {"ocean_current": current, "hull_fouling": {"resistance_factor": 1.25}})
@@ -73,6 +74,7 @@ def test_what_no_catalogue_holds_is_said_to_be_unknown() -> None:
     assert place_right(result)
 
 
+@pytest.mark.slow
 def test_effects_that_a_straight_course_cannot_tell_apart_are_kept_together() -> None:
     result = outcome(5, {"loading": {"mass_factor": 1.15}}, sea="calm", programme="one_heading")
     assert undecided_rightly(result)

@@ -10,20 +10,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.arrays import Floats
-from analysis.estimation.kalman_kernel import WIDTH, predict_covariance, projected_variance
+from analysis.estimation.kalman_kernel import WIDTH
 from hybrid.diagnosis.disturbance_model import (
     CALM,
     FORCE_UNITS,
     FREE,
     SWING,
     Noise,
-    initial_covariance,
-    measurement_rows,
-    states_of,
-    transition,
 )
 from hybrid.diagnosis.linearise import LinearModel
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SWELL, a_ship, dense
+from tests.kernel_calls import (
+    initial_covariance,
+    measurement_rows,
+    predict_covariance,
+    projected_variance,
+    states_of,
+    transition,
+)
 
 
 def second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats]:

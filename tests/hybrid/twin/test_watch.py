@@ -24,6 +24,7 @@ from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.schemas import PREDICTION
 from analysis.tables.resample import resample_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, wait_for
+from tests.conftest import Command
 from tests.hybrid.twin.steady_ship import write_steady
 
 ROOT = Path(__file__).parents[3]
@@ -192,13 +193,12 @@ def test_it_goes_on_with_the_next_part_and_with_the_next_recording(aboard: Aboar
     assert summary["judged"] >= 8
 
 
-def test_a_duration_ends_it_and_what_is_wrong_is_one_line(aboard: Aboard) -> None:
+def test_a_duration_ends_it_and_what_is_wrong_is_one_line(aboard: Aboard, command: Command) -> None:
     process = aboard.start("short", "watch", "--duration", "0.5", "--json")
     stdout, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     assert json.loads(stdout)["made"] == 0
     assert "0 predictions" in aboard.log("short")
-    process = aboard.start("wrong", "watch", "--vessel", "nowhere")
-    process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 1
-    assert len(aboard.log("wrong").splitlines()) == 1
+    wrong = command("watch", aboard.config, "--vessel", "nowhere")
+    assert wrong.code == 1
+    assert len(wrong.err.splitlines()) == 1

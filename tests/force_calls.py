@@ -1,0 +1,45 @@
+"""The forces that the compiled simulator is made of, for tests that ask for one on its own.
+
+They are compiled into the simulator, and kept with it; on their own they would be compiled in every run of the
+tests, for seconds each.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+from analysis.compiling import FAST
+from hybrid.vessel import dynamics, hulls, wind
+from hybrid.vessel.hulls import cross_flow
+from hybrid.vessel.plant import PHYSICS_STAMP
+
+
+def _kept(stamp: int) -> tuple[Any, ...]:
+    """The calls below; the stamp of the equations is part of what numba keeps them by."""
+    keep = njit(cache=True, fastmath=FAST, error_model="numpy")
+
+    @keep
+    def actuators_force(p, control, work, u, v, r):  # type: ignore[no-untyped-def]
+        """Of controls that are held, in still water."""
+        if stamp != 0:
+            dynamics.hold(p, control, work, 0.0, 0.0)
+        return dynamics.actuators_force(p, work, u, v, r)
+
+    @keep
+    def hull_force(p, u, v, r):  # type: ignore[no-untyped-def]
+        return hulls.hull_force(p, u, v, r) if stamp != 0 else (0.0, 0.0, 0.0)
+
+    @keep
+    def drag_across(v, w):  # type: ignore[no-untyped-def]
+        return cross_flow.drag_across(v, w) if stamp != 0 else (0.0, 0.0)
+
+    @keep
+    def wind_force(p, ahead, across):  # type: ignore[no-untyped-def]
+        return wind.wind_force(p, ahead, across) if stamp != 0 else (0.0, 0.0, 0.0)
+
+    return actuators_force, hull_force, drag_across, wind_force
+
+
+actuators_force, hull_force, drag_across, wind_force = _kept(PHYSICS_STAMP)
