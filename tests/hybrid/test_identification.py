@@ -101,7 +101,7 @@ def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
 
 
 def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
-    table = simulate_trial(start, WIND, "zigzag_20_20", 300.0, 5.0, noise=Noise().scaled(0.2))[0]
+    table = simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=Noise().scaled(0.2))[0]
     st.write(table, tmp_path / "trial.mcap", actuators=as_text(start.actuators))
     save_vessel(start, tmp_path / "start.toml")
     result = st.identify(tmp_path / "trial.mcap", tmp_path / "start.toml", tmp_path / "new.toml", 10)
