@@ -299,7 +299,7 @@ def assert_nothing_believed(running: Running, refused: int) -> None:
     """No value, no clock, no position of the rubbish; the line beside it is complete."""
     recording = running.recording
     assert set(recording.series) == {"yaw_rate_dps"}
-    assert recording.series["yaw_rate_dps"].value.tolist() == list(range(10))
+    assert sorted(recording.series["yaw_rate_dps"].value) == list(range(10))  # datagrams may overtake each other
     assert running.sources["rubbish"].refused >= refused
     assert running.sources["beside"].refused == 0
     assert recording.trial.origin is None
