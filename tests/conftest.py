@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,28 +63,6 @@ def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
         return Done(code if isinstance(code, int) else int(bool(code)), out, err)
 
     return run
-
-
-@pytest.fixture(scope="session", autouse=True)
-def known_levels() -> Iterator[dict[bytes, object]]:
-    """The noise levels of samples that were smoothed before, by a digest of these.
-
-    Many commands read the same voyages, and to search for the levels takes nearly all the time of reading one.
-    Clear it where two searches are compared.
-    """
-    from analysis.estimation import smoother
-
-    search, known = smoother.estimate_levels, dict[bytes, object]()
-
-    def once(*given: object) -> object:
-        key = sha256(pickle.dumps(given)).digest()
-        if key not in known:
-            known[key] = search(*given)  # type: ignore[arg-type]
-        return known[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(smoother, "estimate_levels", once)
-        yield known
 
 
 @pytest.fixture(scope="session")

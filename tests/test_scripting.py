@@ -76,12 +76,9 @@ def test_results_print_and_plot(small_folder: Path, unseen: Path) -> None:
         assert any(axes.has_data() for axes in result.plot().axes)
 
 
-def test_a_script_and_the_command_agree(
-    small_folder: Path, unseen: Path, known_levels: dict[bytes, object]
-) -> None:
+def test_a_script_and_the_command_agree(small_folder: Path, unseen: Path) -> None:
     arguments = ["validate", str(unseen), "--calibrator", str(small_folder), "--json"]
     told = CliRunner().invoke(st.app, arguments, catch_exceptions=False)
-    known_levels.clear()
     assert json.loads(told.stdout) == json.loads(json.dumps(st.validate(unseen, small_folder).as_dict()))
 
 

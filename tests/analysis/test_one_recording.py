@@ -77,10 +77,7 @@ def test_a_result_is_a_folder_of_products_that_say_where_they_come_from(recordin
     assert (row["status"], row["cause"], row["samples"]) == ("done", "", 13 * 240)
 
 
-def test_the_bytes_depend_on_recording_and_options_alone(
-    recording: Path, result: Path, tmp_path: Path, known_levels: dict[bytes, object]
-) -> None:
-    known_levels.clear()
+def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result: Path, tmp_path: Path) -> None:
     elsewhere = tmp_path / "another" / "place" / recording.name
     elsewhere.parent.mkdir(parents=True)
     elsewhere.write_bytes(recording.read_bytes())
