@@ -121,7 +121,7 @@ def log_evidence(inner: Floats, columns: Sequence[int], prior: Floats) -> float:
 def _log_evidence(inner, index, prior):  # type: ignore[no-untyped-def]
     """The same by a Cholesky factor [K, K] of the columns' scaled information, or NaN where there is none.
 
-    Compiled, since a search asks for a dozen thousand of these small ones: 6 us each instead of 280 by LAPACK.
+    Compiled, since a search asks for ten thousand of these small ones: 3 to 5 us each instead of 110 to 140.
     """
     count = index.size
     factor, half, odds = np.empty((count, count)), np.empty(count), 0.0

@@ -115,30 +115,30 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     stretch is long enough.
     """
     parts = [_one(table) for table in tables]
-    first_block, first_leg, joined = 0, 0, list[Log]()
+    first_block, first_leg, logs = 0, 0, list[Log]()
     whose = _recordings(tables)
     recordings = list(dict.fromkeys(whose))
     for number, part in zip(map(recordings.index, whose), parts, strict=True):
         if not len(part):
             continue
         moved = {"block": part.block + first_block, "leg": part.leg + first_leg}
-        joined.append(replace(part, recording=np.full(len(part), number), **moved))  # type: ignore[arg-type]
+        logs.append(replace(part, recording=np.full(len(part), number), **moved))  # type: ignore[arg-type]
         first_block, first_leg = int(moved["block"].max()) + 1, int(moved["leg"].max()) + 1
-    if not joined:
+    if not logs:
         raise DataShortageError(
             f"no stretch of {_SHORTEST_BLOCK_S} s has motion and thrusters",
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
             fix="check what is missing with `seatrial check`",
         )
-    held = {hold: np.concatenate([each.held[hold] for each in joined]) for hold in INPUT_HOLDS[1:]}
-    together: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in joined]) for name in _ARRAYS}
+    held = {hold: np.concatenate([each.held[hold] for each in logs]) for hold in INPUT_HOLDS[1:]}
+    together: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in logs]) for name in _ARRAYS}
     return Log(
         **together,
         held=held,
-        refused=sum(each.refused for each in joined),
-        setting_step_s=max(each.setting_step_s for each in joined),
-        levels=tuple(level for each in joined for level in each.levels),
-        actuators=joined[0].actuators,
+        refused=sum(each.refused for each in logs),
+        setting_step_s=max(each.setting_step_s for each in logs),
+        levels=tuple(level for each in logs for level in each.levels),
+        actuators=logs[0].actuators,
         names=tuple(recordings),
     )
 
@@ -148,10 +148,14 @@ def tables_by_recording(tables: Sequence[pd.DataFrame]) -> dict[str, pd.DataFram
     parts = dict[str, list[pd.DataFrame]]()
     for name, table in zip(_recordings(tables), tables, strict=True):
         parts.setdefault(name, []).append(table)
-    joined = {name: pd.concat(some) for name, some in parts.items()}
-    for name, some in parts.items():
-        joined[name].attrs = some[0].attrs
-    return joined
+    return {name: joined(some) for name, some in parts.items()}
+
+
+def joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """The table of a recording from its parts, with a gap between them."""
+    table = pd.concat(parts)
+    table.attrs = parts[0].attrs
+    return table
 
 
 def _recordings(tables: Sequence[pd.DataFrame]) -> list[str]:

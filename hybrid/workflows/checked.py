@@ -26,7 +26,7 @@ from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS
 from analysis.quality.repairs import Repair, repair
 from analysis.tables.table import NANO, select, table_actuators, table_controls, table_of, times_ns, utc_index
-from hybrid.diagnosis.log import BLOCK_S
+from hybrid.diagnosis.log import BLOCK_S, joined
 from hybrid.effects import Catalogue
 from hybrid.effects.environment import STEADY_WIND
 from hybrid.simulation.autopilot import Drives, follow, shares
@@ -215,8 +215,7 @@ def usable_tables(
         checked = checked_tables(
             read_recording(path), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
         )
-        tables[name] = pd.concat(checked.tables)
-        tables[name].attrs = checked.tables[0].attrs
+        tables[name] = joined(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]
     return tables, tuple(remarks)
 

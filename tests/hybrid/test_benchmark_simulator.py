@@ -50,6 +50,10 @@ STOPPING: dict[str, Any] = {
     ), "sea": "calm",
 }  # fmt: skip
 """Shafts turn astern, together and one by one."""
+WHERE_IT_SHOWS = {
+    "low_speed_damping": NEAR_REST, **{name: STOPPING for name in EFFECTS if name.startswith("astern_thrust")},
+}  # fmt: skip
+"""The programme of an effect that the usual one does not show."""
 
 
 def perfect(
@@ -128,8 +132,7 @@ def test_the_reference_model_follows_within_five_centimetres(plant: Plant) -> No
 def test_an_effect_is_what_the_catalogue_says(plant: Plant, name: str) -> None:
     """The reference model follows once it has the same effect, and is much further off without."""
     effect = CATALOGUE[name]
-    astern = STOPPING if name.startswith("astern_thrust") else {}
-    table, truth = perfect({name: effect.typical}, **(NEAR_REST if name == "low_speed_damping" else astern))
+    table, truth = perfect({name: effect.typical}, **WHERE_IT_SHOWS.get(name, {}))
     scale = np.array([1.0, 1.0, 0.1, 0.3, 0.3, 0.02])
     bare = worst(plant, table, truth) / scale
     known = worst(apply_effects(plant, {name: effect.typical}), table, truth) / scale

@@ -272,7 +272,7 @@ def _low_pass(edge: float) -> Floats:
     return np.asarray(butter(4, edge, fs=1.0, output="sos"))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Fit:
     """Levels and the models they are fitted by: of all samples, of every other one, and of the rest."""
 
@@ -280,6 +280,11 @@ class _Fit:
     models: tuple[Model, ...]
     prior: Floats
     frame: _Frame
+
+    @cached_property
+    def measured(self) -> Callable[..., Floats]:
+        """The level at any time."""
+        return spline(self.level)
 
     def solved(self) -> tuple[Solution, Solution]:
         """By the slow motion and by all; of the levels as they are or, where they jump and that gives a smaller
@@ -296,13 +301,11 @@ class _Fit:
 
     def _by_slow_and_all(self) -> tuple[Solution, Solution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster."""
-        start, measured = np.where(np.arange(self.prior.size) == 0, 1.0, 0.0), spline(self.level)
-        slow = self._gauss_newton(measured, Solution(start, np.diag(self.prior**2), start), _SLOW_STAGES)
-        return slow, self._gauss_newton(measured, slow, _STAGES_HZ)
+        start = np.where(np.arange(self.prior.size) == 0, 1.0, 0.0)
+        slow = self._gauss_newton(Solution(start, np.diag(self.prior**2), start), _SLOW_STAGES)
+        return slow, self._gauss_newton(slow, _STAGES_HZ)
 
-    def _gauss_newton(
-        self, measured: Callable[..., Floats], found: Solution, stages: tuple[float | None, ...]
-    ) -> Solution:
+    def _gauss_newton(self, found: Solution, stages: tuple[float | None, ...]) -> Solution:
         """Steps from ``found`` by the motion below each of ``stages`` [Hz], None for the slow motion alone.
 
         A delay or lever arm that is not significant starts the next at zero, or it might settle a whole wave period
@@ -311,20 +314,17 @@ class _Fit:
         for limit_hz in stages:
             unclear = np.abs(found.parameters) < _CLEAR * np.sqrt(np.diag(found.covariance))
             values = np.where(unclear & (self.prior >= _DELAY_PRIOR_S), 0.0, found.parameters)
-            found = self._step(measured, values, limit_hz)
+            found = self._step(values, limit_hz)
         moving = np.diag((2.0 * (found.parameters - values)) ** 2)
         return replace(found, covariance=found.covariance + moving)
 
-    def _step(self, measured: Callable[..., Floats], values: Floats, limit_hz: float | None) -> Solution:
-        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion.
-
-        ``measured`` is the level at any time.
-        """
+    def _step(self, values: Floats, limit_hz: float | None) -> Solution:
+        """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
         level, frame = self.level, self.frame
         most = frame.coefficients(limit_hz or SLOW_HZ)
         (wanted, slopes), *halves = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-        parts = (measured(times) - wanted, slopes, *(half[1] for half in halves))
+        parts = (self.measured(times) - wanted, slopes, *(half[1] for half in halves))
         band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
         residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in band)
         found = solve(residuals, by, (first, second), self.prior)
