@@ -23,7 +23,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
 from hybrid.diagnosis.acceptance import accept_names
-from hybrid.diagnosis.coarse_model import untested_if_coarse
+from hybrid.diagnosis.coarse_model import selected, untested_if_coarse
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, smooth_state, whiten
 from hybrid.diagnosis.evidence import (
     DesignMatrix,
@@ -39,7 +39,7 @@ from hybrid.diagnosis.evidence import (
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, by_stage, linearise, sensor_readings
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
 from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
-from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
+from hybrid.diagnosis.select_effects import log_density, search_effects
 from hybrid.vessel.effect import growth
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
@@ -97,8 +97,9 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
-    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # of equals the first: linear
     known = estimate.linearisation
+    densities = {hold: _log_density(estimate, hold) for hold in INPUT_HOLDS}
+    hold = max(densities, key=lambda each: densities[each])  # of equals the first: linear
     if hold == known.log.input_hold:
         return estimate
     return estimate_noise(linearise(known.log.with_input_hold(hold), known.model, known.tolerance), progress)
@@ -108,19 +109,21 @@ def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
-    their size.
+    their size. For a coarse model that search does not converge: from one linearisation to the next the evidence
+    changes by hundreds (R/V Gunnerus, 2019 and 2022), and no steps are preferred.
     """
     known = estimate.linearisation
     as_it_is = hold == known.log.input_hold
     log = known.log if as_it_is else known.log.with_input_hold(hold)
     part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
-    if log.setting_step_s > SELDOM_S:
-        selection = select_effects(evidence)
-        found = selection if untested_if_coarse(selection) else accept_names(selection)
-        density = log_density(found.evidence, found.names)
-    else:
+    if log.setting_step_s <= SELDOM_S:
         density = log_density(evidence, search_effects(evidence))
+    elif untested_if_coarse(selection := selected(evidence)):
+        density = -np.inf
+    else:
+        found = accept_names(selection)
+        density = log_density(found.evidence, found.names)
     return density if as_it_is else density - _PLAIN
 
 

@@ -31,6 +31,7 @@ from hybrid.diagnosis.linearise import (
     one_second_paths,
     prompt,
     sampling_offset,
+    small_step,
     true_states,
 )
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
@@ -362,7 +363,7 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
     equations = evidence.equations
     model, layout = equations.model, equations.layout
     track, steps = windows.predicted(model.at), list(_coordinates(evidence))
-    slope = np.stack([_slope(windows, evidence, *each) for each in steps])
+    slope = np.stack([_slope(windows, evidence, track, *each) for each in steps])
     at = np.zeros(len(layout.effect))
     for name, free in model.at.items():
         at[np.array(layout.of(name)) - 1] = free
@@ -411,9 +412,13 @@ def closest_alone(windows: UnseenWindows, evidence: Evidence) -> Coordinates:
     return min(tried, key=lambda at: float(windows.by_leg_m(windows.predicted(at)).mean()))
 
 
-def _slope(windows: UnseenWindows, evidence: Evidence, name: str, number: int) -> Floats:
-    """The derivative of the tracks with respect to one free coordinate [N, H, 2]."""
-    step = _STEP * evidence.equations.model.catalogue[name].free_scale[number]
+def _slope(windows: UnseenWindows, evidence: Evidence, track: Floats, name: str, number: int) -> Floats:
+    """The derivative of the tracks with respect to one free coordinate [N, H, 2], about ``track`` [N, H+1, 3]."""
+    model = evidence.equations.model
+    if small := small_step(model, name, number):
+        further = windows.predicted(_moved(evidence, name, number, small[1]))
+        return np.asarray((further - track)[:, 1:, :2] / small[1])
+    step = _STEP * model.catalogue[name].free_scale[number]
     ends = [_moved(evidence, name, number, side * step) for side in (1.0, -1.0)]
     ahead, behind = (windows.predicted(at)[:, 1:, :2] for at in ends)
     return np.asarray((ahead - behind) / (ends[0][name][number] - ends[1][name][number]))

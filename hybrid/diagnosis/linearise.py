@@ -42,6 +42,7 @@ DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # finite-difference steps, in typical sizes of the effect
+_SMALL_PART = 0.01  # for smooth forces: one side of it is within 0.4 % of both sides of a tenth of _PART
 _ROUNDS, _SAME = 4, 1e-9
 _RANGE = 1.69  # mean range of three normal readings, in standard deviations; a wider one misses slow reversals
 _MOST_STAGES = 8  # enough for changes in steps; drifts have more, and signatures take most of the time
@@ -316,6 +317,8 @@ def _sensitivity(
 
     ``ways`` [T, 5, 6] are the model's own paths from ``origin``, which an error of a sensor does not change.
     """
+    if small := small_step(model, name, coordinate):
+        return (next_states(log, small[0], origin) - ways[:, -1]) / small[1], np.zeros_like(origin)
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
     if move_alike(ahead, behind):
         further = before = ways
@@ -325,6 +328,21 @@ def _sensitivity(
     if report_alike(ahead, behind):
         return D, np.zeros_like(origin)
     return D, (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
+
+
+def small_step(model: Model, name: str, coordinate: int) -> tuple[Plant, float] | None:
+    """The plant at a small step of a coordinate, and the step; None where motion may have a kink or sensors change.
+
+    One side of so small a step is as accurate as both of a large one, and the other side is the model as it is.
+    """
+    effect = model.catalogue[name]
+    if effect.kind == "sensor" or effect.chart != "linear":
+        return None
+    step = _SMALL_PART * effect.free_scale[coordinate]
+    ahead, behind = (model.plant_with_step(name, coordinate, by) for by in (step, -step))
+    if ahead is None or behind is None or not (acts_alike(ahead, behind) and report_alike(ahead, behind)):
+        return None
+    return ahead, step
 
 
 def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]]:
@@ -383,6 +401,12 @@ def _acting(
         controls[first:last] = series.reshape(controls[first:last].shape)
         acting[first:last] = _lagged(series, np.array(lags_s))[::STEPS_PER_SECOND]
     return controls, acting
+
+
+def acts_alike(one: Plant, other: Plant) -> bool:
+    """Whether reported controls act at the same time and in the same way on two plants."""
+    pairs = ((each.command_delay_s, lags_of(each), plays_of(each)) for each in (one, other))
+    return next(pairs) == next(pairs)
 
 
 def prompt(plant: Plant) -> Plant:

@@ -23,6 +23,7 @@ from hybrid.vessel.simulate import simulate
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
 
 DT_S, SECONDS = 0.1, 600
+LEVELS = Noise(position_m=0.05, heading_rad=2e-3, surge_mps=0.03, sway_mps=0.03, yaw_rate_radps=1e-3)
 MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
@@ -65,10 +66,17 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
     log = log_of([table])
     assert log.input_hold == "line"
     model = Model(plant, {**SMALL_CATALOGUE, **{name: CATALOGUE[name] for name in lags}})
-    levels = Noise(position_m=0.05, heading_rad=2e-3, surge_mps=0.03, sway_mps=0.03, yaw_rate_radps=1e-3)
-    read = choose_input_hold(NoiseEstimate(linearise(log, model, 0.01), levels)).linearisation.log
+    read = choose_input_hold(NoiseEstimate(linearise(log, model, 0.01), LEVELS)).linearisation.log
     assert read.input_hold == kind
     assert (read is log) == (kind == "line")
+
+
+def test_a_model_that_is_far_off_prefers_no_steps(plant: Plant) -> None:
+    """Its effects do not converge, so their evidence under one reading or another says nothing."""
+    log = log_of([recorded(plant, "until the next record")])
+    coarse = plant.scaled(2.0, *plant.hull_model.numbers)
+    estimate = NoiseEstimate(linearise(log, Model(coarse, SMALL_CATALOGUE), 0.01), LEVELS)
+    assert choose_input_hold(estimate) is estimate
 
 
 def test_what_a_setting_does_between_two_records() -> None:
