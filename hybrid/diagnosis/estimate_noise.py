@@ -109,21 +109,19 @@ def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
-    their size. For a coarse model that search does not converge: from one linearisation to the next the evidence
-    changes by hundreds (R/V Gunnerus, 2019 and 2022), and no steps are preferred.
+    their size; but not for a coarse model, where that does not converge: from one linearisation to the next the
+    evidence changes by hundreds.
     """
     known = estimate.linearisation
     as_it_is = hold == known.log.input_hold
     log = known.log if as_it_is else known.log.with_input_hold(hold)
     part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
-    if log.setting_step_s <= SELDOM_S:
-        density = log_density(evidence, search_effects(evidence))
-    elif untested_if_coarse(selection := selected(evidence)):
-        density = -np.inf
-    else:
+    names = search_effects(evidence)
+    if log.setting_step_s > SELDOM_S and not untested_if_coarse(selection := selected(evidence)):
         found = accept_names(selection)
-        density = log_density(found.evidence, found.names)
+        evidence, names = found.evidence, found.names
+    density = log_density(evidence, names)
     return density if as_it_is else density - _PLAIN
 
 
