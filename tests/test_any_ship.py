@@ -140,7 +140,6 @@ def conditions(ship: Ship, seed: int) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 def test_from_main_dimensions_to_a_calibrator(ship: Ship, command: Command) -> None:
     """Trained on an earlier voyage it halves the error of her model on the recorded one, and its regions hold."""
     path = recorded(ship, command, conditions(ship, seed=2))
@@ -152,7 +151,6 @@ def test_from_main_dimensions_to_a_calibrator(ship: Ship, command: Command) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 def test_from_main_dimensions_to_the_report(ship: Ship, command: Command) -> None:
     """What was hidden in her is named, beside the sea's own drift and nothing else, and the pages speak of her."""
     path = recorded(ship, command, conditions(ship, seed=2))

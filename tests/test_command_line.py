@@ -43,7 +43,7 @@ def as_process(*arguments: str | Path) -> Done:
     """``seatrial`` as its own process, with its output in pipes."""
     found = subprocess.run(
         [sys.executable, str(ROOT / "seatrial.py"), *map(str, arguments)],
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     return Done(found.returncode, found.stdout, found.stderr)
 
@@ -52,7 +52,7 @@ def in_shell(line: str, argument: Path) -> Done:
     """``seatrial`` in bash, with ``line`` after it, redirections and all."""
     found = subprocess.run(
         ["bash", "-c", f'set -o pipefail; "$0" {ROOT / "seatrial.py"} {line}', sys.executable, str(argument)],
-        capture_output=True, text=True, timeout=300, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     return Done(found.returncode, found.stdout, found.stderr)
 

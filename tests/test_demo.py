@@ -37,7 +37,6 @@ def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_c
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     """Every played value is recorded, and the calibrator is better than its reference on the unseen voyage."""
     from hybrid.workflows.demo import demonstrate

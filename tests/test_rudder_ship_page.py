@@ -28,7 +28,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     return made
 
 
-@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("step", _STEPS, ids=lambda step: step.heading)
 def test_a_step(step: Block, folder: Path, environment: dict[str, str]) -> None:
     """Every command succeeds, and the lines that the page shows are printed."""

@@ -91,7 +91,6 @@ def test_manoeuvres_and_effects_are_tables(tmp_path: Path) -> None:
 
 
 @pytest.mark.pages
-@pytest.mark.timeout(900)
 def test_the_readmes_script_runs(
     earlier: list[Path],
     simulated: Simulated,

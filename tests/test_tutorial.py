@@ -64,7 +64,7 @@ def typed(text: str, folder: Path, environment: dict[str, str]) -> str:
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
     )  # fmt: skip
     try:
-        printed, said = shell.communicate(timeout=590)
+        printed, said = shell.communicate()
     finally:
         with suppress(ProcessLookupError):  # what a failed block leaves in the background holds the ports
             os.killpg(shell.pid, signal.SIGKILL)

@@ -57,7 +57,6 @@ def _address(scheduler: subprocess.Popen[str]) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_batch_survives_its_workers_and_is_the_same_on_a_real_cluster(batch_folder: Path, tmp_path: Path) -> None:
     first, second = tmp_path / "own", tmp_path / "cluster"
     running = start_command(batch_folder, first, "--workers", "2", "--json")

@@ -60,7 +60,6 @@ def test_she_keeps_her_course_comes_out_of_a_turn_and_stops_astern() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_she_foretells_the_halves_that_she_was_not_made_from(shared_data: Path, tmp_path: Path) -> None:
     for name, file in PARTS.items():
         columns = VESSELS.parent / "columns" / f"{name}.toml"

@@ -50,7 +50,6 @@ def inside(start: Vessel, seed: int) -> list[bool]:
     return [each.low <= true[each.name] <= each.high for each in found.coefficients]
 
 
-@pytest.mark.timeout(3600)
 def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
     start = load_vessel(esso_from_dimensions(tmp_path / "esso.toml"))
     share = float(np.mean([inside(start, 100 + number) for number in range(SHIPS)]))
@@ -58,7 +57,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
     assert 0.92 <= share <= 0.98
 
 
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(("hull", "most"), [("mmg", (1.15, 1.1, 1.1)), ("cross_flow", (1.1, 1.1, 1.1))])
 def test_circles_and_zigzags_give_a_model_as_good_as_the_published_one(
     shared_data: Path, tmp_path: Path, hull: HullName, most: tuple[float, ...]

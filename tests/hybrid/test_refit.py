@@ -176,7 +176,6 @@ def test_coefficients_are_identified_where_asked_or_due_of_repaired_sensors_and_
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
 def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes(
     table: pd.DataFrame,
 ) -> None:
@@ -200,7 +199,6 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_a_model_that_is_right_does_not_get_worse() -> None:
     found = diagnose.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
     said = found.correction

@@ -257,7 +257,6 @@ def test_the_band_covers_new_windows_of_the_same_kind() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("sea_state", ["calm", "gentle", "moderate"])
 def test_three_quarters_of_the_error_go(
     sea_state: str, simulated: Simulated, report_line: Callable[[str], None]
@@ -281,7 +280,6 @@ def test_three_quarters_of_the_error_go(
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_in_another_sea_nothing_is_lost(simulated: Simulated, report_line: Callable[[str], None]) -> None:
     """A calibrator of one sea state in the others is hardly worse than the best baseline, and says that it guesses
     or is right about how sure it is.

@@ -31,7 +31,7 @@ try:
     from weasyprint import HTML
 except OSError:  # without the library Pango: the command says so, and writes no PDF
     HTML = None
-pytestmark = [pytest.mark.pages, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.pages
 MAPS = Path(__file__).resolve().parents[3] / "trials" / "columns"
 REAL = {
     "gunnerus_2019_docking": "docking_2019-11-09_part1.csv",

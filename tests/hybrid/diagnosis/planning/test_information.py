@@ -158,7 +158,6 @@ def test_gains_on_unseen_legs_pass_their_test_in_nine_of_ten_at_the_limit() -> N
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(900)
 def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     """At 1.2 times the limit in nine of ten; 20 trials may show 16 by chance."""
     model, sea = Model(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
