@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
-from threadpoolctl import threadpool_limits
 
 from hybrid.diagnosis.acceptance import Acceptance, accept_names
 from hybrid.diagnosis.estimate_noise import estimate_noise
@@ -20,13 +19,6 @@ from tests.benchmarks.other_ship.trial import make_trial
 
 Diagnosed = Callable[..., Acceptance]
 TOLERANCE = 0.01
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_thread() -> Iterator[None]:
-    """Linear algebra on one thread: the matrices here are small, and threads that wait for each other are slow."""
-    with threadpool_limits(1, user_api="blas"):
-        yield
 
 
 @pytest.fixture(scope="session")
