@@ -97,9 +97,8 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
+    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # of equals the first: linear
     known = estimate.linearisation
-    densities = {hold: _log_density(estimate, hold) for hold in INPUT_HOLDS}
-    hold = max(densities, key=lambda each: densities[each])  # of equals the first: linear
     if hold == known.log.input_hold:
         return estimate
     return estimate_noise(linearise(known.log.with_input_hold(hold), known.model, known.tolerance), progress)
@@ -109,19 +108,19 @@ def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
-    their size; but not for a coarse model, where that does not converge: from one linearisation to the next the
-    evidence changes by hundreds.
+    their size. For a coarse model that does not converge: the evidence changes by hundreds from one linearisation
+    to the next, and that linearised about no effect is compared.
     """
     known = estimate.linearisation
     as_it_is = hold == known.log.input_hold
     log = known.log if as_it_is else known.log.with_input_hold(hold)
     part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
-    names = search_effects(evidence)
     if log.setting_step_s > SELDOM_S and not untested_if_coarse(selection := selected(evidence)):
         found = accept_names(selection)
-        evidence, names = found.evidence, found.names
-    density = log_density(evidence, names)
+        density = log_density(found.evidence, found.names)
+    else:
+        density = log_density(evidence, search_effects(evidence))
     return density if as_it_is else density - _PLAIN
 
 

@@ -416,8 +416,9 @@ def _slope(windows: UnseenWindows, evidence: Evidence, track: Floats, name: str,
     """The derivative of the tracks with respect to one free coordinate [N, H, 2], about ``track`` [N, H+1, 3]."""
     model = evidence.equations.model
     if small := small_step(model, name, number):
-        further = windows.predicted(_moved(evidence, name, number, small[1]))
-        return np.asarray((further - track)[:, 1:, :2] / small[1])
+        _, step = small
+        further = windows.predicted(_moved(evidence, name, number, step))
+        return np.asarray((further - track)[:, 1:, :2] / step)
     step = _STEP * model.catalogue[name].free_scale[number]
     ends = [_moved(evidence, name, number, side * step) for side in (1.0, -1.0)]
     ahead, behind = (windows.predicted(at)[:, 1:, :2] for at in ends)

@@ -318,7 +318,8 @@ def _sensitivity(
     ``ways`` [T, 5, 6] are the model's own paths from ``origin``, which an error of a sensor does not change.
     """
     if small := small_step(model, name, coordinate):
-        return (next_states(log, small[0], origin) - ways[:, -1]) / small[1], np.zeros_like(origin)
+        plant, step = small
+        return (next_states(log, plant, origin) - ways[:, -1]) / step, np.zeros_like(origin)
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
     if move_alike(ahead, behind):
         further = before = ways
@@ -377,7 +378,7 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     As reported, corrected for the feedback's delay and for play; at the start also for the lag, which the
     simulator continues (:func:`prompt`).
     """
-    return _acting(log, plant.command_delay_s, lags_of(plant), plays_of(plant))
+    return _acting(log, *_delays_of(plant))
 
 
 @lru_cache(maxsize=4)  # few effects concern the controls: all other plants of a linearisation have the same
@@ -405,8 +406,12 @@ def _acting(
 
 def acts_alike(one: Plant, other: Plant) -> bool:
     """Whether reported controls act at the same time and in the same way on two plants."""
-    pairs = ((each.command_delay_s, lags_of(each), plays_of(each)) for each in (one, other))
-    return next(pairs) == next(pairs)
+    return _delays_of(one) == _delays_of(other)
+
+
+def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
+    """What lies between a reported control and the one that acts: the record's delay, lags and plays."""
+    return plant.command_delay_s, lags_of(plant), plays_of(plant)
 
 
 def prompt(plant: Plant) -> Plant:

@@ -73,7 +73,7 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
 
 @pytest.mark.parametrize("kind", get_args(InputHold))
 def test_with_a_model_that_is_far_off_the_motion_still_says_so(plant: Plant, kind: InputHold) -> None:
-    """Sets of effects do not converge there; the evidence about none decides."""
+    """The search for effects does not converge there; the linearisation about none decides."""
     log = log_of([recorded(plant, kind)])
     coarse = plant.scaled(2.0, *plant.hull_model.numbers)
     estimate = NoiseEstimate(linearise(log, Model(coarse, SMALL_CATALOGUE), 0.01), LEVELS)
