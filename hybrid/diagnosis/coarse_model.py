@@ -94,12 +94,17 @@ def is_coarse(accepted: Acceptance) -> bool:
 
 def selected(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
     """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove."""
-    glance = search_on(Selection((), evidence, looks=LOOKS - 2))
+    glance = selected_at_a_glance(evidence)
     surest = max(lack_of_fit(glance.evidence, glance.names), key=lambda each: each.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
     if surest.found and surest.depends == OPERATION and surest.size > far_off:
         return glance
     return select_effects(evidence, progress)
+
+
+def selected_at_a_glance(evidence: Evidence) -> Selection:
+    """The fourth stage's search, stopped after two linearisations."""
+    return search_on(Selection((), evidence, looks=LOOKS - 2))
 
 
 def untested_if_coarse(selection: Selection) -> Acceptance | None:

@@ -23,7 +23,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
 from hybrid.diagnosis.acceptance import accept_names
-from hybrid.diagnosis.coarse_model import selected, untested_if_coarse
+from hybrid.diagnosis.coarse_model import selected, selected_at_a_glance, untested_if_coarse
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, smooth_state, whiten
 from hybrid.diagnosis.evidence import (
     DesignMatrix,
@@ -97,31 +97,38 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
-    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # of equals the first: linear
-    known = estimate.linearisation
-    if hold == known.log.input_hold:
+    known, best, most = estimate.linearisation, INPUT_HOLDS[0], -np.inf
+    for hold in INPUT_HOLDS:  # of equals the first: linear
+        density = _log_density(estimate, hold, most)
+        if density > most:
+            best, most = hold, density
+    if best == known.log.input_hold:
         return estimate
-    return estimate_noise(linearise(known.log.with_input_hold(hold), known.model, known.tolerance), progress)
+    return estimate_noise(linearise(known.log.with_input_hold(best), known.model, known.tolerance), progress)
 
 
-def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
+def _log_density(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
     """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
 
     With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
-    their size. For a coarse model that does not converge: the evidence changes by hundreds from one linearisation
-    to the next, and that linearised about no effect is compared.
+    their size, unless after two linearisations steps lack that margin of ``least``: more of them gain a tenth of
+    it. For a coarse model none converges: the evidence changes by hundreds from one linearisation to the next,
+    and that linearised about no effect is compared.
     """
     known = estimate.linearisation
-    as_it_is = hold == known.log.input_hold
-    log = known.log if as_it_is else known.log.with_input_hold(hold)
+    margin = 0.0 if hold == known.log.input_hold else _PLAIN
+    log = known.log.with_input_hold(hold) if margin else known.log
     part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
-    if log.setting_step_s > SELDOM_S and not untested_if_coarse(selection := selected(evidence)):
-        found = accept_names(selection)
-        density = log_density(found.evidence, found.names)
-    else:
-        density = log_density(evidence, search_effects(evidence))
-    return density if as_it_is else density - _PLAIN
+    if log.setting_step_s > SELDOM_S:
+        glance = selected_at_a_glance(evidence)
+        density = log_density(glance.evidence, glance.names) - margin
+        if density + margin < least and not untested_if_coarse(glance):
+            return density
+        if not untested_if_coarse(selection := selected(evidence)):
+            found = accept_names(selection)
+            return log_density(found.evidence, found.names) - margin
+    return log_density(evidence, search_effects(evidence)) - margin
 
 
 def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:

@@ -365,7 +365,8 @@ class Evidence:
 
     def columns(self, names: Sequence[str]) -> tuple[int, ...]:
         """The columns of some effects, in their order."""
-        return tuple(column for name in names for column in self.equations.layout.of(name))
+        known = _columns_by_effect(self.equations.layout.effect)
+        return tuple(column for name in names for column in known.get(name, ()))
 
     def prior(self, names: Sequence[str]) -> Floats:
         """The standard deviations of their priors."""

@@ -35,7 +35,15 @@ from hybrid.vessel.channels import check_ship
 from hybrid.vessel.effect import growth, scale_of
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import acting_controls, behind_play, measure, move_alike, report_alike, report_late
+from hybrid.vessel.sensors import (
+    HEADING,
+    acting_controls,
+    behind_play,
+    measure,
+    move_alike,
+    report_alike,
+    report_late,
+)
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -517,6 +525,6 @@ def true_states(log: Log, plant: Plant) -> Floats:
     for _ in range(_ROUNDS):
         off = log.nominal - sensor_readings(log, plant, states)
         states += off
-        if np.abs(off).max(initial=0.0) < _SAME:  # without delays of heading or speed after one round
+        if np.abs(off[:, HEADING:]).max(initial=0.0) < _SAME:  # no reading but its own depends on a position
             break
     return states

@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
 from operator import add, mul
 from pathlib import Path
@@ -52,10 +52,18 @@ class ExtraForce:
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What a plant's numbers are called: the hull's model, and the names and kinds of the actuators."""
+    """What a plant's numbers are called: the hull's model, and the names and kinds of the actuators.
+
+    ``places`` tells where each number stands in a flat packed plant (:func:`places_of`).
+    """
 
     hull: str
     actuators: Actuators
+    places: Mapping[str, tuple[int, ...]] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Look up where each number stands in a packed plant once, not whenever one is read."""
+        object.__setattr__(self, "places", _places_in(self))
 
 
 TABLES = ("CX", "CY", "CN")
@@ -112,28 +120,29 @@ def dtype_of(actuators: int) -> np.dtype[np.void]:
     return np.dtype([*_SCALAR_TYPES, *hull, ("actuators", np.float64, (actuators, ROW_SIZE))])
 
 
-@lru_cache(maxsize=4096)
 def places_of(form: Form, name: str) -> tuple[int, ...]:
     """Where a number stands in a flat packed plant (:func:`flat`): one place, or one for each actuator it means.
 
     Raises :class:`KeyError` for what is no number.
     """
-    if name in _SCALAR_PLACES:
-        return _SCALAR_PLACES[name]
-    places, hull = _places(dtype_of(len(form.actuators))), HULLS[form.hull].numbers
-    if name in hull:
-        return (int(places["hull"][hull.index(name)]),)
-    own, shared = [], []
-    for row, each in zip(places["actuators"], form.actuators, strict=True):
-        numbers = KINDS[each.kind].numbers
-        number = name.removeprefix(f"{each.name}_")
-        if number != name and number in numbers:
-            own.append(int(row[FIRST_NUMBER + numbers.index(number)]))
-        if name in KINDS[each.kind].shared:
-            shared.append(int(row[FIRST_NUMBER + numbers.index(name)]))
-    if not own and not shared:
+    if name not in form.places:
         raise KeyError(f"{name} is not a number of a plant")
-    return tuple(own or shared)
+    return form.places[name]
+
+
+def _places_in(form: Form) -> dict[str, tuple[int, ...]]:
+    """The places of all numbers; an actuator's own name comes before that of a number of its kind."""
+    record = _places(dtype_of(len(form.actuators)))
+    hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[form.hull].numbers)}
+    own, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
+    for row, each in zip(record["actuators"], form.actuators, strict=True):
+        kind = KINDS[each.kind]
+        for place, name in zip(row[FIRST_NUMBER:].astype(int).tolist(), kind.numbers, strict=False):
+            called = f"{each.name}_{name}"
+            own[called] = (*own.get(called, ()), place)
+            if name in kind.shared:
+                shared[name] = (*shared.get(name, ()), place)
+    return {**shared, **own, **hull, **_SCALAR_PLACES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +167,7 @@ class Plant:
 
         Raises :class:`KeyError` for what is none.
         """
-        places = _SCALAR_PLACES.get(name) or places_of(self.form, name)  # without a hash of the form, mostly
+        places = places_of(self.form, name)
         return tuple(self.values[place] for place in places) if name in TABLES else self.values[places[0]]
 
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
@@ -237,7 +246,7 @@ def bare_plant(vessel: Vessel) -> Plant:
         **vessel.wind.numbers(length_m, vessel.dimensions.beam_m),
     }  # fmt: skip
     for part in (vessel.dimensions, vessel.inertia.in_si(vessel)):
-        values |= {field.name: getattr(part, field.name) for field in fields(part) if field.name != "model"}
+        values |= {each.name: getattr(part, each.name) for each in fields(part) if each.name != "model"}
     packed, model = _neutral(form), HULLS[form.hull]
     for name, value in values.items():
         packed[name] = value
