@@ -348,7 +348,8 @@ def _within(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: 
     Compiled, as :func:`_off_m` is, since a search asks for a hundred thousand of each: together 10 us, not 300.
     """
     count = len(columns)
-    sizes, held = np.zeros(count), np.zeros(count, dtype=np.bool_)
+    sizes: Floats = np.zeros(count)
+    held = np.zeros(count, dtype=np.bool_)
     while True:
         information, right = np.eye(count), sizes.copy()
         for i in np.flatnonzero(~held):
@@ -371,7 +372,7 @@ def _within(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: 
 @njit(cache=True)
 def _off_m(off: Floats, slope: Floats, places: Ints, sizes: Floats) -> Floats:
     """The mean distance of each window [n] with the coordinates ``places`` at these sizes."""
-    result = np.zeros(len(off))
+    result: Floats = np.zeros(len(off))
     for window in range(len(off)):
         for second in range(off.shape[2]):
             north, east = off[window, 0, second], off[window, 1, second]
@@ -379,7 +380,8 @@ def _off_m(off: Floats, slope: Floats, places: Ints, sizes: Floats) -> Floats:
                 north += size * slope[place, window, 0, second]
                 east += size * slope[place, window, 1, second]
             result[window] += np.hypot(north, east)
-    return result / off.shape[2]
+    result /= off.shape[2]
+    return result
 
 
 def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
