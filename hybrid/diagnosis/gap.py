@@ -316,7 +316,7 @@ class LinearTracks:
         low, high = self.low[columns - 1], self.high[columns - 1]
         off_m, legs = [], np.concatenate([fold.leg for fold in self.folds])
         for fold in self.folds:
-            sizes = _within(fold.inner, columns, precision, low, high)
+            sizes = within_bounds(fold.inner, columns, precision, low, high)
             off_m.append(_off_m(fold.off, fold.slope, columns - 1, sizes))
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
@@ -342,7 +342,7 @@ class LinearTracks:
 
 
 @njit(cache=True, error_model="numpy")
-def _within(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
+def within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
     """The most likely sizes within bounds; with some at their bounds, the others are refitted.
 
     Compiled, as :func:`_off_m` is, since a search asks for a hundred thousand of each: together 10 us, not 300.

@@ -9,7 +9,14 @@ import pytest
 
 from hybrid.diagnosis.coarse_model import about_likeliest, compatible_effects
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
-from hybrid.diagnosis.gap import LinearTracks, UnseenWindows, closest_alone, linear_tracks, unseen_windows
+from hybrid.diagnosis.gap import (
+    LinearTracks,
+    UnseenWindows,
+    closest_alone,
+    linear_tracks,
+    unseen_windows,
+    within_bounds,
+)
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import fitted_coordinates
@@ -100,3 +107,19 @@ def test_a_vane_that_is_off_by_a_right_angle_is_found_by_simulated_tracks(plant:
     model = Model(base, {name: CATALOGUE[name] for name in names})
     evidence = evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=FEW))
     assert closest_alone(unseen_windows(log, model), evidence) == {"wind_direction_bias": (80.0,)}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_sizes_at_their_bounds_stay_there_and_the_others_are_the_best_beside_them(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    data = random.standard_normal((40, 8))
+    inner, columns, precision = data.T @ data, np.array([5, 2, 7, 3]), np.full(4, 0.5)
+    information = inner[np.ix_(columns, columns)] + np.diag(precision)
+    free = np.linalg.solve(information, inner[columns, 0])
+    assert within_bounds(inner, columns, precision, np.full(4, -9.0), np.full(4, 9.0)) == pytest.approx(free)
+    high = 0.5 * np.abs(free) * [1.0, 9.0, 9.0, 9.0]
+    sizes = within_bounds(inner, columns, precision, -high, high)
+    assert (np.abs(sizes) <= high).all()
+    assert abs(sizes[0]) == high[0]
+    inside = np.abs(sizes) < high
+    assert (inner[columns, 0] - information @ sizes)[inside] == pytest.approx(0.0, abs=1e-9)
