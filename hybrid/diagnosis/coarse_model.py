@@ -92,9 +92,14 @@ def is_coarse(accepted: Acceptance) -> bool:
     return far_off or len(accepted.names) > CREDIBLE
 
 
-def selected(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
-    """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove."""
-    glance = selected_at_a_glance(evidence)
+def selected(
+    evidence: Evidence, progress: Progress = lambda share: None, glance: Selection | None = None
+) -> Selection:
+    """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove.
+
+    ``glance`` is the selection after these two, if it is known.
+    """
+    glance = glance or selected_at_a_glance(evidence)
     surest = max(lack_of_fit(glance.evidence, glance.names), key=lambda each: each.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
     if surest.found and surest.depends == OPERATION and surest.size > far_off:
