@@ -345,7 +345,8 @@ class LinearTracks:
 def within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, high: Floats) -> Floats:
     """The most likely sizes within bounds; with some at their bounds, the others are refitted.
 
-    Compiled, as :func:`_off_m` is, since a search asks for a hundred thousand of each, which took a tenth of a diagnosis.
+    Compiled, as :func:`_off_m` is: a search asks for a hundred thousand of each, which took a tenth of a
+    diagnosis.
     """
     count = len(columns)
     sizes: Floats = np.zeros(count)
