@@ -62,6 +62,11 @@ class Products:
     shortfalls: list[str] = field(default_factory=list)
     remarks: tuple[str, ...] = ()
 
+    @property
+    def window_rows(self) -> pd.DataFrame | None:
+        """The long table of the held windows."""
+        return None if self.windows is None else self.windows.rows
+
     @contextmanager
     def step(self) -> Iterator[None]:
         """A step that may turn out to be impossible: that is a shortfall, said once, and not the end."""

@@ -14,7 +14,7 @@ import pandas as pd
 from acquisition.core.actuators import RUDDER
 from acquisition.core.angles import circular_mean, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE, VELOCITY
+from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
 from acquisition.core.serialisation import Number
 from analysis.manoeuvres.find import marks_of
@@ -123,7 +123,7 @@ def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> t
 
 def _without_controls(table: pd.DataFrame) -> pd.DataFrame:
     """Pose and velocity alone, with a helm that says nothing: runs are straight by the heading."""
-    motion = table[[name for name in (*POSE, *VELOCITY) if name in table]]
+    motion = table[[name for name in POSE_AND_VELOCITY if name in table]]
     motion.attrs = {name: value for name, value in table.attrs.items() if name != "actuators"}
     return motion.assign(**{RUDDER: 0.0})
 

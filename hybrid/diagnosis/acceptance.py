@@ -107,7 +107,6 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
 
 def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
     """The noncentrality [L] of the gain in each leg for an effect of the fitted size."""
-    assert evidence.alone is not None
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
     return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in evidence.alone])
@@ -176,7 +175,7 @@ def _residual_columns(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, 
         return what
     weight = np.linalg.solve(normal + 1e-12 * np.diag(np.diag(normal)), total[columns] @ what)
     result = what.copy()
-    np.subtract.at(result, columns, weight)
+    np.subtract.at(result, columns, weight)  # an effect may be fixed and a nuisance: its column comes twice
     return result
 
 
@@ -186,16 +185,13 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
     Nuisances are free again in each leg: otherwise, having been fitted to the other legs, they would know the
     effect as well as the effect itself.
     """
-    left_out, alone = evidence.left_out, evidence.alone
-    assert left_out is not None
-    assert alone is not None
 
     def density(leg: int, some: tuple[str, ...]) -> float:
-        columns, own = np.array(evidence.columns(some), dtype=int), alone[leg]
-        values = fit_columns(left_out[leg], evidence.columns(some), evidence.prior(some)).values
+        columns, own = np.array(evidence.columns(some), dtype=int), evidence.alone[leg]
+        values = fit_columns(evidence.left_out[leg], evidence.columns(some), evidence.prior(some)).values
         return float(values @ own[columns, 0] - 0.5 * values @ own[np.ix_(columns, columns)] @ values)
 
-    return np.array([density(leg, names) - density(leg, without) for leg in range(len(alone))])
+    return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.alone))])
 
 
 CHANCE = 0.0001
@@ -436,7 +432,7 @@ def accept(selection: Selection) -> Acceptance:
     if accepted.names:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
-        accepted = replace(accepted, evidence=evidence_of(again, by_leg=True))
+        accepted = replace(accepted, evidence=evidence_of(again))
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
@@ -451,27 +447,24 @@ def _beside_rivals(accepted: Acceptance) -> Acceptance:
     if best is None:
         return accepted
     if log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
-        evidence = evidence_of(best.evidence.equations, by_leg=True)
-        tests = {name: acceptance_tests(evidence, best.names, name) for name in best.names}
+        tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
         if all(each.accepted for each in tests.values()):
-            accepted = Acceptance(best.names, tests, evidence)
-            swaps = swaps_about_themselves(evidence, best.names)
+            accepted = Acceptance(best.names, tests, best.evidence)
+            swaps = swaps_about_themselves(best.evidence, best.names)
     less = {(each.name, each.rival): _lacks(accepted, each) for each in swaps}
     return replace(accepted, rival_deficits={**accepted.rival_deficits, **less})
 
 
 def _lacks(accepted: Acceptance, swap: Swap) -> float:
     """The log evidence that a rival lacks at its own fitted size, reduced where legs disagree."""
-    rival = evidence_of(swap.evidence.equations, by_leg=True)
-    less = log_density(accepted.evidence, accepted.names) - log_density(rival, swap.names)
-    gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(rival, swap.names)
+    less = log_density(accepted.evidence, accepted.names) - log_density(swap.evidence, swap.names)
+    gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(swap.evidence, swap.names)
     fit = accepted.evidence.fit(accepted.names)
     return as_legs_agree(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
     """Log density of each leg's data [L] with these effects as fitted to all legs, up to a constant."""
-    assert evidence.alone is not None
     columns, values = np.array(evidence.columns(names), dtype=int), evidence.fit(names, prior=True).values
     weights = np.zeros(len(evidence.inner))
     weights[0], weights[columns] = 1.0, -values
@@ -496,12 +489,12 @@ def as_legs_agree(less: float, gains: Floats, said: Floats) -> float:
 def accept_names(selection: Selection) -> Acceptance:
     """Test every selected effect; one that fails is barred, and the search goes on without it."""
     while True:
-        evidence = evidence_of(selection.evidence.equations, by_leg=True)
+        evidence = selection.evidence
         names, tests, barred = _drop_failures(evidence, selection.names, selection.barred)
         if set(names) == set(selection.at) or selection.looks >= LOOKS:
             return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
         at = fitted_coordinates(evidence, names)
-        selection = search_on(replace(selection, evidence=evidence, at=at, barred=barred))
+        selection = search_on(replace(selection, at=at, barred=barred))
 
 
 def _drop_failures(

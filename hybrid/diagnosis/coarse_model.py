@@ -33,7 +33,7 @@ from hybrid.diagnosis.acceptance import (
     lack_of_fit_that_matters,
     makers,
 )
-from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, marginalise
+from hybrid.diagnosis.evidence import Evidence, Fit, marginalise
 from hybrid.diagnosis.gap import (
     LinearTracks,
     UnseenWindows,
@@ -48,6 +48,7 @@ from hybrid.diagnosis.select_effects import (
     LOOKS,
     Coordinates,
     Selection,
+    about_fit,
     fitted_coordinates,
     linear_about,
     possible_rivals,
@@ -135,7 +136,6 @@ def name_of_coarse_model(
     of_set, evidence, names, tracks = looks[best]
     if not names or not worth_it(before_m, off_m[best]):
         return None
-    evidence = evidence_of(evidence.equations, by_leg=True)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     catalogue = evidence.equations.model.catalogue
     rivals = {name: [(each,) for each in possible_rivals(evidence, names, name)] for name in names}
@@ -165,7 +165,7 @@ def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidenc
         choice = _Choice.of(evidence, windows)
         before, names = names, choice.best_set(names)
         yield evidence, names, choice.tracks
-        evidence = linear_about(evidence, fitted_coordinates(evidence, names))
+        evidence = about_fit(evidence, names)
         yield evidence, names, choice.tracks
         if set(names) == set(before):
             return
@@ -208,7 +208,7 @@ def _about_itself(evidence: Evidence, name: str, at: Coordinates) -> Evidence:
     """The evidence linearised about one effect, starting from a given size."""
     evidence = linear_about(evidence, at) if at else evidence
     for _ in range(_ABOUT_ITSELF):
-        evidence = linear_about(evidence, fitted_coordinates(evidence, (name,)))
+        evidence = about_fit(evidence, (name,))
     return evidence
 
 
@@ -241,7 +241,7 @@ class _Choice:
     def of(cls, evidence: Evidence, windows: UnseenWindows) -> _Choice:
         """The choice at the linearisation of ``evidence``."""
         parts = tuple(evidence_within(windows, evidence).values())
-        return cls(evidence_of(evidence.equations, by_leg=True), linear_tracks(windows, evidence), parts)
+        return cls(evidence, linear_tracks(windows, evidence), parts)
 
     def best_set(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """The replicating, significant effects that predict held-out legs best, starting from ``names``.

@@ -1,13 +1,8 @@
-"""Noise levels of a log, a better linearisation, and the interpolation of thruster settings between records.
+"""Noise levels of a log, and a better trajectory to linearise along.
 
 The noise levels maximise the likelihood of the measurements (:mod:`analysis.estimation.likelihood`), computed
 from the innovations of the Kalman filter of ship and disturbances. A draw of all effects is removed from the
 data first; otherwise a missing effect would be estimated as noise and so be hidden.
-
-A drive moves gradually from record to record, and linear interpolation is close to the truth. A recorder or
-simulator that holds each setting until the next record makes steps instead, which lead or lag the line by half
-a record: at one record a second, enough to be mistaken for a missing effect. The motion shows clearly which of
-the two it is.
 """
 
 from __future__ import annotations
@@ -17,29 +12,23 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Floats, Ints
 from acquisition.core.progress import Progress
 from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
-from hybrid.diagnosis.acceptance import accept_names
-from hybrid.diagnosis.coarse_model import selected, selected_at_a_glance, untested_if_coarse
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, smooth_state, whiten
 from hybrid.diagnosis.evidence import (
     DesignMatrix,
     design_matrix,
     draw_columns,
-    evidence_of,
     fit_columns,
     gram_matrices,
-    normal_equations,
     subset_of,
     tolerated_forces,
 )
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, by_stage, linearise, sensor_readings
-from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
+from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
-from hybrid.diagnosis.select_effects import log_density, search_effects
 from hybrid.vessel.effect import growth
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
@@ -68,9 +57,6 @@ _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
 _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # gain in log likelihood of seven, or six, more parameters
 
-_ENOUGH_S = 600.0  # seconds of the log: every turn shows the input hold
-_PLAIN = 20.0  # margin in log likelihood by which steps must beat linear interpolation
-
 
 def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
     """The second stage: the noise in a log, and a better trajectory to linearise along than the smoother's.
@@ -95,46 +81,9 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     return NoiseEstimate(linearisation, noise)
 
 
-def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
-    """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
-    known, best, most = estimate.linearisation, INPUT_HOLDS[0], -np.inf
-    for hold in INPUT_HOLDS:  # of equals the first: linear
-        density = _log_density(estimate, hold, most)
-        if density > most:
-            best, most = hold, density
-    if best == known.log.input_hold:
-        return estimate
-    return estimate_noise(linearise(known.log.with_input_hold(best), known.model, known.tolerance), progress)
-
-
-def _log_density(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
-    """Log evidence of an input hold on part of the data, less the margin by which steps have to be better.
-
-    With sparse settings the difference is as large as a lag or a delay, so such effects are selected first at
-    their size, unless after two linearisations the density is below ``least``, so that steps would have to gain
-    the whole margin: in 18 searches on simulated trials further linearisations gained 1 at most. For a coarse
-    model none converges: the evidence changes by hundreds from one linearisation to the next, and that linearised
-    about no effect is compared.
-    """
-    known = estimate.linearisation
-    margin = 0.0 if hold == known.log.input_hold else _PLAIN
-    log = known.log.with_input_hold(hold) if margin else known.log
-    part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
-    evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
-    if log.setting_step_s > SELDOM_S:
-        glance = selected_at_a_glance(evidence)
-        density = log_density(glance.evidence, glance.names) - margin
-        if density + margin < least and not untested_if_coarse(glance):
-            return density
-        if not untested_if_coarse(selection := selected(evidence, glance=glance)):
-            found = accept_names(selection)
-            return log_density(found.evidence, found.names) - margin
-    return log_density(evidence, search_effects(evidence)) - margin
-
-
 def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
-    chosen = _spread_blocks(design.log, _NOISE_S)
+    chosen = design.log.spread_blocks(_NOISE_S)
     linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
     some = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model.scale)
@@ -154,9 +103,8 @@ def _first_guess(log: Log, scale: float) -> Noise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
     grown, usual = np.array([growth(unit, scale) for unit in ("N", "N", "N m")]), Noise()
     usual = replace(usual, gust=tuple((grown * usual.gust).tolist()), slow=tuple((grown * usual.slow).tolist()))
-    if not log.levels:
+    if (levels := log.levels) is None:
         return usual
-    levels = log.levels[0]
     along, axis = levels.wave_speed / levels.wave_frequency_radps, levels.wave_direction_rad
     across = along * levels.wave_across
     north = np.hypot(along * np.cos(axis), across * np.sin(axis))
@@ -185,14 +133,6 @@ def _both_ways(noise: Noise, scale: float) -> list[Noise]:
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 
-def _spread_blocks(log: Log, seconds: float) -> NDArray[np.bool_]:
-    """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
-    blocks = int(log.block.max()) + 1
-    wanted = min(blocks, max(1, round(seconds * blocks / len(log))))
-    chosen = np.unique(np.linspace(0, blocks - 1, wanted).round().astype(int))
-    return np.asarray(np.isin(log.block, chosen))
-
-
 def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
     """The data after removing all effects and force features, one column, and their part in the sensors [T, 6].
 
@@ -219,9 +159,7 @@ def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tu
     return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(drive), 0))), sensors
 
 
-def fit_noise(
-    linear: LinearModel, data: Columns, edges: NDArray[np.int64], start: Noise, steps: int
-) -> tuple[Noise, float]:
+def fit_noise(linear: LinearModel, data: Columns, edges: Ints, start: Noise, steps: int) -> tuple[Noise, float]:
     """Maximum-likelihood levels for one column of data, from ``start``, and the negative log likelihood.
 
     Takes at most ``steps`` steps.
@@ -237,9 +175,7 @@ def fit_noise(
     return _noise(start, found), 0.5 * cost
 
 
-def _innovations(
-    linear: LinearModel, data: Columns, edges: NDArray[np.int64], noise: Noise
-) -> tuple[Floats, Floats]:
+def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> tuple[Floats, Floats]:
     """All innovations and their variances."""
     z, variance = whiten(linear, data, noise, edges)
     there = np.isfinite(data.readings[:, :, 0])
@@ -290,7 +226,7 @@ def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-def start_of_drift(linear: LinearModel, data: Columns, edges: NDArray[np.int64], noise: Noise) -> Noise:
+def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> Noise:
     """The start of the search for sensor drift: the given noise, and a drift of each sensor that may have one.
 
     Each sensor is tried by itself: does a drift as large as its noise raise the likelihood?

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import expm1, isfinite, log, log1p
 from typing import TypeVar
 
@@ -342,21 +342,28 @@ def subset_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
 _CLOCKS = 2
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Evidence:
     """The result of the third stage: the data's evidence on P free coordinates of effects, nuisances
     marginalised.
 
     ``inner`` [1+P, 1+P] are inner products under the inverse of V, of the data without any effect (column 0)
-    and of the effects' signatures. ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone``
-    those of each leg by itself; None unless legs were asked for. ``equations`` is the regression that they come
-    from.
+    and of the effects' signatures; ``equations`` is the regression that they come from.
     """
 
     inner: Floats
     equations: NormalEquations
-    left_out: Floats | None = None
-    alone: Floats | None = None
+
+    @cached_property
+    def left_out(self) -> Floats:
+        """The inner products with each leg left out [L, 1+P, 1+P]."""
+        legs = self.equations.gram
+        return np.array([_restored(self.equations, each) for each in legs.sum(axis=0) - legs])
+
+    @cached_property
+    def alone(self) -> Floats:
+        """The inner products of each leg by itself [L, 1+P, 1+P]."""
+        return np.array([_restored(self.equations, each) for each in self.equations.gram])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -384,7 +391,7 @@ class Evidence:
         return -expm1(len(self.names) * log1p(-single))
 
     def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
-        """The joint fit."""
+        """The joint fit of ``names`` by least squares, or with their priors its posterior mode."""
         return fit_columns(self.inner, self.columns(names), self.prior(names) if prior else None)
 
     def places(self, fit: Fit, name: str) -> list[int]:
@@ -396,7 +403,7 @@ class Evidence:
         return self.compatible(names) and all(value is not None for value in self.values(names).values())
 
     def compatible(self, names: Sequence[str]) -> bool:
-        """Whether these effects can be present together: at most three clocks are wrong.
+        """Whether these effects can be present together: at most two clocks are wrong.
 
         No effect can be both constant over the trial and different in a part of it.
         """
@@ -425,18 +432,13 @@ class Evidence:
         return result
 
 
-def evidence_of(equations: NormalEquations, by_leg: bool = False) -> Evidence:
-    """The evidence for every effect, with the model's own effects added back into the data; by leg if asked."""
-    total = equations.gram.sum(axis=0)
+def evidence_of(equations: NormalEquations) -> Evidence:
+    """The evidence for every effect, with the model's own effects added back into the data."""
+    return Evidence(_restored(equations, equations.gram.sum(axis=0)), equations)
 
-    def inner(gram: Floats) -> Floats:
-        return restored_gram(equations, gram, equations.nuisance_scale)[0]
 
-    if not by_leg:
-        return Evidence(inner(total), equations)
-    legs = equations.gram
-    left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
-    return Evidence(inner(total), equations, left_out, alone)
+def _restored(equations: NormalEquations, gram: Floats) -> Floats:
+    return restored_gram(equations, gram, equations.nuisance_scale)[0]
 
 
 def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tuple[Floats, float]:

@@ -23,7 +23,7 @@ from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state
-from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of
+from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from hybrid.diagnosis.linearise import (
     DT_S,
     Model,
@@ -200,18 +200,18 @@ def named_without(
 
 def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
     """The evidence of all legs but those of each fold."""
-    return _evidence_by_fold(windows, evidence, left_out=True)
+    folds = np.unique(windows.fold).tolist()
+    return {fold: _evidence_of_legs(evidence.equations, ~windows.legs_of(fold)) for fold in folds}
 
 
 def evidence_within(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
     """The evidence of each fold's legs alone, which are disjoint parts of the trial."""
-    return _evidence_by_fold(windows, evidence, left_out=False)
+    folds = np.unique(windows.fold).tolist()
+    return {fold: _evidence_of_legs(evidence.equations, windows.legs_of(fold)) for fold in folds}
 
 
-def _evidence_by_fold(windows: UnseenWindows, evidence: Evidence, *, left_out: bool) -> dict[int, Evidence]:
-    equations, folds = evidence.equations, np.unique(windows.fold).tolist()
-    kept = {fold: windows.legs_of(fold) != left_out for fold in folds}
-    return {fold: evidence_of(replace(equations, gram=equations.gram[legs])) for fold, legs in kept.items()}
+def _evidence_of_legs(equations: NormalEquations, legs: NDArray[np.bool_]) -> Evidence:
+    return evidence_of(replace(equations, gram=equations.gram[legs]))
 
 
 def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
@@ -388,12 +388,9 @@ def _off_m(off: Floats, slope: Floats, places: Ints, sizes: Floats) -> Floats:
 def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
     """The tracks over ``windows`` at the linearisation of ``evidence``."""
     equations = evidence.equations
-    model, layout = equations.model, equations.layout
-    track, steps = windows.predicted(model.at), list(_coordinates(evidence))
+    track, steps = windows.predicted(equations.model.at), _coordinates(evidence)
     slope = np.stack([_slope(windows, evidence, track, *each) for each in steps])
-    at = np.zeros(len(layout.effect))
-    for name, free in model.at.items():
-        at[np.array(layout.of(name)) - 1] = free
+    at = restored_data(equations)[1 : 1 + len(steps)]
     off = (track - windows.measured)[:, 1:, :2] - np.tensordot(at, slope, axes=1)
     known = np.asarray(np.isfinite(off).all(axis=(1, 2)))
     off, slope = np.swapaxes(off, -1, -2), np.swapaxes(slope, -1, -2)
@@ -406,7 +403,7 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
         for fold in (fold_of(windows.log, deal) for deal in DEALS):
             for each in np.unique(fold):
                 others = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == each])
-                inner = evidence_of(replace(equations, gram=equations.gram[others])).inner
+                inner = _evidence_of_legs(equations, others).inner
                 mine = known & (fold[windows.starts] == each)
                 own = np.ascontiguousarray(off[mine]), np.ascontiguousarray(slope[:, mine])
                 yield _Fold(inner, *own, number[mine])
@@ -414,10 +411,9 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
     return LinearTracks(evidence, low, high, tuple(folds()))
 
 
-def _coordinates(evidence: Evidence) -> Iterator[tuple[str, int]]:
+def _coordinates(evidence: Evidence) -> list[tuple[str, int]]:
     """Each free coordinate of each effect, in the order of the columns."""
-    for name in evidence.names:
-        yield from ((name, number) for number in range(len(evidence.columns([name]))))
+    return [(each.effect, each.coordinate) for each in evidence.equations.effects]
 
 
 def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates:

@@ -26,6 +26,7 @@ from scipy.signal import lfilter
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from analysis.compiling import threads_for
+from analysis.quality.samples import robust_spread
 from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
@@ -349,9 +350,9 @@ def small_step(model: Model, name: str, coordinate: int) -> tuple[Plant, float] 
         return None
     step = _SMALL_PART * effect.free_scale[coordinate]
     ahead, behind = (model.plant_with_step(name, coordinate, by) for by in (step, -step))
-    if ahead is None or behind is None or not (acts_alike(ahead, behind) and report_alike(ahead, behind)):
+    if ahead is None or behind is None or not report_alike(ahead, behind):
         return None
-    return ahead, step
+    return (ahead, step) if _delays_of(ahead) == _delays_of(behind) else None
 
 
 def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]]:
@@ -412,11 +413,6 @@ def _acting(
     return controls, acting
 
 
-def acts_alike(one: Plant, other: Plant) -> bool:
-    """Whether reported controls act at the same time and in the same way on two plants."""
-    return _delays_of(one) == _delays_of(other)
-
-
 def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
     """What lies between a reported control and the one that acts: the record's delay, lags and plays."""
     return plant.command_delay_s, lags_of(plant), plays_of(plant)
@@ -436,7 +432,7 @@ def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
     ignored.
     """
     every = max(1, round(step_s * STEPS_PER_SECOND))
-    noise_rad = 1.4826 * float(np.median(np.abs(np.diff(motor[::every], 2)))) / sqrt(6.0)
+    noise_rad = robust_spread(np.diff(motor[::every], 2)) / sqrt(6.0)
     moved = behind_play(motor, _RANGE * noise_rad)
     return np.asarray(behind_play(moved, play_rad) - moved)
 

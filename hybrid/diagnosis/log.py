@@ -23,14 +23,15 @@ from scipy.ndimage import median_filter
 from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, VELOCITY, is_circular
+from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
-from analysis.quality.samples import runs
+from analysis.kinematics import integrate, to_earth
+from analysis.quality.samples import robust_spread, runs
 from analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from hybrid.vessel.actuators import control_units
-from hybrid.vessel.channels import STATE_UNITS
+from hybrid.vessel.channels import STATE_UNITS, states_of
 
 BLOCK_S = 60
 """Length of a block [s], which starts from an unknown state; longer blocks gain nothing measurable."""
@@ -53,8 +54,8 @@ class Log:
     ``block`` and ``leg`` [T] count from 0; ``recording`` [T] numbers the recordings ``names``. All SI, angles
     in radians, heading unwrapped. ``refused`` counts rejected outliers, ``setting_step_s`` is the interval at
     which thruster settings were recorded, ``input_hold`` the interpolation between them, ``held`` the controls
-    under other holds; ``levels`` are the smoother's noise levels. ``cut_from`` is the log that this is a part
-    of, with the rows: what acts depends on what was before.
+    under other holds; ``levels`` are the smoother's noise levels in the first recording. ``cut_from`` is the log
+    that this is a part of, with the rows: what acts depends on what was before.
     """
 
     measured: Floats
@@ -69,7 +70,7 @@ class Log:
     actuators: Actuators
     refused: int = 0
     setting_step_s: float = 0.1
-    levels: tuple[NoiseLevels, ...] = ()
+    levels: NoiseLevels | None = None
     input_hold: InputHold = "line"
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
     names: tuple[str, ...] = ()
@@ -97,6 +98,13 @@ class Log:
         held = {name: controls[rows] for name, controls in self.held.items()}
         whole, places = self.cut_from or (self, np.arange(len(self)))
         return replace(self, held=held, cut_from=(whole, places[rows]), **chosen)
+
+    def spread_blocks(self, seconds: float) -> NDArray[np.bool_]:
+        """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
+        blocks = int(self.block.max()) + 1
+        wanted = min(blocks, max(1, round(seconds * blocks / len(self))))
+        chosen = np.unique(np.linspace(0, blocks - 1, wanted).round().astype(int))
+        return np.asarray(np.isin(self.block, chosen))
 
     def with_input_hold(self, hold: InputHold) -> Log:
         """The log with another interpolation of the thruster settings between records."""
@@ -137,7 +145,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
         held=held,
         refused=sum(each.refused for each in logs),
         setting_step_s=max(each.setting_step_s for each in logs),
-        levels=tuple(level for each in logs for level in each.levels),
+        levels=logs[0].levels,
         actuators=logs[0].actuators,
         names=tuple(recordings),
     )
@@ -180,7 +188,7 @@ def _one(table: pd.DataFrame) -> Log:
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows], leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), actuators, refused,
-        setting_step_s(table), (levels,), held=held,
+        setting_step_s(table), levels, held=held,
     )  # fmt: skip
 
 
@@ -220,9 +228,6 @@ InputHold = Literal["line", "until the next record", "since the last record"]
 
 INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
 
-MOTION = (*POSE, *VELOCITY)
-"""The channels of the motion."""
-
 _LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded less often: what moved meanwhile is unknown
 _GAP_STEPS = 2.5
 SELDOM_S = 0.3  # between samples of a setting: beyond this the interpolation matters
@@ -234,29 +239,23 @@ def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLev
     smoothed = smooth(_thinned(table), 1.0)
     slow = smoothed.slow
     seconds = (times_ns(slow) // NANO).astype(np.int64)
-    states = slow[list(MOTION)].to_numpy(dtype=float)
-    known = np.isfinite(states[:, 2])
-    states[known, 2] = unwrap(states[known, 2])
-    states = states * STATE_UNITS
+    states = states_of(slow)
     psi, u, v, r = states[:, 2:].T
     accelerations = slow[["surge_mps2", "sway_mps2", "yaw_dps2"]].to_numpy(dtype=float)
-    north, east = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
-    slopes = np.column_stack([north, east, r, accelerations * [1.0, 1.0, np.pi / 180.0]])
+    slopes = np.column_stack([*to_earth(u, v, psi), r, accelerations * [1.0, 1.0, np.pi / 180.0]])
     return seconds, states, slopes, smoothed.noise
 
 
 def _thinned(table: pd.DataFrame) -> pd.DataFrame:
     """The motion at two rows a second at most, which is enough for smoothing and fast."""
-    motion = table[list(MOTION)].dropna(how="all")
+    motion = table[list(POSE_AND_VELOCITY)].dropna(how="all")
     half = times_ns(motion) // (NANO // 2)
     if np.unique(half).size > 0.7 * len(motion):
         return motion
-    columns = {"time": times_ns(motion), **{name: motion[name].to_numpy(dtype=float, copy=True) for name in MOTION}}
-    for name in CIRCULAR.intersection(MOTION):
-        known = np.isfinite(columns[name])
-        columns[name][known] = unwrap(columns[name][known])
-    middles = pd.DataFrame(columns).groupby(half).median()  # robust against an outlier among several samples
-    thin = pd.DataFrame({name: middles[name].to_numpy() for name in MOTION})
+    columns = motion.assign(**{name: unwrap(motion[name]) for name in CIRCULAR.intersection(POSE_AND_VELOCITY)})
+    columns["time"] = times_ns(motion)
+    middles = columns.groupby(half).median()  # robust against an outlier among several samples
+    thin = pd.DataFrame({name: middles[name].to_numpy() for name in POSE_AND_VELOCITY})
     thin["heading_deg"] %= 360.0
     times = pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True)
     thin.index = pd.DatetimeIndex(times, name="time")
@@ -276,7 +275,7 @@ def averaged_motion(
         return measured, weight, 0
     stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
     path = CubicHermiteSpline(nodes[known], motion[known], slopes[known])
-    for column, name in enumerate(MOTION):
+    for column, name in enumerate(POSE_AND_VELOCITY):
         values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
         rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
         if not rows.any():
@@ -286,7 +285,7 @@ def averaged_motion(
         if is_circular(name):
             off = (off + np.pi) % (2.0 * np.pi) - np.pi
         away = np.abs(off - _near(off, times))
-        good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
+        good = away <= _OUTLIER * robust_spread(away) + 1e-9
         refused += int((~good).sum())
         measured[:, column], weight[:, column] = _binned(times[good], (expected + off)[good], len(nodes))
     return measured, weight, refused
@@ -321,9 +320,10 @@ def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "l
     actuators = table_actuators(table)
     names, units = control_names(actuators), control_units(actuators)
     result = np.empty((len(seconds), STEPS_PER_SECOND, len(names)))
+    times_s, edges_s = times_ns(table) / NANO, quarters + float(seconds[0])
     for column, name in enumerate(names):
-        known = times_ns(table) / NANO, table[name].to_numpy(dtype=float)
-        mean = _means(*known, quarters + float(seconds[0]), input_hold, is_circular(name)) * units[column]
+        values = table[name].to_numpy(dtype=float)
+        mean = _means(times_s, values, edges_s, input_hold, is_circular(name)) * units[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 
@@ -387,7 +387,7 @@ def _path(times_s: Floats, values: Floats, input_hold: InputHold) -> tuple[Float
 def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
     """The integral from the first sample of a piecewise linear signal."""
     steps = np.diff(times_s)
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
+    area = integrate(values, times_s)
     index = np.clip(np.searchsorted(times_s, until_s, side="right") - 1, 0, times_s.size - 2)
     into = until_s - times_s[index]
     slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
@@ -406,7 +406,7 @@ def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     slope = np.diff(values) / steps
     turns = np.diff(slope)  # at each inner sample
     before, behind, inside = slope[:-2], slope[2:], slope[1:-1]
-    beyond_noise = np.abs(before - behind) > _OUTLIER * 1.4826 * np.median(np.abs(turns))
+    beyond_noise = np.abs(before - behind) > _OUTLIER * robust_spread(turns)
     alike = (turns[:-1] * turns[1:] > 0.0) & beyond_noise
     part = np.where(alike, (inside - behind) / np.where(alike, before - behind, 1.0), 0.0)
     corner_s = (times_s[1:-2] + part * steps[1:-1])[alike]
@@ -422,5 +422,5 @@ def _without_blips(times_s: Floats, values: Floats) -> Floats:
     away = np.abs(values - median_filter(values, 5, mode="nearest"))
     # A reversing drive also differs from its neighbours, by its movement in a step.
     moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
-    good = away <= _OUTLIER * 1.4826 * np.median(away) + 3.0 * moves + 1e-9
+    good = away <= _OUTLIER * robust_spread(away) + 3.0 * moves + 1e-9
     return np.asarray(np.interp(times_s, times_s[good], values[good]))

@@ -20,6 +20,7 @@ from scipy.stats import norm, t
 from acquisition.core.actuators import control_names, names_of
 from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import POSE_AND_VELOCITY
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
 from hybrid.diagnosis.linearise import Signature
@@ -155,8 +156,6 @@ def _places(origin: Floats) -> list[Cell]:
     return found
 
 
-MOTIONS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
-
 SIGNIFICANT = 0.05
 """The probability that the map of an exact model shows anything."""
 
@@ -263,7 +262,7 @@ def _errors(
         deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
         result += [
             _place(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
-            for number, name in enumerate(MOTIONS)
+            for number, name in enumerate(POSE_AND_VELOCITY)
         ]
     return result
 

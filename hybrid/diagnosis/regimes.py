@@ -26,7 +26,7 @@ from hybrid.diagnosis.linearise import Linearisation, signatures
 from hybrid.diagnosis.map import map_of, round_edges
 from hybrid.diagnosis.nuisance_basis import AXES, FEW
 from hybrid.diagnosis.result import Replication
-from hybrid.diagnosis.select_effects import fitted_coordinates, linear_about
+from hybrid.diagnosis.select_effects import about_fit
 from hybrid.effects import Effect
 from hybrid.effects.regime import Regime, quantities_along, regime_effect
 
@@ -65,7 +65,7 @@ _Priced: TypeAlias = tuple[Regime, float]
 
 
 @dataclass(frozen=True, slots=True)
-class _Explained:
+class TriedRegime:
     """A regime, its force, the share that it explains, and the extra share required of it for its complexity."""
 
     regime: Regime
@@ -78,7 +78,7 @@ class _Explained:
         return self.share - self.price
 
 
-def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) -> list[tuple[Regime, float, float]]:
+def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) -> list[TriedRegime]:
     """The regime that explains most of each axis of ``force`` [T, 3], its force and share, the largest first.
 
     ``quantities`` are [T] each, ``fold`` [T] the part of the trial of each second: shares are computed on parts
@@ -86,12 +86,12 @@ def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) ->
     """
     tried = list(_candidates(quantities))
     best = [_narrowed(each, tried, quantities, force, fold) for each in _best(tried, quantities, force, fold)]
-    return sorted(((each.regime, each.size, each.share) for each in best), key=lambda each: -each[2])
+    return sorted(best, key=lambda each: -each.share)
 
 
 def _narrowed(
-    found: _Explained, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
-) -> _Explained:
+    found: TriedRegime, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
+) -> TriedRegime:
     """A regime restricted by a second span, where that explains enough more."""
     more = [
         (replace(found.regime, within={**found.regime.within, **other.within}), found.price + _SECOND)
@@ -154,7 +154,7 @@ def shape_of(regime: Regime, quantities: Mapping[str, Floats]) -> Floats:
 
 def _best(
     tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
-) -> list[_Explained]:
+) -> list[TriedRegime]:
     """For each axis the regime with the largest share less its required extra, if any explains enough."""
     if not tried:
         return []
@@ -167,7 +167,7 @@ def _best(
     for axis, number in enumerate(np.argmax(worth, axis=0).tolist()):
         if enough[number, axis]:
             regime = replace(tried[number][0], axis=AXES[axis])
-            result.append(_Explained(regime, float(size[number, axis]), float(share[number, axis]), price[number]))
+            result.append(TriedRegime(regime, float(size[number, axis]), float(share[number, axis]), price[number]))
     return result
 
 
@@ -197,7 +197,7 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
     """
     found, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
     while len(found) < _FEW:
-        better = next(filter(None, (_added(now, windows, *each) for each in _lacking(now.evidence))), None)
+        better = next(filter(None, (_added(now, windows, each) for each in _lacking(now.evidence))), None)
         if better is None:
             break
         found.append(better[0])
@@ -216,7 +216,7 @@ class _Fitted:
     @classmethod
     def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
         """``names`` fitted, and the evidence linearised about them."""
-        linear = linear_about(evidence, fitted_coordinates(evidence, names), number=FEW)
+        linear = about_fit(evidence, names, FEW)
         return cls(names, linear, _off_m(windows, linear, names))
 
     def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:
@@ -230,11 +230,10 @@ class _Fitted:
         return _Fitted(names, evidence, _off_m(windows, evidence, names))
 
 
-def _added(
-    now: _Fitted, windows: UnseenWindows, regime: Regime, size: float, share: float
-) -> tuple[FoundRegime, _Fitted] | None:
+def _added(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[FoundRegime, _Fitted] | None:
     """A regime fitted beside the existing effects; None if it gains too little or is not consistent."""
-    effect = regime_effect(_name_of(regime), regime, size)
+    regime = tried.regime
+    effect = regime_effect(_name_of(regime), regime, tried.size)
     if effect.name in now.names:
         return None
     fitted = now.with_effect(effect, windows)
@@ -244,7 +243,7 @@ def _added(
         return None
     value, error = _size(fitted, effect.name)
     after_m = float(fitted.off_m.mean())
-    found = FoundRegime(effect.name, regime, value, error, share, replicated, after_m)
+    found = FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m)
     return found, fitted
 
 
@@ -257,7 +256,7 @@ def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
     return float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
 
 
-def _lacking(evidence: Evidence) -> list[tuple[Regime, float, float]]:
+def _lacking(evidence: Evidence) -> list[TriedRegime]:
     """The regimes in which the model with its effects lacks most."""
     log, linear = evidence.equations.log, evidence.equations.linear
     seen = quantities_along(log.actuators, linear.origin, log.controls.mean(axis=1), log.wind)

@@ -194,6 +194,11 @@ class Gap:
         could = self.before_m - self.floor_m
         return (self.before_m - self.after_m) / could if could > 0.0 else 1.0
 
+    @property
+    def distances(self) -> str:
+        """The distances in words, for a terminal."""
+        return f"{self.before_m:.3f} m before, {self.after_m:.3f} m after, {self.floor_m:.3f} m at best"
+
 
 @dataclass(frozen=True, slots=True)
 class Tracks:
@@ -333,8 +338,8 @@ class Diagnosis:
         if self.remainder is not None:
             lines.append(f"remains: {self.remainder.looks_like}")
         gap = self.gap
-        distances = f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best"
-        lines.append(f"mean distance over {gap.horizon_s} s: {distances} ({gap.held_out_windows} held-out windows)")
+        windows = f"({gap.held_out_windows} held-out windows)"
+        lines.append(f"mean distance over {gap.horizon_s} s: {gap.distances} {windows}")
         return "\n".join(lines)
 
 

@@ -59,7 +59,7 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
         steps = _steps(names, allowed)
         judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
         better = next((each for each in judged if each[0] > best + 1e-9 and evidence.possible(each[1])), None)
-        if better is None or better[0] <= best:
+        if better is None:
             return names
         best, names = better
 
@@ -172,6 +172,11 @@ def linear_about(
     return evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 
+def about_fit(evidence: Evidence, names: Sequence[str], number: int | None = None) -> Evidence:
+    """The evidence linearised about the fit of ``names``."""
+    return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
+
+
 def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
     """The first linearisation, and the log density of the data with each set tried, linearised about itself.
 
@@ -250,7 +255,7 @@ def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[S
             alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
             start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, some)
             seen = linear_about(evidence, {each: start[each] for each in some})
-            seen = linear_about(evidence, fitted_coordinates(seen, some))
+            seen = about_fit(seen, some)
             if seen.possible(some):
                 found.append(Swap(name, rival, some, seen))
     return found

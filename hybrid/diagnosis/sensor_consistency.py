@@ -101,7 +101,7 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, .
     at: Coordinates = {}
     best: tuple[float, Evidence, tuple[str, ...]] | None = None
     for _ in range(_LOOKS):
-        evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise), by_leg=True)
+        evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
         names = search_effects(evidence, barred)
         failed = [each for each in (acceptance_tests(evidence, names, name) for name in names) if not each.accepted]
         if failed:

@@ -38,7 +38,16 @@ MAP, TRACKS = "map.parquet", "tracks.parquet"
 _WAYS = ("measured", "before", "after", "floor", "constant_velocity")
 _CONTROL = "control_"
 _TRACK = ("north_m", "east_m", "heading_rad")
-_UNITS = {"_m": "m", "_rad": "rad", "_s": "s", "_mps": "m/s", "_dps": "deg/s", "_deg": "deg", "rpm": "rpm"}
+_UNITS = {
+    "_m": "m",
+    "_rad": "rad",
+    "_s": "s",
+    "_mps": "m/s",
+    "_dps": "deg/s",
+    "_deg": "deg",
+    "rpm": "rpm",
+    "_percent": "%",
+}
 """Units by the endings of names, in their printed form."""
 
 
@@ -47,7 +56,7 @@ class FigureData:
     """The content of ``shown.json``: what the page shows and ``diagnosis.json`` does not have.
 
     ``evidence`` is by named effect, ``minutes`` those of the next manoeuvre, ``cells`` those of the maps before
-    and after.
+    and after; ``remainder_looks_like`` says what the forces that remain beside named effects resemble.
     """
 
     horizon_s: int
@@ -57,6 +66,7 @@ class FigureData:
     cells: Mapping[str, tuple[Place, ...] | None]
     consistency: tuple[Consistency, ...] | None
     correlation: Correlation | None
+    remainder_looks_like: str = ""
 
 
 def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> None:
@@ -70,6 +80,7 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         cells={name: None if each is None else each.places for name, each in extras.maps.items()},
         consistency=extras.consistency,
         correlation=extras.correlation,
+        remainder_looks_like="" if diagnosis.remainder is None else diagnosis.remainder.looks_like,
     )
     for name, result, indent in ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2)):
         if result is None:
@@ -97,6 +108,8 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
         said["gap"]["horizon_s"] = data.horizon_s
         if said["next_manoeuvre"] is not None:
             said["next_manoeuvre"]["minutes"] = data.minutes
+        if said["remainder"] is not None:
+            said["remainder"]["looks_like"] = data.remainder_looks_like
         tracks = _tracks_of(read_parquet(folder / TRACKS)[0]) if (folder / TRACKS).is_file() else None
         diagnosis = replace(from_json(Diagnosis, said), suspects=data.suspects, tracks=tracks)
         ladder = from_json(Ladder, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None

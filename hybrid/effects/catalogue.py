@@ -58,32 +58,19 @@ def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
         raise ConfigurationError(
             f"two effects of this ship are called {', '.join(twice)}", fix="rename an actuator in the vessel file"
         )
-    for one, other in _alike_across_kinds(own):
-        names = {*catalogue[one].confused_with, other}
-        catalogue[one] = replace(catalogue[one], confused_with=tuple(sorted(names)))
+    # With more wake a propeller's race is slower, and the rudder behind it weaker: in trials of turns and zigzags
+    # either explains 60 to 90 % of what the other does.
+    losses = [each.name for each in own if each.name.startswith("rudder_loss_")]
+    for name in [each.name for each in own if losses and each.name.startswith("wake_")]:
+        known = {*catalogue[name].confused_with, *losses}
+        catalogue[name] = replace(catalogue[name], confused_with=tuple(sorted(known)))
     for effect in tuple(catalogue.values()):
         _confuse_both_ways(catalogue, effect)
     return catalogue
 
 
-_ACROSS_KINDS = {"wake_": "rudder_loss_"}
-"""Effects of actuators of different kinds that look alike: with more wake a propeller's race is slower, and the
-rudder behind it weaker. In trials of turns and zigzags either explains 60 to 90 % of what the other does."""
-
-
-def _alike_across_kinds(own: list[Effect]) -> list[tuple[str, str]]:
-    names = [effect.name for effect in own]
-    return [
-        (one, other)
-        for stem, like in _ACROSS_KINDS.items()
-        for one in names
-        for other in names
-        if one.startswith(stem) and other.startswith(like)
-    ]
-
-
 def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: bool = True) -> None:
-    """What an effect is confused with is told of that other, too; in order of names, or behind all others."""
+    """Make ``confused_with`` symmetric; the new name is sorted in, or comes last."""
     for rival in effect.confused_with:
         try:
             other = effect_named(rival, catalogue)
@@ -97,7 +84,7 @@ def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: b
 def catalogue_for(actuators: Actuators, length_m: float = USUAL_LENGTH_M) -> dict[str, Effect]:
     """The catalogue of a ship with these actuators: what any ship may lack, and the effects of each actuator.
 
-    What is an ordinary size of an effect goes with her length.
+    Typical sizes scale with her length.
     """
     return dict(_catalogue_for(actuators, scale_of(length_m)))
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import pi, tan
+from operator import attrgetter
 
 from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.effect import Effect, Parameter, Values, scaling, shifted
@@ -113,11 +113,6 @@ def _shallow(plant: Plant, values: Values) -> Plant:
     return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in beside.items()})
 
 
-def _of_hull(role: str) -> Callable[[Plant], tuple[str, ...]]:
-    """The coefficients of a plant's hull that stand for something, whatever its model calls them."""
-    return lambda plant: getattr(plant.hull_model, role)
-
-
 EFFECTS = (
     scaling(
         "loading", "inertia", ("mass_kg", "yaw_inertia_kgm2"), (1.15, 0.03),
@@ -147,42 +142,42 @@ EFFECTS = (
         confused_with=("command_delay", "thruster_lag"),
     ),
     scaling(
-        "hull_fouling", "hull", _of_hull("resistance"), (1.2, 0.05),
+        "hull_fouling", "hull", attrgetter("hull_model.resistance"), (1.2, 0.05),
         what="Growth on the hull: straight-ahead resistance times a factor",
         source="Schultz, Effects of coating roughness and biofouling on ship resistance, Biofouling 23 (2007)",
         parameter="resistance_factor",
         confused_with=("towed_load",),
     ),
     scaling(
-        "cross_flow_drag", "hull", _of_hull("cross_flow_drag"), (1.5, 0.15),
+        "cross_flow_drag", "hull", attrgetter("hull_model.cross_flow_drag"), (1.5, 0.15),
         what="Cross-flow drag of the hull: force and moment times a factor",
         source="Faltinsen, Sea Loads on Ships and Offshore Structures (1990), ch. 6",
     ),
     scaling(
-        "drift_force", "hull", _of_hull("drift_force"), (1.3, 0.1),
+        "drift_force", "hull", attrgetter("hull_model.drift_force"), (1.3, 0.1),
         what="Side force of the drifting hull, all that goes with v: times a factor",
         source=_REGRESSIONS,
         confused_with=("shallow_water",),
     ),
     scaling(
-        "drift_moment", "hull", _of_hull("drift_moment"), (1.2, 0.05),
+        "drift_moment", "hull", attrgetter("hull_model.drift_moment"), (1.2, 0.05),
         what="Yaw moment of the drifting hull beside the Munk moment, all that goes with v: times a factor",
         source=_REGRESSIONS,
         confused_with=("cross_flow_drag", "skeg", "surge_added_mass"),
     ),
     scaling(
-        "turning_force", "hull", _of_hull("turning_force"), (1.3, 0.1),
+        "turning_force", "hull", attrgetter("hull_model.turning_force"), (1.3, 0.1),
         what="Side force of the turning hull, all that goes with r: times a factor",
         source=_REGRESSIONS,
         confused_with=("drift_force", "shallow_water"),
     ),
     scaling(
-        "turning_drag", "hull", _of_hull("turning_drag"), (1.3, 0.1),
+        "turning_drag", "hull", attrgetter("hull_model.turning_drag"), (1.3, 0.1),
         what="Resistance of the turning hull, all that goes with r: times a factor",
         source="Norrbin, Theory and observations on the use of a mathematical model for ship manoeuvring, SSPA 68",
     ),
     scaling(
-        "yaw_damping", "hull", _of_hull("yaw_damping"), (1.15, 0.05),
+        "yaw_damping", "hull", attrgetter("hull_model.yaw_damping"), (1.15, 0.05),
         what="Resistance of the hull to turning, all moments that go with r: times a factor",
         source=_REGRESSIONS,
         confused_with=(

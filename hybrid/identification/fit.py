@@ -124,17 +124,12 @@ _TRIES = 8
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The unknowns ``z`` [model.size] and their covariance, with the ``starts`` [S, 6] and levels.
-
-    ``information`` [S, P, P] is each segment's information on the unknowns, ``scores`` [S, P] its score.
-    """
+    """The unknowns ``z`` [model.size] and their covariance, with the ``starts`` [S, 6] and levels."""
 
     z: Floats
     covariance: Floats
     starts: Floats
     levels: Levels
-    information: Floats
-    scores: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +178,7 @@ def fit(
         z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
     found = _search(model, z, levels, rounds, part_of(progress, 1, 2))
     information, scores, _ = _normal(model, found)
-    covariance = covariance_of(information, scores)
-    return Fit(found.z, covariance, found.starts, found.levels, information, scores)
+    return Fit(found.z, covariance_of(information, scores), found.starts, found.levels)
 
 
 def _search(

@@ -54,7 +54,7 @@ class Pair:
 class RankedCandidate:
     """A candidate, the log odds of each pair with it and without it, and its value.
 
-    ``told_apart`` is the share of the pairs that it is likely to separate.
+    ``share_separated`` is the share of the pairs that it is likely to separate.
     """
 
     candidate: Candidate

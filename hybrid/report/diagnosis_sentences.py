@@ -104,9 +104,9 @@ def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
 def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], log: Log) -> list[NamedEffect]:
     """An effect that is not the same in all of a trial, by its parts."""
 
-    def said(parameters: Parameters, when: str, then: str = "") -> str:
+    def said(parameters: Parameters, when: str) -> str:
         what, ends = words_and_interval(effect, parameters, log.actuators)
-        return f"{when}: {what[:1].lower()}{what[1:]} ({ends}){then}"
+        return f"{when}: {what[:1].lower()}{what[1:]} ({ends})"
 
     part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
     if effect.course.shape == "drift":

@@ -27,7 +27,7 @@ from hybrid.diagnosis.result import (
     Suspect,
     When,
 )
-from hybrid.prediction.scores import FEW_LEGS, Interval
+from hybrid.prediction.scores import Interval
 from hybrid.report.sections import templates
 from hybrid.report.words import join_words, plain, quantity_title
 
@@ -104,8 +104,6 @@ def parameter_title(name: str, unit: str) -> str:
     """
     return plain(name if unit == "1" or "_" not in name else name.rsplit("_", 1)[0])
 
-
-__all__ = ["FEW_LEGS"]  # for the template
 
 _MODEL = "model: "
 
@@ -536,8 +534,7 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     gap = diagnosis.gap
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
-        distances = f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best"
-        lines.append(Text(f"{where}: {distances}."))
+        lines.append(Text(f"{where}: {gap.distances}."))
     if ladder is not None:
         lines.append(Text(ladder_sentence(ladder)))
     if diagnosis.next_manoeuvre is not None:

@@ -106,11 +106,6 @@ class Errors:
         """The size that ``share`` of the windows stay below, at each second [H]."""
         return np.asarray(np.nanquantile(np.abs(getattr(self, quantity)), share, axis=0))
 
-    def by_trial(self, trial: NDArray[np.str_]) -> dict[str, Floats]:
-        """The mean distance of each window [m], by the name of its trial."""
-        mean = self.distance.mean(axis=1)
-        return {str(name): mean[trial == name] for name in dict.fromkeys(trial.tolist())}
-
 
 def errors_of(predicted: Floats, horizons: PredictionWindows) -> Errors:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""

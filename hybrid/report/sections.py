@@ -13,7 +13,7 @@ from jinja2 import Environment
 from acquisition.core.errors import SeatrialError
 from analysis.report.figures import write_figure
 from analysis.report.rendering import Page, environment, render
-from analysis.report.words import reason_of
+from analysis.report.words import in_words, reason_of
 
 FAILED = "This section failed, which is a fault of Seatrial"
 _LEVEL = 3  # of headings inside a section: that of the section is above
@@ -50,8 +50,11 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
+    from analysis.manoeuvres.criteria import untested
+    from analysis.report.pages import file_rows
     from analysis.speed_power import report as speed_power
     from hybrid.diagnosis.serialisation import read_diagnosis
+    from hybrid.prediction.scores import FEW_LEGS
     from hybrid.report import (
         diagnosis_map_plots,
         diagnosis_plots,
@@ -64,13 +67,16 @@ def templates() -> Environment:
         vessel_check,
     )
     from hybrid.report.diagnosis_words import chance, percent
+    from hybrid.report.errors import ENOUGH_S
 
     made = environment(Path(__file__).parent / "templates")
-    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row}
+    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row,
+                     "in_words": in_words, "reason_of": reason_of}  # fmt: skip
     made.globals |= {
         "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
         "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": tables, "plans": plan_page,
-        "checks": vessel_check,
+        "checks": vessel_check, "untested": untested, "file_rows": file_rows, "FEW_LEGS": FEW_LEGS,
+        "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return made

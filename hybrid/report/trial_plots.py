@@ -31,8 +31,6 @@ from hybrid.report.errors import (
 )
 from hybrid.report.words import plain, quantity_title
 
-__all__ = ["residual_maps", "training_range"]  # for the template
-
 MISSING = ("missing in surge\n[m/s\u00b2]", "missing in sway\n[m/s\u00b2]", "missing in yaw\n[deg/s\u00b2]")
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
@@ -135,10 +133,9 @@ _CLOSE = {"a usual one": 0.5, "a hard one": 0.9, "the worst": 1.0}  # by the sha
 def time_series(case: Case, name: str) -> Drawing | None:
     """The channels of a recording against time, and the motion that is predicted of it."""
     products = case.products[name]
-    windows = None if products.windows is None else products.windows.rows
     predicted = {} if case.why_not else case.predicted(name)
     coloured = {plain(method): (motion, plots.COLOUR[method]) for method, motion in predicted.items()}
-    return channels_figure(products.one_hz, windows, coloured)
+    return channels_figure(products.one_hz, products.window_rows, coloured)
 
 
 def all_errors_by_second(figure: Figure, case: Case) -> None:
@@ -202,8 +199,11 @@ def error_distributions(figure: Figure, case: Case) -> None:
         plots.error_histogram(axes, case.errors, quantity)
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     trial = case.validation.windows.trial
-    split = {method: each.by_trial(trial) for method, each in case.errors.items()}
-    by_trial = {name: {method: split[method][name] for method in split} for name in dict.fromkeys(trial.tolist())}
+    mean_m = {method: each.distance.mean(axis=1) for method, each in case.errors.items()}
+    by_trial = {
+        name: {method: each[trial == name] for method, each in mean_m.items()}
+        for name in dict.fromkeys(trial.tolist())
+    }
     plots.error_spread(below.subplots(), by_trial)
 
 

@@ -7,23 +7,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.kinematics import mean_wind
-from analysis.manoeuvres.criteria import CRITERIA, Conditions, IndexRow, Mean, index_rows, untested, verdict
+from analysis.manoeuvres.criteria import CRITERIA, Conditions, IndexRow, Mean, index_rows, verdict
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
-from analysis.report.pages import beaufort, circumstances, events_of, file_rows, known_rows
+from analysis.report.pages import beaufort, circumstances, events_of, known_rows
 from analysis.report.quality_page import counts_of
-from analysis.report.words import in_words, reason_of
+from analysis.report.words import in_words
 from analysis.speed_power.report import sentence
-from hybrid.prediction.scores import FEW_LEGS, TWO_SIDED
+from hybrid.prediction.scores import TWO_SIDED
 from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
-from hybrid.report.errors import ENOUGH_S, Calibration, Residuals, largest_residuals
+from hybrid.report.errors import Calibration, Residuals, largest_residuals
 from hybrid.report.tables import score_rows
 from hybrid.report.words import join_words, plain, quantity_title
 
@@ -32,8 +31,6 @@ if TYPE_CHECKING:
     from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
     from hybrid.calibrators.calibrator import DomainOfApplicability
     from hybrid.evaluation.validate import Validation
-
-__all__ = ["ENOUGH_S", "FEW_LEGS", "file_rows", "in_words", "reason_of", "untested"]  # for the template
 
 INTERACTIVE = "interactive"
 MOST_PICTURES = 6
@@ -47,11 +44,6 @@ _OVERLAP = {
     "some": "The calibrator was trained on some of these data.",
 }
 _SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
-
-
-def window_rows(products: Products) -> pd.DataFrame | None:
-    """The long table of a recording's held windows."""
-    return None if products.windows is None else products.windows.rows
 
 
 def ship_name(case: Case) -> str:
@@ -350,20 +342,11 @@ def _dropped(case: Case) -> str:
     return f"Of {dataset.candidates:,} windows these were left out: {reasons}." if reasons else ""
 
 
-def seconds_up_to(horizon_s: int) -> list[int]:
-    """The seconds of a prediction that tables show."""
-    return [each for each in _SECONDS if each <= horizon_s]
-
-
-def second_titles(seconds: Sequence[int]) -> list[str]:
-    """Heads of columns."""
-    return [f"{each} s" for each in seconds]
-
-
-def calibration_rows(calibration: Calibration, seconds: Sequence[int]) -> list[list[str]]:
-    """Coverage and width of the 95 % regions."""
+def calibration_table(calibration: Calibration) -> tuple[list[str], list[list[str]]]:
+    """Coverage and width of the 95 % regions by second of the prediction: header and rows."""
+    seconds = [each for each in _SECONDS if each <= len(calibration.picp)]
     widths = (calibration.pinaw[each - 1] for each in seconds)
-    return [
+    return ["", *(f"{each} s" for each in seconds)], [
         ["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
         ["width relative to the mean distance sailed, PINAW [1]",
          *(f"{width:.3f}" if np.isfinite(width) else "\u2013" for width in widths)],
@@ -421,7 +404,7 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
 
     pages = {}
     for trial, products in case.products.items():
-        windows = window_rows(products)
+        windows = products.window_rows
         page = Path(folder) / (f"{INTERACTIVE}.html" if len(case.paths) == 1 else f"{INTERACTIVE}_{trial}.html")
         predicted = {} if windows is None or case.why_not else case.predicted(trial)
         try:

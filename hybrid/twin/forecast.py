@@ -20,7 +20,7 @@ import pymap3d
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats, Series
-from acquisition.core.channels import POSE, VELOCITY, trial_names
+from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
@@ -38,9 +38,6 @@ if TYPE_CHECKING:
 
 
 _SOURCE = ("",)
-MOTION = (*POSE, *VELOCITY)
-"""The channels that must have been measured up to the start; wind and thrusters are held anyway, and may be
-older."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +50,13 @@ class Forecast:
 
 
 def newest_second_ns(recording: Recording) -> int | None:
-    """The newest whole second [ns] covered by all motion channels; None if there is none."""
-    spans = [_span_ns(recording.series.get(name)) for name in MOTION]
+    """The newest whole second [ns] covered by all motion channels; None if there is none.
+
+    Wind and thrusters are held anyway, and may be older.
+    """
+    spans = [_span_ns(recording.series.get(name)) for name in POSE_AND_VELOCITY]
     known = [each for each in spans if each is not None]
-    if len(known) < len(MOTION):
+    if len(known) < len(POSE_AND_VELOCITY):
         return None
     second_ns = min(newest for _, newest in known) // NANO * NANO
     return second_ns if second_ns >= max(oldest for oldest, _ in known) else None
@@ -106,7 +106,7 @@ def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[st
     series, held = dict(recording.series), []
     for name in trial_names(actuators_in_recording(recording)):
         span = _span_ns(series[name])
-        if name not in MOTION and span is not None and span[1] < until_ns:
+        if name not in POSE_AND_VELOCITY and span is not None and span[1] < until_ns:
             series[name] = _longer(series[name], until_ns)
             held.append(name)
     return (replace(recording, series=series) if held else recording), tuple(held)

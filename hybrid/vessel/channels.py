@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from acquisition.core.actuators import DEFAULT, Actuators, control_names
 from acquisition.core.angles import unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import ENVIRONMENT, POSE, VELOCITY
+from acquisition.core.channels import ENVIRONMENT, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
 from analysis.tables.table import table_actuators
 from hybrid.vessel.actuators import angle_columns, control_units
@@ -35,7 +35,7 @@ def in_words(actuators: Actuators) -> str:
 
 def states_of(table: pd.DataFrame) -> Floats:
     """North, east [m], heading [rad, unwrapped], surge, sway [m/s], yaw rate [rad/s]: [rows, 6]."""
-    values = _columns(table, (*POSE, *VELOCITY))
+    values = _columns(table, POSE_AND_VELOCITY)
     values[:, 2] = unwrap(values[:, 2])
     return np.asarray(values * STATE_UNITS)
 
@@ -61,7 +61,7 @@ def as_table(
     motion[:, 2], air[:, 0] = wrap_360(motion[:, 2]), wrap_360(air[:, 0])
     angles = angle_columns(actuators)
     command[:, angles] = wrap_180(command[:, angles])
-    names = [*POSE, *VELOCITY, *ENVIRONMENT, *control_names(actuators)]
+    names = [*POSE_AND_VELOCITY, *ENVIRONMENT, *control_names(actuators)]
     return pd.DataFrame(np.hstack([motion, air, command]), index=index, columns=names)
 
 

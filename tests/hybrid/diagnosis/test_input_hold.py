@@ -10,8 +10,8 @@ import pytest
 
 from acquisition.core.actuators import DEFAULT
 from acquisition.core.channels import COMMAND
+from hybrid.diagnosis.diagnose import choose_input_hold
 from hybrid.diagnosis.disturbance_model import Noise, NoiseEstimate
-from hybrid.diagnosis.estimate_noise import choose_input_hold
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from hybrid.effects import CATALOGUE, apply_effects

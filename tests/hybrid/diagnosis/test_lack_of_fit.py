@@ -26,7 +26,7 @@ def design(plant: Plant) -> Design:
 
 def judged(design: Design, data: Floats, names: tuple[str, ...] = ()) -> list[LackOfFit]:
     """What remains of these data beside effects of these names."""
-    return lack_of_fit(evidence_of(design.equations(data), by_leg=True), names)
+    return lack_of_fit(evidence_of(design.equations(data)), names)
 
 
 @pytest.mark.parametrize("names", [(), ("ocean_current", "sway_bias")])

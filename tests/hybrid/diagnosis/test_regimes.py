@@ -57,7 +57,8 @@ def test_the_regime_in_which_a_force_is_missing_is_found_among_noise(regime: Reg
     force = 4e3 * 0.5 * shape.std() * np.random.default_rng(2).standard_normal((SECONDS, 3))
     axis = ("surge", "sway", "yaw").index(regime.axis)
     force[:, axis] += 4e3 * shape
-    found, size, share = find_regimes(quantities, force, np.arange(SECONDS) // 50 % 4)[0]
+    best = find_regimes(quantities, force, np.arange(SECONDS) // 50 % 4)[0]
+    found, size, share = best.regime, best.size, best.share
     assert (found.axis, found.grows_with) == (regime.axis, regime.grows_with)
     there = shape_of(found, quantities) * size / 4e3
     assert np.corrcoef(there, shape)[0, 1] > 0.98

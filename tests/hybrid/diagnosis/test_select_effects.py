@@ -47,11 +47,9 @@ def design(plant: Plant) -> Design:
     return a_design(plant, 8, 41)
 
 
-def seen(
-    design: Design, seed: int, effects: dict[str, tuple[float, ...]] | None = None, by_leg: bool = False
-) -> Evidence:
+def seen(design: Design, seed: int, effects: dict[str, tuple[float, ...]] | None = None) -> Evidence:
     """A view of data drawn with these effects."""
-    return evidence_of(design.equations(design.data(np.random.default_rng(seed), effects)), by_leg)
+    return evidence_of(design.equations(design.data(np.random.default_rng(seed), effects)))
 
 
 @pytest.mark.parametrize("effects", SETS)
@@ -59,7 +57,7 @@ def test_the_set_that_is_there_is_found_and_stands_its_tests(
     design: Design, effects: dict[str, tuple[float, ...]]
 ) -> None:
     for seed in range(3):
-        evidence = seen(design, seed, effects, by_leg=True)
+        evidence = seen(design, seed, effects)
         names = search_effects(evidence)
         assert set(names) == set(effects)
         for name in names:
@@ -81,16 +79,14 @@ def test_parameters_are_within_their_intervals(design: Design) -> None:
 @pytest.mark.parametrize(("legs", "name"), [(3, "ocean_current"), (3, "sway_bias")])
 def test_chances_are_uniform_where_nothing_is_hidden(plant: Plant, legs: int, name: str) -> None:
     few = a_design(plant, legs, 42)
-    chances = np.array([stands(seen(few, seed, by_leg=True), (name,), name).p_value for seed in range(100)])
+    chances = np.array([stands(seen(few, seed), (name,), name).p_value for seed in range(100)])
     alone = 1.0 - (1.0 - chances) ** (1.0 / len(SMALL_CATALOGUE))  # of one effect, not of any of them
     assert kstest(alone, "uniform").pvalue > 1e-3
 
 
 def test_legs_that_scatter_never_make_a_chance_smaller(design: Design) -> None:
     """With many legs their scatter is looked at too: fewer small chances than there could be, never more."""
-    chances = np.array(
-        [stands(seen(design, s, by_leg=True), ("sway_bias",), "sway_bias").p_value for s in range(100)]
-    )
+    chances = np.array([stands(seen(design, s), ("sway_bias",), "sway_bias").p_value for s in range(100)])
     alone = 1.0 - (1.0 - chances) ** (1.0 / len(SMALL_CATALOGUE))
     for level in (0.01, 0.05, 0.2, 0.5):
         assert (alone < level).sum() <= binom.ppf(0.9999, len(alone), level)
@@ -114,7 +110,7 @@ def test_nothing_is_found_where_nothing_is(design: Design) -> None:
     """Searched and tested: a share of false alarms that the level allows."""
     named = 0
     for seed in range(30):
-        evidence = seen(design, seed, by_leg=True)
+        evidence = seen(design, seed)
         names = search_effects(evidence)
         named += any(stands(evidence, names, name).accepted for name in names)
     assert named <= binom.ppf(0.9999, 30, FALSE_ALARM)
@@ -124,7 +120,7 @@ def test_an_effect_that_only_one_leg_shows_is_not_accepted(design: Design) -> No
     data = design.data(np.random.default_rng(3))
     column = design.layout.of("sway_bias")[0]
     data[4] += 0.5 * design.columns[4, :, column]
-    evidence = evidence_of(design.equations(data), by_leg=True)
+    evidence = evidence_of(design.equations(data))
     assert search_effects(evidence) != ()
     assert not stands(evidence, ("sway_bias",), "sway_bias").accepted
 
@@ -136,7 +132,7 @@ def test_an_effect_that_few_legs_show_well_and_others_little_is_accepted(design:
     columns[:, :, column] *= np.geomspace(0.25, 4.0, len(columns))[:, None]
     uneven, accepted = with_columns(design, columns), 0
     for seed in range(10):
-        evidence = seen(uneven, seed, {"sway_bias": (0.15,)}, by_leg=True)
+        evidence = seen(uneven, seed, {"sway_bias": (0.15,)})
         accepted += stands(evidence, ("sway_bias",), "sway_bias").accepted
     assert accepted >= 9
 
@@ -144,7 +140,7 @@ def test_an_effect_that_few_legs_show_well_and_others_little_is_accepted(design:
 def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant) -> None:
     """Far above the noise in a very long trial, and still nothing to name."""
     long = a_design(plant, 8, 43, sigmas=2000.0)
-    evidence = seen(long, 1, {"heading_bias": (0.1,)}, by_leg=True)
+    evidence = seen(long, 1, {"heading_bias": (0.1,)})
     result = stands(evidence, ("heading_bias",), "heading_bias")
     assert result.p_value < 1e-9
     assert not result.large_enough
@@ -216,7 +212,7 @@ def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
     column = design.layout.of("heading_bias")[0]
     equations = design.equations(data - 0.9 * design.columns[:, :, column])
     moved = replace(equations, model=Model(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
-    before, after = evidence_of(design.equations(data), True), evidence_of(moved, True)
+    before, after = evidence_of(design.equations(data)), evidence_of(moved)
     np.testing.assert_allclose(after.inner, before.inner, rtol=1e-7, atol=1e-7 * np.abs(before.inner).max())
     mine, other = (stands(each, ("heading_bias",), "heading_bias") for each in (before, after))
     assert other.gain == pytest.approx(mine.gain, rel=1e-6)
@@ -226,7 +222,7 @@ def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
 def test_gains_on_unseen_legs_are_those_of_a_fit_to_the_others(design: Design) -> None:
     """Leg by leg, with nuisances of their own: the log density of each, written out."""
     data = design.data(np.random.default_rng(7), SETS[1])
-    evidence = evidence_of(design.equations(data), by_leg=True)
+    evidence = evidence_of(design.equations(data))
     column, prior = design.layout.of("heading_bias")[0], evidence.prior(["heading_bias"])[0]
     gains = unseen_gains(evidence, (), ("heading_bias",))
 
@@ -262,7 +258,7 @@ def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_
     columns = design.columns.copy()
     columns[:, :, design.layout.of("wind_load")] = 0.0
     deaf = with_columns(design, columns)
-    evidence = seen(deaf, 3, {"heading_bias": BIAS}, by_leg=True)
+    evidence = seen(deaf, 3, {"heading_bias": BIAS})
     assert search_effects(evidence) == ("heading_bias",)
     ranked = {each.name: each for each in suspects(evidence)}
     assert next(iter(ranked)) == "heading_bias"

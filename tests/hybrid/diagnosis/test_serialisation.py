@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.errors import InputError
-from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Drift, Extras, Tracks, When
+from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Drift, Extras, Remainder, Tracks, When
 from hybrid.diagnosis.serialisation import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_diagnosis, write_figure_data
 from hybrid.report.diagnosis_words import page_of
 from tests.hybrid.diagnosis.made_up import CURRENT, a_ladder, a_map, named, of_verdict
@@ -26,11 +26,21 @@ def back(diagnosis: Diagnosis, extras: Extras, folder: Path) -> tuple[Diagnosis,
     return read_diagnosis(folder)
 
 
-@pytest.mark.parametrize("verdict", ["named", "nothing_missing", "unknown", "indistinguishable"])
-def test_the_page_of_what_comes_back_is_the_page_of_what_went_in(verdict: str, tmp_path: Path) -> None:
-    diagnosis = named() if verdict == "named" else of_verdict(verdict)
+REMAINDER = Remainder(0.04, 0.2, ("yaw_rate",), "a yaw moment of some 2 kN m that varies with the yaw rate")
+
+
+@pytest.mark.parametrize(
+    "diagnosis",
+    [
+        named(),
+        replace(named(), remainder=REMAINDER),
+        *map(of_verdict, ("nothing_missing", "unknown", "indistinguishable")),
+    ],
+)
+def test_the_page_of_what_comes_back_is_the_page_of_what_went_in(diagnosis: Diagnosis, tmp_path: Path) -> None:
     again = back(diagnosis, ALL, tmp_path)
     before, after = page_of(diagnosis, ALL), page_of(*again)
+    assert again[0].remainder == diagnosis.remainder
     assert after.title == before.title
     assert after.html == before.html  # pictures and all
 
