@@ -40,7 +40,7 @@ from hybrid.diagnosis.evidence import (
 )
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from hybrid.diagnosis.select_effects import (
-    LOOKS,
+    MAX_LINEARISATIONS,
     Selection,
     Swap,
     fitted_coordinates,
@@ -55,13 +55,13 @@ from hybrid.effects import Effect
 FALSE_ALARM = 0.005
 """The probability, for each test, that a trial with nothing hidden shows any effect."""
 
-UNSEEN = 0.05
+HELD_OUT_LEVEL = 0.05
 """The one-sided level at which an effect has to predict held-out legs."""
 
 _UNEVEN = 0.15  # of its own size: no current is perfectly uniform
 _OWN_FORM = 0.03  # of its own size: beyond this the effect has another form than its name says
 _NEGLIGIBLE = 0.01  # of what the named effects explain: no effect's form is exact
-_TELLING = 0.95  # of the information is in the legs that test an effect
+_INFORMATIVE_SHARE = 0.95  # of the information is in the legs that test an effect
 _FEW_LEGS = 3  # with fewer there is no scatter to test by: the sum has to be positive
 
 
@@ -70,7 +70,7 @@ class AcceptanceTests:
     """Tests of one effect, given the others.
 
     ``gain`` in z' V^-1 z; ``p_value`` of that gain over ``spread``, the overdispersion of the score from leg to
-    leg (at least 1), corrected for the size of the catalogue; ``p_unseen`` one-sided, on held-out legs;
+    leg (at least 1), corrected for the size of the catalogue; ``p_held_out`` one-sided, on held-out legs;
     ``large_enough`` whether its 95 % interval reaches a size that matters.
     """
 
@@ -78,18 +78,18 @@ class AcceptanceTests:
     gain: float
     p_value: float
     spread: float
-    p_unseen: float
+    p_held_out: float
     large_enough: bool
 
     @property
-    def hopeless(self) -> bool:
+    def fails_alone(self) -> bool:
         """Whether it would fail the tests even without the others."""
-        return max(self.p_value, self.p_unseen) > 0.5
+        return max(self.p_value, self.p_held_out) > 0.5
 
     @property
     def accepted(self) -> bool:
         """Whether it passes all tests."""
-        return self.p_value < FALSE_ALARM and self.p_unseen < UNSEEN and self.large_enough
+        return self.p_value < FALSE_ALARM and self.p_held_out < HELD_OUT_LEVEL and self.large_enough
 
 
 def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
@@ -99,10 +99,10 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     gain = together.gain - without.gain
     spread = score_spread(evidence, names, name)
     p_value = evidence.chance(gain / spread, len(evidence.columns([name])))
-    said = _noncentrality(evidence, together, name)
-    gains, telling = unseen_gains(evidence, others, names), _informative_legs(said)
-    p_unseen = chance_of_gains(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
-    return AcceptanceTests(name, gain, p_value, spread, p_unseen, _large_enough(evidence, together, name))
+    noncentrality = _noncentrality(evidence, together, name)
+    gains, informative = unseen_gains(evidence, others, names), _informative_legs(noncentrality)
+    p_held_out = chance_of_gains(gains[informative] / np.sqrt(np.maximum(noncentrality[informative], 1e-300)))
+    return AcceptanceTests(name, gain, p_value, spread, p_held_out, _large_enough(evidence, together, name))
 
 
 def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
@@ -112,10 +112,10 @@ def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
     return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in evidence.alone])
 
 
-def _informative_legs(said: Floats) -> Ints:
+def _informative_legs(noncentrality: Floats) -> Ints:
     """The legs that hold 95 % of the information; the others cannot confirm an effect."""
-    order = np.argsort(-said)
-    needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
+    order = np.argsort(-noncentrality)
+    needed = int(np.searchsorted(np.cumsum(noncentrality[order]), _INFORMATIVE_SHARE * noncentrality.sum())) + 1
     return np.asarray(order[:needed])
 
 
@@ -342,7 +342,7 @@ def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> flo
     return float(-0.5 * (left + determinant))
 
 
-_MADE = 0.9  # of an effect's squares: two that explain so much of it combine to it
+_SPANNED = 0.9  # of an effect's squares: two that explain so much of it combine to it
 
 
 def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
@@ -350,21 +350,21 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     catalogue = evidence.equations.model.catalogue
     found: list[set[str]] = []
     for one, other in combinations(names, 2):
-        if not _akin(catalogue[one], catalogue[other]) or _tried_together(evidence, one, other):
+        if not _related(catalogue[one], catalogue[other]) or _tried_together(evidence, one, other):
             continue
         joined = [group for group in found if group & {one, other}]
         found = [group for group in found if group not in joined] + [{one, other}.union(*joined)]
     return [tuple(name for name in names if name in group) for group in found]
 
 
-def _akin(one: Effect, other: Effect) -> bool:
+def _related(one: Effect, other: Effect) -> bool:
     """Whether one cause may plausibly appear as both."""
-    if one.family != other.family or one.kind != other.kind or any(_comes_along(each) for each in (one, other)):
+    if one.family != other.family or one.kind != other.kind or any(_often_together(each) for each in (one, other)):
         return False
     return one.family == "clock" or other.base in one.confused_with or one.base in other.confused_with
 
 
-def _comes_along(effect: Effect) -> bool:
+def _often_together(effect: Effect) -> bool:
     """Whether it commonly occurs together with others of its family.
 
     Sea and current come together, and each instrument has its own errors; a factor on the wind load is an error
@@ -378,21 +378,21 @@ def _tried_together(evidence: Evidence, one: str, other: str) -> bool:
     catalogue = evidence.equations.model.catalogue
     return any(
         _explained(evidence, name, (one, other))
-        > _MADE
+        > _SPANNED
         > max(_explained(evidence, name, (each,)) for each in (one, other))
         for name, effect in catalogue.items()
         if effect.family == catalogue[one].family and name not in (one, other)
     )
 
 
-def makers(evidence: Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
+def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[tuple[str, str]]:
     """Pairs of effects outside ``names``, confused with ``name``, that together have its signature.
 
     For example a skeg damps turning and reduces the moment of drift.
     """
     relatives = evidence.equations.model.catalogue[name].confused_with
     known = [each for each in relatives if each in evidence.names and each not in names]
-    return [pair for pair in combinations(known, 2) if _explained(evidence, name, pair) > _MADE]
+    return [pair for pair in combinations(known, 2) if _explained(evidence, name, pair) > _SPANNED]
 
 
 def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
@@ -408,16 +408,16 @@ class Acceptance:
 
     ``names`` are the effects, ``tests`` their test results; ``evidence`` is linearised about them and holds every
     leg. ``rival_deficits`` is, by name and rival, the log evidence that the rival lacks when linearised about it;
-    ``halves`` has a name with two effects that together predict as well in its place; ``lack_of_fit`` the families
-    of the nuisance basis that are significant and matter, the most significant first. ``beside_remainder`` means
-    that the effects stay named in spite of the remainder (:mod:`.coarse_model`).
+    ``substitute_pairs`` has a name with two effects that together predict as well in its place; ``lack_of_fit`` the
+    families of the nuisance basis that are significant and matter, the most significant first. ``beside_remainder``
+    means that the effects stay named in spite of the remainder (:mod:`.coarse_model`).
     """
 
     names: tuple[str, ...]
     tests: Mapping[str, AcceptanceTests]
     evidence: Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    halves: tuple[tuple[str, str, str], ...] = ()
+    substitute_pairs: tuple[tuple[str, str, str], ...] = ()
     lack_of_fit: tuple[LackOfFit, ...] = ()
     beside_remainder: bool = False
 
@@ -471,44 +471,44 @@ def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
     return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.alone])
 
 
-def as_legs_agree(less: float, gains: Floats, said: Floats) -> float:
+def as_legs_agree(less: float, gains: Floats, noncentrality: Floats) -> float:
     """The log odds ``less`` of one set of effects against another, reduced where legs scatter beyond the noise.
 
-    ``gains`` [L] are the legs' log odds, ``said`` [L] the information in each. For two sets that differ by d
-    standard errors the log odds are d^2 / 2 in the mean, with standard deviation d: their variance is twice
+    ``gains`` [L] are the legs' log odds, ``noncentrality`` [L] the information in each. For two sets that differ by
+    d standard errors the log odds are d^2 / 2 in the mean, with standard deviation d: their variance is twice
     their mean. Where the variance is a larger s^2, the log odds of such a sum against its opposite are 2 less^2
     / s^2 (cf. Vuong 1989, Econometrica 57, 307).
     """
     if len(gains) <= _FEW_LEGS or less <= 0.0:
         return less
-    centred = gains - said / max(float(said.sum()), 1e-300) * gains.sum()
+    centred = gains - noncentrality / max(float(noncentrality.sum()), 1e-300) * gains.sum()
     variance = float((centred**2).sum()) * len(gains) / (len(gains) - 1)
     return less / max(1.0, variance / (2.0 * less))
 
 
 def accept_names(selection: Selection) -> Acceptance:
-    """Test every selected effect; one that fails is barred, and the search goes on without it."""
+    """Test every selected effect; one that fails is excluded, and the search goes on without it."""
     while True:
         evidence = selection.evidence
-        names, tests, barred = _drop_failures(evidence, selection.names, selection.barred)
-        if set(names) == set(selection.at) or selection.looks >= LOOKS:
+        names, tests, excluded = _drop_failures(evidence, selection.names, selection.excluded)
+        if set(names) == set(selection.at) or selection.linearisations >= MAX_LINEARISATIONS:
             return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
         at = fitted_coordinates(evidence, names)
-        selection = search_on(replace(selection, at=at, barred=barred))
+        selection = search_on(replace(selection, at=at, excluded=excluded))
 
 
 def _drop_failures(
-    evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]
+    evidence: Evidence, names: tuple[str, ...], excluded: frozenset[str]
 ) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
-    """The effects that pass all tests, their results, and the barred ones; each failure makes room for others."""
+    """The effects that pass all tests, their results, and the excluded ones; each failure makes room for others."""
     while True:
         tests = {name: acceptance_tests(evidence, names, name) for name in names}
         failed = [each for each in tests.values() if not each.accepted]
         if not failed:
-            return names, tests, barred
+            return names, tests, excluded
         worst = max(failed, key=lambda each: each.p_value)
-        barred |= {worst.name, *(each.name for each in failed if each.hopeless)}
-        names = search_effects(evidence, barred)
+        excluded |= {worst.name, *(each.name for each in failed if each.fails_alone)}
+        names = search_effects(evidence, excluded)
 
 
 def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:

@@ -20,13 +20,13 @@ from acquisition.core.progress import Progress, part_of
 from analysis.tables.resample import resample
 from analysis.windows.recordings import second_by_second
 from hybrid.calibrators.train import METHOD
-from hybrid.diagnosis.course import courses
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log, tables_by_recording
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
 from hybrid.diagnosis.select_effects import Coordinates
+from hybrid.diagnosis.time_varying import time_varying_among
 from hybrid.diagnosis.verdict import Conclusion
 from hybrid.evaluation.splits import Draw, with_stopping
 from hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
@@ -55,7 +55,7 @@ def compare_calibrators(
     reason.
     """
     equations = conclusion.accepted.evidence.equations
-    if any(courses(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
+    if any(time_varying_among(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
         return Ladder(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
     try:
         windows = _windows(tables, equations.model.base.length_overall_m)

@@ -19,11 +19,11 @@ from scipy.linalg import cho_factor, solve_triangular
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import Acceptance
 from hybrid.diagnosis.coarse_model import is_coarse
-from hybrid.diagnosis.course import Course, Shape, Varied, courses, varied
 from hybrid.diagnosis.evidence import Evidence, NormalEquations, log_evidence, normal_equations, restored_data
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import CLOSE, search_effects
+from hybrid.diagnosis.time_varying import Shape, TimeProfile, TimeVaryingEffect, time_varying, time_varying_among
 from hybrid.vessel.effect import Effect
 
 _STEP_S = 10  # between candidate times of a change
@@ -41,19 +41,19 @@ def may_change(accepted: Acceptance) -> bool:
     counts.
     """
     equations = accepted.evidence.equations
-    if courses(accepted.names, equations.model.catalogue) and not is_coarse(accepted):
+    if time_varying_among(accepted.names, equations.model.catalogue) and not is_coarse(accepted):
         return True
     any_may = np.ptp(equations.log.recording) > 0
     return any(any_may or each.depends == "time" for each in accepted.lack_of_fit)
 
 
-def likeliest_change(accepted: Acceptance) -> Varied | None:
-    """The effect most likely to have changed, with its course; None if no change explains enough.
+def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
+    """The effect most likely to have changed, with its profile; None if no change explains enough.
 
-    Of about equally likely courses the simplest is taken.
+    Of about equally likely profiles the simplest is taken.
     """
     parts = _parts_of(accepted.evidence.equations)
-    tried = [_best_courses(parts, name, accepted.names) for name in _steady(parts)]
+    tried = [_best_profiles(parts, name, accepted.names) for name in _steady(parts)]
     likely = sorted(tried, key=lambda each: -max(each))[:_LIKELIEST]
     known = parts.evidence.names  # an effect that already varies in this way is not tried again
     new = [change for each in likely for change in each.values() if change.name not in known]
@@ -64,7 +64,7 @@ def likeliest_change(accepted: Acceptance) -> Varied | None:
     if odds[best] < _asked_of_a_change(parts.evidence, is_coarse(accepted)):
         return None
     alike = [each for each in odds if each.base == best.base and odds[each] > odds[best] - CLOSE]
-    return min(alike, key=lambda each: (each.course.pieces, -odds[each]))
+    return min(alike, key=lambda each: (each.profile.pieces, -odds[each]))
 
 
 def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
@@ -76,15 +76,17 @@ def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
     asked = evidence.log_odds(search_effects(evidence)) + CLOSE
     if not coarse:
         return asked
-    changing = frozenset(each.name for each in courses(evidence.names, evidence.equations.model.catalogue))
+    changing = frozenset(
+        each.name for each in time_varying_among(evidence.names, evidence.equations.model.catalogue)
+    )
     return max(asked, (1.0 + _MUCH) * evidence.log_odds(search_effects(evidence, changing)))
 
 
-def _odds_with(parts: _Parts, change: Varied) -> float:
+def _odds_with(parts: _Parts, change: TimeVaryingEffect) -> float:
     """The log odds of the best set of effects with a changed one, less the cost of the times tried."""
     evidence = parts.with_change(change)
     names = search_effects(evidence)
-    tried = len(parts.courses) if change.course.interval_s else 1
+    tried = len(parts.profiles) if change.profile.interval_s else 1
     return evidence.log_odds(names) - log(tried) if change.name in names else -np.inf
 
 
@@ -94,7 +96,7 @@ class _Parts:
 
     ``evidence`` is that of the whole; ``own`` [L, K, K] are the inner products of the data and all effects within
     each part, ``half`` [L, n, K] the corrections for the nuisances and ``rest`` [n, K] their sum; ``part`` [T] is
-    the part of each second; ``courses`` has every candidate course with its shares.
+    the part of each second; ``profiles`` has every candidate profile with its shares.
     """
 
     evidence: Evidence
@@ -102,10 +104,10 @@ class _Parts:
     half: Floats
     rest: Floats
     part: Ints
-    courses: tuple[tuple[Course, Floats], ...]
+    profiles: tuple[tuple[TimeProfile, Floats], ...]
 
     def inner(self, columns: Sequence[int], shares: Floats) -> Floats:
-        """Inner products of the data and all effects, followed by those of ``columns`` in each piece of a course.
+        """Inner products of the data and all effects, followed by those of ``columns`` in each piece of a profile.
 
         ``shares`` [L, pieces] is the weight of each piece in each part.
         """
@@ -116,10 +118,10 @@ class _Parts:
         among = np.einsum("lp,lq,lcd->pcqd", shares, shares, own[:, some]).reshape(taken.shape[1], -1)
         return np.block([[self.evidence.inner, cross], [cross.T, among - taken.T @ taken]])
 
-    def with_change(self, change: Varied) -> Evidence:
+    def with_change(self, change: TimeVaryingEffect) -> Evidence:
         """The evidence with a changed effect beside all others."""
         equations = self.evidence.equations
-        shares = _shares(change.course, equations.log, self.part)
+        shares = _shares(change.profile, equations.log, self.part)
         inner = self.inner(self.evidence.columns([change.base]), shares)
         size, layout = len(change.free_scale), equations.layout
         layout = replace(
@@ -148,46 +150,46 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, kept)
     whole = half.sum(axis=1)
     evidence = Evidence(own.sum(axis=0) - whole.T @ whole, replace(fine, log=log))
-    courses = tuple((course, _shares(course, log, part)) for course in _courses(log))
+    profiles = tuple((profile, _shares(profile, log, part)) for profile in _profiles(log))
     half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
-    return _Parts(evidence, own, half, whole, part, courses)
+    return _Parts(evidence, own, half, whole, part, profiles)
 
 
-def _shares(course: Course, log: Log, part: Ints) -> Floats:
-    """The weight of each piece of a course in each part of a trial [L, pieces]."""
+def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
+    """The weight of each piece of a profile in each part of a trial [L, pieces]."""
     count = np.bincount(part)
-    return np.column_stack([np.bincount(part, weights=each) / count for each in course.shares(log).T])
+    return np.column_stack([np.bincount(part, weights=each) / count for each in profile.shares(log).T])
 
 
 def _steady(parts: _Parts) -> list[str]:
     catalogue = parts.evidence.equations.model.catalogue
-    return [name for name, effect in catalogue.items() if not isinstance(effect, Varied)]
+    return [name for name, effect in catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
 
 
-def _best_courses(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, Varied]:
-    """An effect with its most likely course of each shape, by log evidence beside the other named effects."""
+def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, TimeVaryingEffect]:
+    """An effect with its most likely profile of each shape, by log evidence beside the other named effects."""
     evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
     effect, own = catalogue[name], evidence.columns([name])
     others = [each for each in names if catalogue[each].base != name]
     fixed, prior, first = evidence.columns(others), evidence.prior(others), len(evidence.inner)
-    found: dict[Shape, list[tuple[float, Course]]] = {}
-    for course, shares in parts.courses:
+    found: dict[Shape, list[tuple[float, TimeProfile]]] = {}
+    for profile, shares in parts.profiles:
         inner, width = parts.inner(own, shares), len(effect.free_scale)
-        for pieces, shape in _SHAPES.get(course.shape, ((slice(None), course.shape),)):
+        for pieces, shape in _SHAPES.get(profile.shape, ((slice(None), profile.shape),)):
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
             odds = log_evidence(inner, (*fixed, *columns), sizes)
-            found.setdefault(shape, []).append((odds, replace(course, shape=shape)))
+            found.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
     return dict(_likeliest(effect, each) for each in found.values())
 
 
-def _likeliest(effect: Effect, found: Sequence[tuple[float, Course]]) -> tuple[float, Varied]:
-    """The most likely course of one shape, with the interval of its time if it has one."""
-    best, course = max(found, key=lambda each: each[0])
-    if course.shape in ("until", "since", "step"):
+def _likeliest(effect: Effect, found: Sequence[tuple[float, TimeProfile]]) -> tuple[float, TimeVaryingEffect]:
+    """The most likely profile of one shape, with the interval of its time if it has one."""
+    best, profile = max(found, key=lambda each: each[0])
+    if profile.shape in ("until", "since", "step"):
         times = [each.times_s[0] for odds, each in found if odds > best - _INTERVAL]
-        course = replace(course, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
-    return best, varied(effect, course)
+        profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
+    return best, time_varying(effect, profile)
 
 
 _SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {
@@ -196,12 +198,12 @@ _SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {
 """A step with one of its two sizes zero: something that stops or begins."""
 
 
-def _courses(log: Log) -> Iterator[Course]:
-    """Every candidate course."""
+def _profiles(log: Log) -> Iterator[TimeProfile]:
+    """Every candidate profile."""
     recordings = tuple(np.unique(log.recording).tolist())
     if len(recordings) > 1:
-        yield Course("recordings", recordings)
-    yield Course("drift", (float(log.time_s.min()), float(log.time_s.max())))
+        yield TimeProfile("recordings", recordings)
+    yield TimeProfile("drift", (float(log.time_s.min()), float(log.time_s.max())))
     inside = (log.block > log.block[0]) & (log.block < log.block[-1])
     for time_s in log.time_s[inside][::_STEP_S].tolist():
-        yield Course("step", (float(time_s),))
+        yield TimeProfile("step", (float(time_s),))

@@ -25,13 +25,13 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import (
-    UNSEEN,
+    HELD_OUT_LEVEL,
     Acceptance,
     acceptance_tests,
     chance_of_gains,
     lack_of_fit,
     lack_of_fit_that_matters,
-    makers,
+    pairs_spanning,
 )
 from hybrid.diagnosis.evidence import Evidence, Fit, marginalise
 from hybrid.diagnosis.gap import (
@@ -45,7 +45,7 @@ from hybrid.diagnosis.gap import (
 from hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import Replication
 from hybrid.diagnosis.select_effects import (
-    LOOKS,
+    MAX_LINEARISATIONS,
     Coordinates,
     Selection,
     about_fit,
@@ -63,7 +63,7 @@ replicate."""
 COARSE = 3.0
 """The error of a coarse model's forces, in tolerances."""
 
-MOST = 14
+MAX_EFFECTS = 14
 """The most effects of a coarse model: data distinguish some ten groups of a hull's coefficients (Abkowitz 1980,
 SNAME Trans. 88)."""
 
@@ -76,8 +76,8 @@ _AS_LIKELY_AS_NOT = 0.5
 # factor on the error of a coarse model: the third linearisation of six effects removes less misfit
 _FOR_CERTAIN = 3.0
 _CERTAIN = 1e-12
-_SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
-_TOLD = 2.0 * _SURE  # standard errors: significant in 95 of 100 parts
+_ONE_SIDED_95 = 1.645  # standard errors: one-sided 95 % in a part of the trial
+_DETECTABLE = 2.0 * _ONE_SIDED_95  # standard errors: significant in 95 of 100 parts
 _FEWEST_PARTS = 2  # informative parts required
 
 MOST_PARTS = 0.75
@@ -94,23 +94,23 @@ def is_coarse(accepted: Acceptance) -> bool:
 
 
 def selected(
-    evidence: Evidence, progress: Progress = lambda share: None, glance: Selection | None = None
+    evidence: Evidence, progress: Progress = lambda share: None, preliminary: Selection | None = None
 ) -> Selection:
     """The fourth stage, stopped after two linearisations if these leave a misfit that none would remove.
 
-    ``glance`` is the selection after these two, if it is known.
+    ``preliminary`` is the selection after these two, if it is known.
     """
-    glance = glance or selected_at_a_glance(evidence)
-    surest = max(lack_of_fit(glance.evidence, glance.names), key=lambda each: each.gain)
+    preliminary = preliminary or preliminary_selection(evidence)
+    surest = max(lack_of_fit(preliminary.evidence, preliminary.names), key=lambda each: each.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
     if surest.found and surest.depends == OPERATION and surest.size > far_off:
-        return glance
+        return preliminary
     return select_effects(evidence, progress)
 
 
-def selected_at_a_glance(evidence: Evidence) -> Selection:
+def preliminary_selection(evidence: Evidence) -> Selection:
     """The fourth stage's search, stopped after two linearisations."""
-    return search_on(Selection((), evidence, looks=LOOKS - 2))
+    return search_on(Selection((), evidence, linearisations=MAX_LINEARISATIONS - 2))
 
 
 def untested_if_coarse(selection: Selection) -> Acceptance | None:
@@ -124,34 +124,44 @@ def name_of_coarse_model(
     first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
 ) -> Acceptance | None:
     """The effects named beside a remainder, and that remainder; None if none improve predictions."""
-    looks = list[tuple[Callable[[Sequence[str]], Floats], Evidence, tuple[str, ...], LinearTracks]]()
+    candidates = list[tuple[Callable[[Sequence[str]], Floats], Evidence, tuple[str, ...], LinearTracks]]()
     bare = linear_about(first.evidence, {}, number=FEW)
-    for number, look in enumerate(_looks(_expecting_few(bare), windows), 1):
-        looks.append((partial(unseen_m, windows, evidence_without(windows, look[0])), *look))
+    for number, candidate in enumerate(_candidate_sets(_expecting_few(bare), windows), 1):
+        candidates.append((partial(unseen_m, windows, evidence_without(windows, candidate[0])), *candidate))
         progress(number / (2.0 * _ROUNDS + 2.0))
-    before_m, off_m = windows.by_leg_m(windows.before), [of_set(names) for of_set, _, names, _ in looks]
-    best = min(range(len(looks)), key=lambda number: float(off_m[number].mean()))
-    if one_is_enough(before_m, off_m[0], off_m[best], len(first.evidence.names)):
+    before_m, off_m = windows.by_leg_m(windows.before), [of_set(names) for of_set, _, names, _ in candidates]
+    best = min(range(len(candidates)), key=lambda number: float(off_m[number].mean()))
+    if single_effect_suffices(before_m, off_m[0], off_m[best], len(first.evidence.names)):
         best = 0
-    of_set, evidence, names, tracks = looks[best]
-    if not names or not worth_it(before_m, off_m[best]):
+    of_set, evidence, names, tracks = candidates[best]
+    if not names or not improves_prediction(before_m, off_m[best]):
         return None
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     catalogue = evidence.equations.model.catalogue
     rivals = {name: [(each,) for each in possible_rivals(evidence, names, name)] for name in names}
     known = {name: [some for some in rivals[name] if some[0] in catalogue[name].confused_with] for name in names}
-    close = alike(of_set, names, known)
-    tied = dict.fromkeys([(one, other) for one, other in [*close, *alike(tracks.by_leg_m, names, rivals)]], 0.0)
+    close = substitutes_of(of_set, names, known)
+    tied = dict.fromkeys(
+        [(one, other) for one, other in [*close, *substitutes_of(tracks.by_leg_m, names, rivals)]], 0.0
+    )
     pairs = {
-        name: [pair for pair in makers(evidence, names, name) if not any((name, each) in close for each in pair)]
+        name: [
+            pair
+            for pair in pairs_spanning(evidence, names, name)
+            if not any((name, each) in close for each in pair)
+        ]
         for name in names
     }
-    halves = tuple((name, one, other) for name, one, other in alike(of_set, names, pairs))
-    accepted = Acceptance(names, tests, evidence, rival_deficits=tied, halves=halves, beside_remainder=True)
+    substitute_pairs = tuple((name, one, other) for name, one, other in substitutes_of(of_set, names, pairs))
+    accepted = Acceptance(
+        names, tests, evidence, rival_deficits=tied, substitute_pairs=substitute_pairs, beside_remainder=True
+    )
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
+def _candidate_sets(
+    evidence: Evidence, windows: UnseenWindows
+) -> Iterator[tuple[Evidence, tuple[str, ...], LinearTracks]]:
     """Candidate sets: the best single effect; the best set about the posterior mode of all effects; then,
     repeatedly until it stays the same, the best set about the last one.
 
@@ -171,14 +181,14 @@ def _looks(evidence: Evidence, windows: UnseenWindows) -> Iterator[tuple[Evidenc
             return
 
 
-def one_is_enough(before_m: Floats, alone_m: Floats, best_m: Floats, tried: int) -> bool:
+def single_effect_suffices(before_m: Floats, alone_m: Floats, best_m: Floats, tried: int) -> bool:
     """Whether one cause suffices, judged by the distances of each leg.
 
     It predicts held-out legs better than no effect, allowing for the number tried (5 %, Sidak 1967), and not
     significantly worse than the best set (cf. the one-standard-error rule, Breiman et al. 1984).
     """
     chance = -np.expm1(tried * np.log1p(-min(chance_of_closer(before_m, alone_m), 1.0 - _CERTAIN)))
-    return bool(chance < UNSEEN and not worth_it(alone_m, best_m))
+    return bool(chance < HELD_OUT_LEVEL and not improves_prediction(alone_m, best_m))
 
 
 def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[str, ...], LinearTracks]:
@@ -219,7 +229,7 @@ def _expecting_few(evidence: Evidence) -> Evidence:
     the square root of p.
     """
     equations = evidence.equations
-    share = min(1.0, MOST / len(evidence.names))
+    share = min(1.0, MAX_EFFECTS / len(evidence.names))
     layout = replace(equations.layout, prior=np.sqrt(share) * equations.layout.prior)
     return replace(evidence, equations=replace(equations, layout=layout))
 
@@ -248,25 +258,27 @@ class _Choice:
 
         Effects that fail are removed one at a time, the least missed first, since others may pass without them.
         """
-        barred = frozenset[str]()
+        excluded = frozenset[str]()
         while True:
-            names = self.tracks.best_set(names, WORTH, MOST, barred)
-            sets = {name: tuple(each for each in names if each != name) for name in self._idle(names)}
+            names = self.tracks.best_set(names, WORTH, MAX_EFFECTS, excluded)
+            sets = {name: tuple(each for each in names if each != name) for name in self._unconfirmed(names)}
             if not sets:
                 return names
             least = min(sets, key=lambda name: self.tracks.by_leg_m(sets[name]).mean())
-            barred, names = barred | {least}, sets[least]
+            excluded, names = excluded | {least}, sets[least]
 
-    def _idle(self, names: tuple[str, ...]) -> list[str]:
+    def _unconfirmed(self, names: tuple[str, ...]) -> list[str]:
         """Effects not found independently in most parts of the trial, or not significant.
 
         Significance is by the scatter from leg to leg, which reflects model errors, not noise; it does not
         overrule effects that predictions have confirmed.
         """
         found = replications(self.evidence, names, self.parts)
-        idle = [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
-        chance = {name: acceptance_tests(self.evidence, names, name).p_value for name in names if name not in idle}
-        return [*idle, *(name for name, each in chance.items() if each >= _AS_LIKELY_AS_NOT)]
+        unconfirmed = [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
+        chance = {
+            name: acceptance_tests(self.evidence, names, name).p_value for name in names if name not in unconfirmed
+        }
+        return [*unconfirmed, *(name for name, each in chance.items() if each >= _AS_LIKELY_AS_NOT)]
 
 
 def unseen_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
@@ -277,7 +289,7 @@ def unseen_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Seque
     return windows.by_leg_m(windows.by_other_folds(sizes_without(rests, names)))
 
 
-def alike(
+def substitutes_of(
     off_m: Callable[[tuple[str, ...]], Floats],
     names: tuple[str, ...],
     substitutes: Mapping[str, Collection[tuple[str, ...]]],
@@ -290,22 +302,22 @@ def alike(
     for name in (each for each in names if substitutes[each]):
         others = tuple(each for each in names if each != name)
         lacking_m, swapped_m = off_m(others), {some: off_m((*others, *some)) for some in substitutes[name]}
-        found += [(name, *some) for some, off in swapped_m.items() if stands_in(lacking_m, off, whole_m)]
+        found += [(name, *some) for some, off in swapped_m.items() if is_substitute(lacking_m, off, whole_m)]
     return found
 
 
-def stands_in(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
+def is_substitute(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
     """Whether a rival would be worth naming in place of a name, and predicts not significantly worse.
 
     All are distances by leg: with neither, with the rival, with the name.
     """
-    return bool(np.log(lacking_m.mean() / swapped_m.mean()) > WORTH and not worth_it(swapped_m, whole_m))
+    return bool(np.log(lacking_m.mean() / swapped_m.mean()) > WORTH and not improves_prediction(swapped_m, whole_m))
 
 
-def worth_it(without_m: Floats, with_m: Floats) -> bool:
+def improves_prediction(without_m: Floats, with_m: Floats) -> bool:
     """Whether the second of two distances by leg is smaller, by enough and consistently over legs."""
     gain_m = float((without_m - with_m).mean())
-    return bool(gain_m > WORTH * without_m.mean() and chance_of_closer(without_m, with_m) < UNSEEN)
+    return bool(gain_m > WORTH * without_m.mean() and chance_of_closer(without_m, with_m) < HELD_OUT_LEVEL)
 
 
 def chance_of_closer(without_m: Floats, with_m: Floats) -> float:
@@ -328,22 +340,22 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
 
     def judged(name: str) -> Replication:
         size = max(float(np.linalg.norm(whole[name])), 1e-300)
-        seen = [_standing(part, fit, name, np.array(whole[name]) / size) for part, fit in fits]
-        told = [own for own, error in seen if size > _TOLD * error or abs(own) > _SURE * error]
-        if len(told) < _FEWEST_PARTS:
-            told = [own for own, _ in seen]
-        return Replication(len(told), sum(own > _SURE * error for own, error in seen))
+        seen = [_size_along(part, fit, name, np.array(whole[name]) / size) for part, fit in fits]
+        informative = [own for own, error in seen if size > _DETECTABLE * error or abs(own) > _ONE_SIDED_95 * error]
+        if len(informative) < _FEWEST_PARTS:
+            informative = [own for own, _ in seen]
+        return Replication(len(informative), sum(own > _ONE_SIDED_95 * error for own, error in seen))
 
     return {name: judged(name) for name in names}
 
 
-def _standing(part: Evidence, fit: Fit, name: str, along: Floats) -> tuple[float, float]:
+def _size_along(part: Evidence, fit: Fit, name: str, along: Floats) -> tuple[float, float]:
     """The size of an effect in a part of a trial, along the direction that it has in the whole, and its error."""
     places = part.places(fit, name)
     return float(along @ fit.values[places]), float(np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along))
 
 
-_LOOKS = 8
+_MAX_STEPS = 8
 _SHORTEST = 1.0 / 32.0
 _ENOUGH = 1.0  # gain in log posterior density below which the search has converged
 
@@ -358,25 +370,25 @@ def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
 
 def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
     """The evidence linearised about the posterior mode of ``names`` together."""
-    surprise = _surprise(evidence)
-    for _ in range(_LOOKS):
-        step = _step(evidence, fitted_coordinates(evidence, names), surprise)
+    cost = _cost(evidence)
+    for _ in range(_MAX_STEPS):
+        step = _step(evidence, fitted_coordinates(evidence, names), cost)
         if step is None:
             break
-        gain, evidence = surprise - step[0], linear_about(evidence, step[1])
-        surprise = step[0]
+        gain, evidence = cost - step[0], linear_about(evidence, step[1])
+        cost = step[0]
         if gain < _ENOUGH:
             break
     return evidence
 
 
-def _step(evidence: Evidence, target: Coordinates, surprise: float) -> tuple[float, Coordinates] | None:
+def _step(evidence: Evidence, target: Coordinates, cost: float) -> tuple[float, Coordinates] | None:
     """The longest step towards ``target`` that lowers the cost, and the cost there; None if none does."""
     equations, share = evidence.equations, 1.0
     while share >= _SHORTEST:
         at = equations.model.bounded(_between(equations.model.at, target, share))
-        less = _surprise(linear_about(evidence, at, equations.effects))
-        if less < surprise:
+        less = _cost(linear_about(evidence, at, equations.effects))
+        if less < cost:
             return less, at
         share *= 0.5
     return None
@@ -392,7 +404,7 @@ def _between(start: Coordinates, end: Coordinates, share: float) -> dict[str, tu
     return {name: tuple(np.atleast_1d((1.0 - share) * of(start, name) + share * of(end, name))) for name in names}
 
 
-def _surprise(evidence: Evidence) -> float:
+def _cost(evidence: Evidence) -> float:
     """The negative log posterior density at the linearisation, up to a constant."""
     equations = evidence.equations
     gram, data = equations.gram.sum(axis=0), np.array([0])

@@ -19,8 +19,7 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, accept, accept_names
 from hybrid.diagnosis.change import likeliest_change, may_change
-from hybrid.diagnosis.coarse_model import selected, selected_at_a_glance, untested_if_coarse
-from hybrid.diagnosis.course import with_recordings
+from hybrid.diagnosis.coarse_model import preliminary_selection, selected, untested_if_coarse
 from hybrid.diagnosis.disturbance_model import NoiseEstimate
 from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import evidence_of, normal_equations, weigh_evidence
@@ -28,6 +27,7 @@ from hybrid.diagnosis.linearise import Linearisation, linearise, model_of
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, log_of
 from hybrid.diagnosis.nuisance_basis import FEW
 from hybrid.diagnosis.select_effects import log_density, search_effects
+from hybrid.diagnosis.time_varying import with_recordings
 from hybrid.diagnosis.verdict import Conclusion, reach_verdict
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of
@@ -107,11 +107,11 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), known.model, known.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
     if log.setting_step_s > SELDOM_S:
-        glance = selected_at_a_glance(evidence)
-        density = log_density(glance.evidence, glance.names) - margin
-        if density + margin < least and not untested_if_coarse(glance):
+        preliminary = preliminary_selection(evidence)
+        density = log_density(preliminary.evidence, preliminary.names) - margin
+        if density + margin < least and not untested_if_coarse(preliminary):
             return density
-        if not untested_if_coarse(selection := selected(evidence, glance=glance)):
+        if not untested_if_coarse(selection := selected(evidence, preliminary=preliminary)):
             found = accept_names(selection)
             return log_density(found.evidence, found.names) - margin
     return log_density(evidence, search_effects(evidence)) - margin

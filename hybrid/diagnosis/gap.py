@@ -192,10 +192,12 @@ def _controls(log: Log, starts: Ints) -> dict[str, Floats]:
 
 
 def named_without(
-    windows: UnseenWindows, evidence: Evidence, barred: frozenset[str] = frozenset()
+    windows: UnseenWindows, evidence: Evidence, excluded: frozenset[str] = frozenset()
 ) -> dict[int, Coordinates]:
-    """The effects, with sizes, selected on all legs but those of each fold; none that is ``barred``."""
-    return {fold: _asked_for(rest, barred) for fold, rest in evidence_without(windows, evidence).items()}
+    """The effects, with sizes, selected on all legs but those of each fold; none that is ``excluded``."""
+    return {
+        fold: _significant_effects(rest, excluded) for fold, rest in evidence_without(windows, evidence).items()
+    }
 
 
 def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
@@ -229,9 +231,9 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
     return replace(held, gap=gap, shares={name: ratio * share for name, share in held.shares.items()})
 
 
-def _asked_for(rest: Evidence, barred: frozenset[str]) -> Coordinates:
+def _significant_effects(rest: Evidence, excluded: frozenset[str]) -> Coordinates:
     """The effects selected on some legs, with their sizes."""
-    names = search_effects(rest, barred)
+    names = search_effects(rest, excluded)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}
         chance = {name: rest.chance(gain[name], len(rest.columns([name]))) for name in names}
@@ -274,7 +276,7 @@ def _later(A: Floats, B: Floats, noise: Noise, P: Floats) -> Floats:
     return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)
 
 
-DEALS = (2, 3, 4)
+FOLD_COUNTS = (2, 3, 4)
 """Numbers of folds, used in turn: a single division into folds has a best set of its own."""
 
 _STEP = 0.2  # of an effect's typical size
@@ -301,7 +303,7 @@ class _Fold:
 class LinearTracks:
     """Sets of effects judged by linear tracks on held-out legs.
 
-    ``low`` and ``high`` [P] are the bounds of the free coordinates; ``folds`` those of all :data:`DEALS`.
+    ``low`` and ``high`` [P] are the bounds of the free coordinates; ``folds`` those of all :data:`FOLD_COUNTS`.
     """
 
     evidence: Evidence
@@ -320,10 +322,12 @@ class LinearTracks:
             off_m.append(_off_m(fold.off, fold.slope, columns - 1, sizes))
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
-    def best_set(self, names: tuple[str, ...], worth: float, most: int, barred: Collection[str]) -> tuple[str, ...]:
+    def best_set(
+        self, names: tuple[str, ...], worth: float, most: int, excluded: Collection[str]
+    ) -> tuple[str, ...]:
         """A set of at most ``most`` effects that no step improves, each costing ``worth`` [1] of the distance.
 
-        A step drops one of ``names``, or adds one that is not ``barred``.
+        A step drops one of ``names``, or adds one that is not ``excluded``.
         """
 
         def price(some: tuple[str, ...]) -> float:
@@ -333,7 +337,7 @@ class LinearTracks:
         while True:
             steps = [tuple(other for other in names if other != name) for name in names]
             if len(names) < most:
-                more = [(*names, name) for name in self.evidence.names if name not in (*names, *barred)]
+                more = [(*names, name) for name in self.evidence.names if name not in (*names, *excluded)]
                 steps += filter(self.evidence.compatible, more)
             found = min(((price(some), some) for some in steps), default=(np.inf, names))
             if found[0] >= best and len(names) <= most:
@@ -400,7 +404,7 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
     low, high = np.sort(np.array(ends).reshape(2, -1), axis=0)
 
     def folds() -> Iterator[_Fold]:
-        for fold in (fold_of(windows.log, deal) for deal in DEALS):
+        for fold in (fold_of(windows.log, count) for count in FOLD_COUNTS):
             for each in np.unique(fold):
                 others = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == each])
                 inner = _evidence_of_legs(equations, others).inner

@@ -27,8 +27,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from analysis.compiling import threads_for
 from analysis.quality.samples import robust_spread
-from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.actuators.kind import PLAY
@@ -107,10 +107,10 @@ class Model:
 
         A single stage, with the mean of the added effects, if there would be more than ``most``.
         """
-        changing = courses(self.at, self.catalogue)
+        changing = time_varying_among(self.at, self.catalogue)
         if not changing:
             return [(np.ones(len(log), dtype=np.bool_), self)]
-        shares = [each.course.levels(log) for each in changing]
+        shares = [each.profile.levels(log) for each in changing]
         kinds, which = np.unique(np.hstack(shares), axis=0, return_inverse=True)
         if len(kinds) > most:
             kinds, which = np.hstack(shares).mean(axis=0)[None], np.zeros(len(log), dtype=np.int64)
@@ -118,9 +118,9 @@ class Model:
         for number, kind in enumerate(kinds):
             at, first = {name: free for name, free in self.at.items() if name not in {c.name for c in changing}}, 0
             for each in changing:
-                part = kind[first : first + each.course.pieces]
+                part = kind[first : first + each.profile.pieces]
                 at[each.base] = tuple((part @ np.array(each.pieces(self.at[each.name]))).tolist())
-                first += each.course.pieces
+                first += each.profile.pieces
             found.append((which.reshape(-1) == number, replace(self, at=at)))
         return found
 
@@ -219,8 +219,8 @@ def linearise(
 def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence[Signature]) -> LinearModel:
     """The linear model, to first order with the part of changing effects that :meth:`Model.stages` leaves out."""
     defect, observed = linear.defect, linear.observed
-    for each in courses(model.at, model.catalogue):
-        beside = each.course.shares(log) - each.course.levels(log)
+    for each in time_varying_among(model.at, model.catalogue):
+        beside = each.profile.shares(log) - each.profile.levels(log)
         off = beside @ np.array(each.pieces(model.at[each.name]))
         own = [signature for signature in known if signature.effect == each.base]
         for signature, size in zip(own, off.T[:, :, None], strict=True):
@@ -302,18 +302,20 @@ def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> 
     (ways,) = _in_stages(log, stages, lambda log, each, own: (one_second_paths(log, each.plant(), own),), origin)
     known = [
         Signature(name, coordinate, *_in_stages(log, stages, partial(_sensitivity, name, coordinate), origin, ways))
-        for name in names if not isinstance(catalogue[name], Varied)
+        for name in names if not isinstance(catalogue[name], TimeVaryingEffect)
         for coordinate in range(len(catalogue[name].free_scale))
     ]  # fmt: skip
-    return [*known, *varied_signatures(log, courses(names, catalogue), known)]
+    return [*known, *time_varying_signatures(log, time_varying_among(names, catalogue), known)]
 
 
-def varied_signatures(log: Log, changing: Sequence[Varied], known: Sequence[Signature]) -> list[Signature]:
+def time_varying_signatures(
+    log: Log, changing: Sequence[TimeVaryingEffect], known: Sequence[Signature]
+) -> list[Signature]:
     """The signatures of effects that vary with time, from the ``known`` ones of the constant effects."""
     result = []
     for each in changing:
         own = [signature for signature in known if signature.effect == each.base]
-        for number, share in enumerate(each.course.shares(log).T[:, :, None]):
+        for number, share in enumerate(each.profile.shares(log).T[:, :, None]):
             first = number * len(own)
             result += [Signature(each.name, first + s.coordinate, s.D * share, s.E * share) for s in own]
     return result

@@ -19,7 +19,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import score_spread
-from hybrid.diagnosis.coarse_model import MOST_PARTS, replications, unseen_m, worth_it
+from hybrid.diagnosis.coarse_model import MOST_PARTS, improves_prediction, replications, unseen_m
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
 from hybrid.diagnosis.linearise import Linearisation, signatures
@@ -239,7 +239,7 @@ def _added(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[Fo
     fitted = now.with_effect(effect, windows)
     parts = tuple(evidence_within(windows, fitted.evidence).values())
     replicated = replications(fitted.evidence, fitted.names, parts)[effect.name]
-    if not worth_it(now.off_m, fitted.off_m) or replicated.found < MOST_PARTS * replicated.parts:
+    if not improves_prediction(now.off_m, fitted.off_m) or replicated.found < MOST_PARTS * replicated.parts:
         return None
     value, error = _size(fitted, effect.name)
     after_m = float(fitted.off_m.mean())

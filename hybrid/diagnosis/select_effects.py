@@ -27,10 +27,10 @@ linearisation."""
 _PAIRS_OF = 8
 _EXACT = 1e-9  # relative rounding error allowed in 64 bits
 _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, and of the size
-MOST = 6
+MAX_EFFECTS = 6
 """The largest number of effects in a search."""
 
-LOOKS = 10
+MAX_LINEARISATIONS = 10
 """The largest number of linearisations."""
 
 _CLOSER = 3  # single delays examined more closely where several effects seem present
@@ -40,9 +40,9 @@ Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
-def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """The set of at most :data:`MOST` effects with most evidence, by steps from no effect or the best pair."""
-    allowed = [name for name in evidence.names if name not in barred]
+def search_effects(evidence: Evidence, excluded: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """The at most :data:`MAX_EFFECTS` effects with most evidence, by steps from no effect or the best pair."""
+    allowed = [name for name in evidence.names if name not in excluded]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
     pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
@@ -66,7 +66,7 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
 
 def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ...]]:
     outside = [name for name in allowed if name not in names]
-    added = [(*names, name) for name in outside] if len(names) < MOST else []
+    added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
     dropped = [tuple(other for other in names if other != name) for name in names]
     swapped = [(*rest, name) for rest in dropped for name in outside]
     return added + dropped + swapped
@@ -126,17 +126,17 @@ def has_converged(
 class Selection:
     """The result of the fourth stage: the effects that explain the data best, before testing.
 
-    ``names`` are the effects and ``evidence`` is linearised about ``at``, their free coordinates; ``barred``
+    ``names`` are the effects and ``evidence`` is linearised about ``at``, their free coordinates; ``excluded``
     ones may no longer be selected. ``tried`` has the log density of the data with each starting set, linearised
-    about itself; ``looks`` counts the linearisations.
+    about itself; ``linearisations`` counts them.
     """
 
     names: tuple[str, ...]
     evidence: Evidence
     at: Coordinates = field(default_factory=dict)
-    barred: frozenset[str] = frozenset()
+    excluded: frozenset[str] = frozenset()
     tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
-    looks: int = 0
+    linearisations: int = 0
 
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
@@ -146,16 +146,16 @@ def select_effects(evidence: Evidence, progress: Progress = lambda share: None) 
 
 
 def search_on(selection: Selection, progress: Progress = lambda share: None) -> Selection:
-    """Search among the effects not barred, starting from the linearisation of ``selection``, until converged."""
+    """Search among the effects not excluded, starting from the linearisation of ``selection``, until converged."""
     evidence, at = selection.evidence, selection.at
-    for number in range(selection.looks + 1, LOOKS + 1):
+    for number in range(selection.linearisations + 1, MAX_LINEARISATIONS + 1):
         evidence = linear_about(evidence, at) if at else evidence
-        names = search_effects(evidence, selection.barred)
+        names = search_effects(evidence, selection.excluded)
         progress(min(0.9, number / 4.0))
-        if number == LOOKS or has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE):
+        if number == MAX_LINEARISATIONS or has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE):
             break
         at = fitted_coordinates(evidence, names)
-    return replace(selection, names=names, evidence=evidence, at=at, looks=number)
+    return replace(selection, names=names, evidence=evidence, at=at, linearisations=number)
 
 
 def linear_about(

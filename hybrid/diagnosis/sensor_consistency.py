@@ -14,7 +14,6 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
-from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.disturbance_model import Noise, columns_of
 from hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
 from hybrid.diagnosis.linearise import (
@@ -26,7 +25,7 @@ from hybrid.diagnosis.linearise import (
     linear_model,
     sensor_readings,
     signatures,
-    varied_signatures,
+    time_varying_signatures,
 )
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.nuisance_basis import tolerances
@@ -38,13 +37,14 @@ from hybrid.diagnosis.select_effects import (
     rivals_of,
     search_effects,
 )
+from hybrid.diagnosis.time_varying import TimeVaryingEffect, time_varying_among
 from hybrid.effects import Catalogue
 from hybrid.vessel.sensors import HEADING
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: uninformative change of speed in a second
 _SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: undetectable error shared by all sensors
 _DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
-_LOOKS = 6
+_MAX_LINEARISATIONS = 6
 _SETTLED = 0.5  # of a standard error
 
 
@@ -97,22 +97,22 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, .
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
     better than the first-order effect of a short one.
     """
-    barred: frozenset[str] = frozenset()
+    excluded: frozenset[str] = frozenset()
     at: Coordinates = {}
     best: tuple[float, Evidence, tuple[str, ...]] | None = None
-    for _ in range(_LOOKS):
+    for _ in range(_MAX_LINEARISATIONS):
         evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
-        names = search_effects(evidence, barred)
+        names = search_effects(evidence, excluded)
         failed = [each for each in (acceptance_tests(evidence, names, name) for name in names) if not each.accepted]
         if failed:
-            barred |= {max(failed, key=lambda each: each.p_value).name}
+            excluded |= {max(failed, key=lambda each: each.p_value).name}
         else:
             score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
             if best is None or score > best[0]:
                 best = score, evidence, names
             if has_converged(evidence, names, at, _SETTLED):
                 break
-        at = fitted_coordinates(evidence, search_effects(evidence, barred))
+        at = fitted_coordinates(evidence, search_effects(evidence, excluded))
     return best[1:] if best else (evidence, ())
 
 
@@ -145,11 +145,11 @@ def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature]
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
     none, known = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
-    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, Varied)]
+    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
     for each in signatures(log, model, origin, steady):
         own = known.get((each.effect, each.coordinate))
         effects.append(each if own is None else replace(each, D=none, E=own))
-    effects += varied_signatures(log, courses(model.catalogue, model.catalogue), effects)
+    effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
     shared = [
         ("all_late", np.sum([known[name, 0] for name in _DELAYS], axis=0)),
         ("all_ahead", known["position_antenna_offset", 0] + known["speed_sensor_offset", 0]),

@@ -14,14 +14,13 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.coarse_model import (
     CREDIBLE,
+    improves_prediction,
     is_coarse,
     name_of_coarse_model,
     replications,
     sizes_without,
     unseen_m,
-    worth_it,
 )
-from hybrid.diagnosis.course import base_names, courses
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import (
     HeldOutGap,
@@ -38,6 +37,7 @@ from hybrid.diagnosis.regimes import FoundRegime, largest_regimes
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
 from hybrid.diagnosis.select_effects import CLOSE, SEEN, Coordinates, fitted_coordinates, linear_about, rivals_of
 from hybrid.diagnosis.sensor_consistency import find_contradictions
+from hybrid.diagnosis.time_varying import base_names, time_varying_among
 from hybrid.effects import Effect
 from hybrid.planning.information import limits
 from hybrid.planning.next_manoeuvre import Pair, next_manoeuvre
@@ -103,7 +103,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     replicated = replications(accepted.evidence, accepted.names, parts)
     unknown = bool(withdrawn) or _is_unknown(accepted, found, replicated)
     composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
-    tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.halves]
+    tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
     progress(0.6)
     return Conclusion(
         verdict=verdict_of(accepted.names, tied, unknown),
@@ -119,7 +119,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         withdrawn=withdrawn,
         next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
-        maps=(map_of(equations), map_of(_last_look(accepted, first), with_effects=True)),
+        maps=(map_of(equations), map_of(_final_equations(accepted, first), with_effects=True)),
     )
 
 
@@ -134,10 +134,10 @@ def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptan
     while names:
         whole_m = off_m(names)
         lacking = {name: off_m([each for each in names if each != name]) for name in names}
-        idle = [name for name in names if not worth_it(lacking[name], whole_m)]
-        if not idle:
+        unconfirmed = [name for name in names if not improves_prediction(lacking[name], whole_m)]
+        if not unconfirmed:
             return replace(sensors, names=names, tests={name: sensors.tests[name] for name in names})
-        least = min(idle, key=lambda name: float(lacking[name].mean()))
+        least = min(unconfirmed, key=lambda name: float(lacking[name].mean()))
         names = tuple(name for name in names if name != least)
     return None
 
@@ -155,7 +155,7 @@ def _judged(
 
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
     """Whether the effects named ``without`` them predict held-out legs worse, by enough and consistently."""
-    return worth_it(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
+    return improves_prediction(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
 
 
 def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
@@ -242,7 +242,7 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
     return "indistinguishable" if tied else "named"
 
 
-def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
+def _final_equations(accepted: Acceptance, first: Acceptance) -> NormalEquations:
     """The regression with all named effects in the model."""
     last = first.evidence.equations
     if accepted is first:
@@ -269,7 +269,7 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
     """The next manoeuvre, if a rival is close or not far off."""
     pairs = [pair for name in accepted.names for pair in _pairs(accepted, name, rivals)]
     vessel, catalogue = accepted.evidence.equations.model.vessel, accepted.evidence.equations.model.catalogue
-    if not pairs or vessel is None or courses(accepted.names, catalogue):
+    if not pairs or vessel is None or time_varying_among(accepted.names, catalogue):
         return None
     values = {name: each for name, each in accepted.evidence.values(accepted.names).items() if each is not None}
     return next_manoeuvre(accepted.evidence.equations, vessel, values, pairs, progress)

@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2, norm, t
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.acceptance import FALSE_ALARM, UNSEEN
+from hybrid.diagnosis.acceptance import FALSE_ALARM, HELD_OUT_LEVEL
 from hybrid.diagnosis.evidence import NormalEquations, explained_by, marginalise
 from hybrid.effects import Catalogue, Effect
 
@@ -204,7 +204,7 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     count, total = len(each), float(each.sum())
     if count < 2 or total <= 0.0:
         return inf
-    level, margin = float(t.isf(UNSEEN, count - 1)), float(norm.ppf(POWER))
+    level, margin = float(t.isf(HELD_OUT_LEVEL, count - 1)), float(norm.ppf(POWER))
     share = np.sqrt(np.maximum(each, 0.0) / total)
     even, uneven = 0.5 * float(share.mean()) * sqrt(count), 0.25 * float(share.var(ddof=1))
     # (even x - margin)^2 = level^2 (1 + uneven x^2), with x^2 the noncentrality of all legs

@@ -14,7 +14,6 @@ import numpy as np
 from acquisition.core.serialisation import to_json
 from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
 from hybrid.diagnosis.coarse_model import CREDIBLE
-from hybrid.diagnosis.course import Course, Varied, base_names
 from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places
@@ -36,6 +35,7 @@ from hybrid.diagnosis.result import (
     When,
 )
 from hybrid.diagnosis.select_effects import CLOSE, rivals_of
+from hybrid.diagnosis.time_varying import TimeProfile, TimeVaryingEffect, base_names
 from hybrid.diagnosis.verdict import Conclusion, estimates
 from hybrid.effects import Catalogue, Effect
 from hybrid.effects.catalogue import VERSION
@@ -96,12 +96,14 @@ def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
         effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
         log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
     )  # fmt: skip
-    if isinstance(effect, Varied):
+    if isinstance(effect, TimeVaryingEffect):
         return in_parts(whole, effect, sizes, equations.log)
     return [replace(whole, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
 
 
-def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], log: Log) -> list[NamedEffect]:
+def in_parts(
+    whole: NamedEffect, effect: TimeVaryingEffect, sizes: Sequence[Parameters], log: Log
+) -> list[NamedEffect]:
     """An effect that is not the same in all of a trial, by its parts."""
 
     def said(parameters: Parameters, when: str) -> str:
@@ -109,14 +111,14 @@ def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], lo
         return f"{when}: {what[:1].lower()}{what[1:]} ({ends})"
 
     part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
-    if effect.course.shape == "drift":
-        since, until = map(_utc, effect.course.times_s)
+    if effect.profile.shape == "drift":
+        since, until = map(_utc, effect.profile.times_s)
         drift = Drift(since, until, sizes[0])
         words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, changing linearly; "
         words += f"{said(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
         return [replace(whole, drift=drift, sentence=words)]
     found = []
-    for size, when in zip(sizes, _parts_of(effect.course, log), strict=True):
+    for size, when in zip(sizes, _parts_of(effect.profile, log), strict=True):
         last = part if len(sizes) == 1 else f"with its other sizes {part}"
         words = f"{said(size, when_words(when))}; {last}"
         kept = _kept(effect, when, log)
@@ -124,16 +126,16 @@ def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], lo
     return found
 
 
-def _parts_of(course: Course, log: Log) -> list[When]:
-    if course.shape == "recordings":
-        return [When(recording=Path(log.names[int(number)]).name) for number in course.times_s]
-    (at,) = map(_utc, course.times_s)
-    low, high = map(_utc, course.interval_s or course.times_s * 2)
+def _parts_of(profile: TimeProfile, log: Log) -> list[When]:
+    if profile.shape == "recordings":
+        return [When(recording=Path(log.names[int(number)]).name) for number in profile.times_s]
+    (at,) = map(_utc, profile.times_s)
+    low, high = map(_utc, profile.interval_s or profile.times_s * 2)
     ends = {"until": When(until=at, low=low, high=high), "since": When(since=at, low=low, high=high)}
-    return [ends[course.shape]] if course.shape in ends else list(ends.values())
+    return [ends[profile.shape]] if profile.shape in ends else list(ends.values())
 
 
-def _kept(effect: Varied, when: When, log: Log) -> bool:
+def _kept(effect: TimeVaryingEffect, when: When, log: Log) -> bool:
     """Whether it is there at the end of the trial, and the ship's own where it differs between recordings."""
     if when.recording is None:
         return when.until is None
@@ -274,7 +276,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
             f"{join_words([plain(name) for name in group])} are of one family ({family}) and may together be one "
             "effect that is not in the catalogue"
         )
-    remarks += [_made_by(name, pair) for name, *pair in conclusion.accepted.halves]
+    remarks += [_made_by(name, pair) for name, *pair in conclusion.accepted.substitute_pairs]
     if effects and gap.gap.closed < 0.0:
         remarks.append(
             "predictions are no better with the named effects: other errors of the model are larger and mask them"

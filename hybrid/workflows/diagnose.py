@@ -21,7 +21,7 @@ from acquisition.core.files import write_text
 from acquisition.core.progress import Progress, part_of
 from acquisition.core.trial import software_version
 from analysis.tables.table import NANO, refuse_duplicates, times_ns
-from hybrid.diagnosis.acceptance import UNSEEN, chance_of_gains
+from hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.gap import HORIZON_S, UnseenWindows, fold_of, predicted_tracks, unseen_windows
 from hybrid.diagnosis.linearise import linear_model, model_of, next_states, true_states
@@ -121,7 +121,7 @@ def _correction(
     known = np.isfinite(off_m).all(axis=0)
     held_m, before_m, after_m = off_m[:, known].mean(axis=1).tolist()
     return IdentifiedCorrection(
-        applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < UNSEEN),
+        applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
         constant_velocity_m=held_m,
         before_m=before_m,
         after_m=after_m,

@@ -10,12 +10,12 @@ import pytest
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from hybrid.diagnosis.coarse_model import (
-    alike,
     chance_of_closer,
+    improves_prediction,
     is_coarse,
-    one_is_enough,
     replications,
-    worth_it,
+    single_effect_suffices,
+    substitutes_of,
 )
 from hybrid.diagnosis.diagnose import diagnose
 from hybrid.diagnosis.evidence import Evidence, evidence_of
@@ -85,7 +85,7 @@ def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
         return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
 
     rivals = {"yaw_inertia": [("loading",)], "trim": [("yaw_damping",), ("skeg",), ("drift_moment",)]}
-    assert alike(by_leg_m, ("yaw_inertia", "trim"), rivals) == [("trim", "yaw_damping")]
+    assert substitutes_of(by_leg_m, ("yaw_inertia", "trim"), rivals) == [("trim", "yaw_damping")]
 
 
 def test_two_that_make_a_name_are_tied_with_it_where_they_predict_as_well_together() -> None:
@@ -95,15 +95,15 @@ def test_two_that_make_a_name_are_tied_with_it_where_they_predict_as_well_togeth
         return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(names, 0.1))
 
     pairs = {"trim": [], "skeg": [("yaw_damping", "drift_moment"), ("drift_moment", "drift_force")]}
-    assert alike(by_leg_m, ("trim", "skeg"), pairs) == [("skeg", "yaw_damping", "drift_moment")]
+    assert substitutes_of(by_leg_m, ("trim", "skeg"), pairs) == [("skeg", "yaw_damping", "drift_moment")]
 
 
 def test_closer_on_all_legs_but_the_worst_is_closer() -> None:
     """A leg counts by its ratio, in whatever unit it is measured; but the mean distance has to be smaller, too."""
     before_m = np.array([0.055, 0.079, 0.068, 0.077, 0.076, 0.226, 0.085, 0.127])
     after_m = before_m * np.array([0.7, 0.8, 0.72, 0.7, 0.8, 1.1, 0.75, 0.7])
-    assert worth_it(before_m, after_m)
-    assert not worth_it(before_m, np.where(before_m > 0.2, 2.0, 0.7) * before_m)
+    assert improves_prediction(before_m, after_m)
+    assert not improves_prediction(before_m, np.where(before_m > 0.2, 2.0, 0.7) * before_m)
     units = np.array([1.0, 10.0, 3.3, 0.1, 1.0, 0.01, 2.0, 5.0])
     assert chance_of_closer(units * before_m, units * after_m) == pytest.approx(chance_of_closer(before_m, after_m))
 
@@ -113,10 +113,10 @@ def test_one_cause_is_believed_before_many() -> None:
     before_m = np.array([0.95, 1.0, 1.05, 1.0, 0.9, 1.1, 1.0, 1.0, 0.97, 1.03])
     scatter = 0.1 * np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, -1])
     alone_m = 0.6 * before_m + scatter
-    assert one_is_enough(before_m, alone_m, alone_m - 0.05 + 2.0 * scatter, 50)
-    assert not one_is_enough(before_m, alone_m, 0.5 * alone_m, 50)
-    assert not one_is_enough(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 50)
-    assert one_is_enough(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 1)
+    assert single_effect_suffices(before_m, alone_m, alone_m - 0.05 + 2.0 * scatter, 50)
+    assert not single_effect_suffices(before_m, alone_m, 0.5 * alone_m, 50)
+    assert not single_effect_suffices(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 50)
+    assert single_effect_suffices(before_m, before_m - 0.08 + scatter, before_m - 0.08 + scatter, 1)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import composite_effects, makers
+from hybrid.diagnosis.acceptance import composite_effects, pairs_spanning
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.effects import CATALOGUE
@@ -85,8 +85,8 @@ def test_what_hangs_together_is_one_group_in_the_order_of_names(design: Design) 
 
 def test_a_loss_at_both_pods_is_made_by_one_at_either(design: Design) -> None:
     evidence = seen(design, *BOTH, "thrust_loss_both", "wake_fraction")
-    assert makers(evidence, ("thrust_loss_both",), "thrust_loss_both") == [BOTH]
-    assert makers(evidence, ("thrust_loss_both", BOTH[0]), "thrust_loss_both") == []
+    assert pairs_spanning(evidence, ("thrust_loss_both",), "thrust_loss_both") == [BOTH]
+    assert pairs_spanning(evidence, ("thrust_loss_both", BOTH[0]), "thrust_loss_both") == []
 
 
 def test_a_view_of_data_has_what_it_takes(design: Design) -> None:

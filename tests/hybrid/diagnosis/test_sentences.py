@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.core.actuators import Actuator, Actuators
-from hybrid.diagnosis.course import Course, varied
 from hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, When
+from hybrid.diagnosis.time_varying import TimeProfile, time_varying
 from hybrid.effects import CATALOGUE, vessel_plant
 from hybrid.effects.catalogue import catalogue_for
 from hybrid.report.diagnosis_sentences import in_parts
@@ -168,13 +168,13 @@ def test_an_effect_of_the_users_own_is_said_by_its_name() -> None:
     assert text.startswith("The model lacks drogue: force 800 N (700-900)")
 
 
-def parts_of(name: str, course: Course, *sizes: dict[str, Estimate]) -> list[NamedEffect]:
+def parts_of(name: str, profile: TimeProfile, *sizes: dict[str, Estimate]) -> list[NamedEffect]:
     """An effect with these sizes in the parts of a trial that began at noon."""
     log = replace(
         a_log(vessel_plant(load_vessel("gunnerus_short")), 20), names=("/a/monday.mcap", "/a/thursday.mcap")
     )
     log = replace(log, time_s=np.arange(20) + NOON_S, recording=np.repeat([0, 1], 10))
-    changed = varied(CATALOGUE[name], course)
+    changed = time_varying(CATALOGUE[name], profile)
     whole = NamedEffect(
         name, changed.family, changed.kind, 0.5, 1e-9, "", sizes[-1], Replication(4, 4), 90.0, changed.scope
     )
@@ -193,8 +193,8 @@ SLOW, FAST = (
 
 
 def test_what_stops_is_said_with_its_time() -> None:
-    course = Course("until", (NOON_S + 600.0,), (NOON_S + 540.0, NOON_S + 660.0))
-    (said,) = parts_of("towed_load", course, FORCE)
+    profile = TimeProfile("until", (NOON_S + 600.0,), (NOON_S + 540.0, NOON_S + 660.0))
+    (said,) = parts_of("towed_load", profile, FORCE)
     assert said.sentence.startswith(
         "Until 12:10 on 1 Sep UTC (12:09 to 12:11): something holds the ship back with a steady 3,800 N (3,400-"
     )
@@ -203,7 +203,7 @@ def test_what_stops_is_said_with_its_time() -> None:
 
 
 def test_a_step_has_a_size_before_and_one_after_and_the_last_stays() -> None:
-    before, after = parts_of("ocean_current", Course("step", (NOON_S + 600.0,)), SLOW, FAST)
+    before, after = parts_of("ocean_current", TimeProfile("step", (NOON_S + 600.0,)), SLOW, FAST)
     assert before.when is not None
     assert after.when is not None
     assert before.when.until == after.when.since
@@ -211,7 +211,7 @@ def test_a_step_has_a_size_before_and_one_after_and_the_last_stays() -> None:
 
 
 def test_a_drift_is_said_from_when_to_when() -> None:
-    (said,) = parts_of("ocean_current", Course("drift", (NOON_S, NOON_S + 3600.0)), SLOW, FAST)
+    (said,) = parts_of("ocean_current", TimeProfile("drift", (NOON_S, NOON_S + 3600.0)), SLOW, FAST)
     assert "At 12:00 on 1 Sep UTC: the ship drifts with a current of 0.1 m/s" in said.sentence
     assert "changing linearly; at 13:00 on 1 Sep UTC: the ship drifts with a current of 0.4 m/s" in said.sentence
     assert said.drift == Drift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", SLOW)
@@ -225,7 +225,7 @@ def test_what_differs_between_recordings_stays_with_them_unless_it_is_the_ships(
 ) -> None:
     """Of the ship's own the last is hers."""
     sizes = (SLOW, FAST) if name == "ocean_current" else ({"resistance_factor": Estimate(1.2, 1.1, 1.3, "1")},) * 2
-    said = parts_of(name, Course("recordings", (0, 1)), *sizes)
+    said = parts_of(name, TimeProfile("recordings", (0, 1)), *sizes)
     assert [each.in_vessel for each in said] == kept
     assert [each.when and each.when.recording for each in said] == ["monday.mcap", "thursday.mcap"]
     assert said[0].sentence.startswith("In monday.mcap: the ")

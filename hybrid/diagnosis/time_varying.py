@@ -1,4 +1,4 @@
-"""The course of an effect whose size varies over a trial.
+"""The profile of an effect whose size varies over a trial.
 
 Currents differ from day to day, a tow may be dropped, a tide turns. Such an effect has a size in each of
 several pieces of a trial, and its signatures are those of the constant effect times the weight of each piece in
@@ -27,8 +27,8 @@ _LEVELS = 24
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
-    """The course of an effect's size over a trial.
+class TimeProfile:
+    """The profile of an effect's size over a trial.
 
     A separate size in each of the ``times_s`` recordings (their numbers); one size ``until`` a time, ``since``
     a time, or on both sides of it (``step``); or a linear ``drift`` from the first of two times to the second.
@@ -64,11 +64,11 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Varied(Effect):
-    """An effect ``of`` the catalogue whose size follows a course: the coordinates of its pieces in order."""
+class TimeVaryingEffect(Effect):
+    """An effect ``of`` the catalogue whose size follows a profile: the coordinates of its pieces in order."""
 
     of: str = ""
-    course: Course = Course("since", (0.0,))
+    profile: TimeProfile = TimeProfile("since", (0.0,))
 
     @property
     def base(self) -> str:
@@ -77,28 +77,30 @@ class Varied(Effect):
 
     def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
         """Free coordinates of each piece."""
-        width = len(free) // self.course.pieces
+        width = len(free) // self.profile.pieces
         return [tuple(free[first : first + width]) for first in range(0, len(free), width)]
 
     def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
         """The closest free coordinates within bounds, piece by piece."""
-        return tuple(each for piece in self.pieces(free) for each in super(Varied, self).bounded(piece))
+        return tuple(each for piece in self.pieces(free) for each in super(TimeVaryingEffect, self).bounded(piece))
 
     @property
     def free_scale(self) -> tuple[float, ...]:
         """The typical size of each free coordinate."""
-        return super().free_scale * self.course.pieces
+        return super().free_scale * self.profile.pieces
 
     @property
     def smallest_free(self) -> tuple[float, ...]:
         """The smallest size of interest of each free coordinate."""
-        return super().smallest_free * self.course.pieces
+        return super().smallest_free * self.profile.pieces
 
 
-def varied(effect: Effect, course: Course) -> Varied:
-    """An effect with a course, under a name of its own."""
+def time_varying(effect: Effect, profile: TimeProfile) -> TimeVaryingEffect:
+    """An effect with a profile, under a name of its own."""
     known = {each.name: getattr(effect, each.name) for each in fields(Effect)}
-    return Varied(**{**known, "name": f"{effect.name}, {course.shape}"}, of=effect.name, course=course)
+    return TimeVaryingEffect(
+        **{**known, "name": f"{effect.name}, {profile.shape}"}, of=effect.name, profile=profile
+    )
 
 
 def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
@@ -112,14 +114,14 @@ def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
     judged = np.isin(log.recording, [each for each in recordings if legs[each] > 1])
     if len(recordings) < 2 or judged.mean() < _MOST:
         return catalogue
-    course = Course("recordings", recordings)
-    own = [varied(each, course) for each in catalogue.values() if each.scope != "ship"]
+    profile = TimeProfile("recordings", recordings)
+    own = [time_varying(each, profile) for each in catalogue.values() if each.scope != "ship"]
     return {**catalogue, **{each.name: each for each in own}}
 
 
-def courses(names: Iterable[str], catalogue: Catalogue) -> list[Varied]:
-    """Those of ``names`` that have a course."""
-    return [each for each in map(catalogue.__getitem__, names) if isinstance(each, Varied)]
+def time_varying_among(names: Iterable[str], catalogue: Catalogue) -> list[TimeVaryingEffect]:
+    """Those of ``names`` that have a profile."""
+    return [each for each in map(catalogue.__getitem__, names) if isinstance(each, TimeVaryingEffect)]
 
 
 def base_names(names: Iterable[str], catalogue: Catalogue) -> tuple[str, ...]:

@@ -12,12 +12,12 @@ import pytest
 
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from hybrid.diagnosis.change import likeliest_change, may_change
-from hybrid.diagnosis.course import Course, Varied, base_names, varied, with_recordings
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import recorded_s
+from hybrid.diagnosis.time_varying import TimeProfile, TimeVaryingEffect, base_names, time_varying, with_recordings
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
@@ -64,17 +64,17 @@ def log(plant: Plant) -> Log:
     return two_days(plant)
 
 
-def courses_of(log: Log) -> list[Course]:
+def profiles_of(log: Log) -> list[TimeProfile]:
     """One of each shape that covers the whole trial."""
     ends = float(log.time_s[0]), float(log.time_s[-1])
-    return [Course("recordings", (0, 1)), Course("step", (ends[0] + 50.0,)), Course("drift", ends)]
+    return [TimeProfile("recordings", (0, 1)), TimeProfile("step", (ends[0] + 50.0,)), TimeProfile("drift", ends)]
 
 
 def test_the_parts_of_a_trial_add_up_to_it(log: Log) -> None:
     """Second by second; where the equations are made linear, the same throughout a block."""
-    for course in courses_of(log):
-        shares, levels = course.shares(log), course.levels(log)
-        assert shares.shape == (len(log), course.pieces)
+    for profile in profiles_of(log):
+        shares, levels = profile.shares(log), profile.levels(log)
+        assert shares.shape == (len(log), profile.pieces)
         for each in (shares, levels):
             np.testing.assert_allclose(each.sum(axis=1), 1.0)
         for block in range(4):
@@ -91,19 +91,19 @@ def test_the_map_counts_the_time_that_was_recorded(log: Log) -> None:
 
 def test_until_and_since_are_the_two_parts_of_a_step(log: Log) -> None:
     time_s = (float(log.time_s[DAY_S]),)
-    parts = [Course(shape, time_s).shares(log) for shape in ("until", "since")]
-    np.testing.assert_array_equal(np.hstack(parts), Course("step", time_s).shares(log))
+    parts = [TimeProfile(shape, time_s).shares(log) for shape in ("until", "since")]
+    np.testing.assert_array_equal(np.hstack(parts), TimeProfile("step", time_s).shares(log))
 
 
 @pytest.mark.parametrize("name", ["ocean_current", "heading_bias", "hull_fouling"])
 def test_the_signatures_of_the_parts_add_up_to_that_of_the_whole(plant: Plant, log: Log, name: str) -> None:
-    for course in courses_of(log):
-        changing = varied(CATALOGUE[name], course)
+    for profile in profiles_of(log):
+        changing = time_varying(CATALOGUE[name], profile)
         model = Model(plant, {**CATALOGUE, changing.name: changing})
         known = signatures(log, model, log.nominal, [name, changing.name])
         width = len(CATALOGUE[name].free_scale)
         whole, parts = known[:width], known[width:]
-        assert len(parts) == width * course.pieces
+        assert len(parts) == width * profile.pieces
         for coordinate, each in enumerate(whole):
             np.testing.assert_allclose(sum(part.D for part in parts[coordinate::width]), each.D, atol=1e-15)
             np.testing.assert_allclose(sum(part.E for part in parts[coordinate::width]), each.E, atol=1e-15)
@@ -159,7 +159,7 @@ def test_two_currents_are_likelier_than_one_where_there_are_two(plant: Plant) ->
 FEW = {name: CATALOGUE[name] for name in ("towed_load", "hull_fouling", "thrust_loss_both", "ocean_current")}
 
 
-def changed(plant: Plant, later: Plant) -> Varied | None:
+def changed(plant: Plant, later: Plant) -> TimeVaryingEffect | None:
     """What is found to have changed where a ship is another in the second half of a trial."""
     log = behind([a_log(each, 160, (80,)) for each in (plant, plant, later, later)], 160)
     return likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, FEW))))
@@ -170,9 +170,9 @@ def test_a_tow_that_is_dropped_is_found_with_its_time(plant: Plant) -> None:
     log = behind([a_log(each, 160, (80,)) for each in (plant.shifted(constant_X_n=-5e3),) * 2 + (plant,) * 2], 160)
     change = likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, FEW))))
     assert change is not None
-    assert (change.base, change.course.shape) == ("towed_load", "until")
+    assert (change.base, change.profile.shape) == ("towed_load", "until")
     true_s = float(log.time_s[320])
-    low, high = change.course.interval_s or (0.0, 0.0)
+    low, high = change.profile.interval_s or (0.0, 0.0)
     assert low <= true_s <= high
     assert high - low < 80.0
 
@@ -180,13 +180,13 @@ def test_a_tow_that_is_dropped_is_found_with_its_time(plant: Plant) -> None:
 def test_a_current_that_sets_in_is_found(plant: Plant) -> None:
     change = changed(plant, plant.shifted(current_north_mps=0.3))
     assert change is not None
-    assert (change.base, change.course.shape) == ("ocean_current", "since")
+    assert (change.base, change.profile.shape) == ("ocean_current", "since")
 
 
 def test_what_changed_once_is_not_looked_for_again_in_the_same_way(plant: Plant) -> None:
     """A catalogue that has a tow until one time already is no error, and gets no second."""
     log = behind([a_log(each, 160, (80,)) for each in (plant.shifted(constant_X_n=-5e3),) * 2 + (plant,) * 2], 160)
-    known = varied(CATALOGUE["towed_load"], Course("until", (float(log.time_s[300]),)))
+    known = time_varying(CATALOGUE["towed_load"], TimeProfile("until", (float(log.time_s[300]),)))
     change = likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, {**FEW, known.name: known}))))
     assert change is None or change.name != known.name
 
@@ -209,12 +209,12 @@ def test_a_drift_is_followed_between_the_levels_about_which_it_is_linear(plant: 
     """What a current that grows evenly does is what its signature says; steps would be 12 % off."""
     log = behind([a_log(plant, 160, (80,))] * 2, 160)
     ends = float(log.time_s[0]), float(log.time_s[-1])
-    drift = varied(CATALOGUE["ocean_current"], Course("drift", ends))
+    drift = time_varying(CATALOGUE["ocean_current"], TimeProfile("drift", ends))
     model = Model(plant, {**FEW, drift.name: drift})
     moved = replace(model, at={drift.name: (0.0, 0.0, 0.1, 0.05)})
     whole, none = linearise(log, moved, 0.01), linearise(log, model, 0.01)
     own = [each for each in none.effects if each.effect == "ocean_current"]
-    share = drift.course.shares(log)[:, 1]
+    share = drift.profile.shares(log)[:, 1]
     expected = none.linear.defect + share[:, None] * (0.1 * own[0].D + 0.05 * own[1].D)
     inside = np.append(np.diff(log.block) == 0, False)
     effect = np.abs(expected - none.linear.defect)[inside].max(axis=0)
