@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.diagnosis.result import FORCES, Map, Place
 from hybrid.report.plots import LESS_MORE, legend_above
-from hybrid.report.words import quantity_title
+from hybrid.report.words import force_unit, quantity_title
 
 QUANTITIES = {
     "speed_mps": "speed [m/s]",
@@ -40,13 +40,25 @@ def axis_title(name: str) -> str:
     return quantity_title(name)
 
 
-FORCE_TITLES = ("surge [kN]", "sway [kN]", "yaw [kN m]")
-_KILO, _MINUTE_S = 1e3, 60.0
+_MINUTE_S = 60.0
 _FULL = 12.0  # standard errors at full colour
 _SURE = 3.3  # standard errors beyond which a force is printed dark
 _ROW_INCH, _EDGE_INCH = 0.19, 0.7
 
 Rows = list[tuple[str, list[Place]]]
+
+
+def force_titles(unit: str) -> tuple[str, str, str]:
+    """The axes' forces, with their unit.
+
+    >>> force_titles("kN")
+    ('surge [kN]', 'sway [kN]', 'yaw [kN m]')
+    """
+    return f"surge [{unit}]", f"sway [{unit}]", f"yaw [{unit} m]"
+
+
+def _unit_of(places: Sequence[Place]) -> tuple[float, str]:
+    return force_unit(max((abs(each.error) for each in places if each.channel in FORCES), default=0.0))
 
 
 def map_height_inch(places: Sequence[Place]) -> float:
@@ -60,7 +72,7 @@ def force_map(figure: Figure, places: Sequence[Place]) -> None:
     halves = _halves(_rows(places))
     for one, rows in zip(axes, halves, strict=True):
         if rows:
-            _matrix(one, rows)
+            _matrix(one, rows, *_unit_of(places))
             one.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
         else:
             one.set_axis_off()
@@ -69,7 +81,8 @@ def force_map(figure: Figure, places: Sequence[Place]) -> None:
 def map_sentences(places: Sequence[Place]) -> list[str]:
     """What a map says: of each force the cell in which it is surest, where one stands out."""
     sentences = []
-    for channel, title in zip(FORCES, FORCE_TITLES, strict=True):
+    size_n, unit = _unit_of(places)
+    for channel, title in zip(FORCES, force_titles(unit), strict=True):
         mine = [each for each in places if each.channel == channel and abs(each.z) > _SURE]
         if not mine:
             continue
@@ -78,7 +91,8 @@ def map_sentences(places: Sequence[Place]) -> list[str]:
         what = f"missing {words} {'moment' if words == 'yaw' else 'force'}"
         quantity, _, of = axis_title(quantity_of(most)).rstrip("]").partition(" [")
         half = 1.96 * abs(most.error / most.z)
-        low, value, high = (_force_text(each) for each in (most.error - half, most.error, most.error + half))
+        ends = (most.error - half, most.error, most.error + half)
+        low, value, high = (_force_text(each / size_n) for each in ends)
         sentences.append(f"By {quantity}, the {what} at {cell_name(most)} {of} is {value} {unit} "
                          f"(95 % interval {low} to {high}).")  # fmt: skip
     return sentences
@@ -88,18 +102,19 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> None:
     """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
     axis = FORCES.index(channel)
     scale = _MINUTE_S if quantity == "time_s" else 1.0
-    seconds, force = made.quantities[quantity] / scale, made.force[:, axis] / _KILO
+    size_n, unit = _unit_of(made.places)
+    seconds, force = made.quantities[quantity] / scale, made.force[:, axis] / size_n
     axes.plot(seconds, force, ".", color=FAINT, markersize=2, label="reconstructed, each second")
     cells = [each for each in made.places if each.channel == channel and quantity in each.cell]
     cells = sorted(cells, key=lambda each: each.cell[quantity])
     middle = np.array([np.mean(each.cell[quantity]) for each in cells]) / scale
     if quantity in ("heading_deg", "relative_wind_deg"):
         middle = middle % 360.0
-    error = np.array([each.error for each in cells]) / _KILO
+    error = np.array([each.error for each in cells]) / size_n
     reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
     axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + FORCE_TITLES[axis])
+    axes.set(xlabel=axis_title(quantity), ylabel="missing force: " + force_titles(unit)[axis])
     legend_above(axes, 2)
 
 
@@ -171,7 +186,7 @@ def _halves(rows: Rows) -> tuple[Rows, Rows]:
     return rows[:cut], rows[cut:]
 
 
-def _matrix(axes: Axes, rows: Rows) -> None:
+def _matrix(axes: Axes, rows: Rows, size_n: float, unit: str) -> None:
     z = np.array([[each.z for each in forces] or [np.nan] * 3 for _, forces in rows])
     axes.imshow(z, cmap=LESS_MORE, vmin=-_FULL, vmax=_FULL, aspect="auto")
     for row, (name, forces) in enumerate(rows):
@@ -179,18 +194,18 @@ def _matrix(axes: Axes, rows: Rows) -> None:
             dark = abs(each.z) > _SURE
             bright = abs(each.z) > 0.75 * _FULL and dark
             colour = "white" if bright else INK if dark else "#9A9A9A"
-            axes.text(column, row, _force_text(each.error), ha="center", va="center", fontsize=7.5, color=colour)
+            text = _force_text(each.error / size_n)
+            axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
         if not forces:
             axes.text(-0.62, row, name, ha="right", va="center", fontsize=8, weight="bold", color=INK)
     names = [name if forces else "" for name, forces in rows]
     axes.set_yticks(range(len(rows)), names, fontsize=7.5)
-    axes.set_xticks(range(3), FORCE_TITLES)
+    axes.set_xticks(range(3), force_titles(unit))
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.spines[:].set_visible(False)
     axes.grid(visible=False)
 
 
-def _force_text(error: float) -> str:
-    kilo = error / _KILO
-    size = abs(kilo)
-    return _plain(kilo, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)
+def _force_text(value: float) -> str:
+    size = abs(value)
+    return _plain(value, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)

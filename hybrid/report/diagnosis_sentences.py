@@ -43,7 +43,7 @@ from hybrid.effects.environment import STEADY_WIND
 from hybrid.effects.regime import Regime, parameter_of
 from hybrid.report.diagnosis_words import DEPENDS, cell_row, clock, number, parameter_title, percent, when_words
 from hybrid.report.effect_sentences import Parameters, sentence, words_and_interval
-from hybrid.report.words import UNITS, join_words, plain
+from hybrid.report.words import UNITS, force_unit, join_words, plain
 
 _ALMOST = 1.1
 
@@ -261,12 +261,19 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
+def _without_wind(steady: bool) -> str:
+    """What a trial without wind says of it; ``steady`` if a steady wind was in the catalogue."""
+    if steady:
+        return "no wind was recorded: only a steady wind was considered"
+    return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
+
+
 def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
     equations = conclusion.first.evidence.equations
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append("no wind was recorded: only a steady wind was considered")
+        remarks.append(_without_wind(STEADY_WIND.name in equations.model.catalogue))
     remarks += _about_settings(log)
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")
@@ -365,13 +372,13 @@ def _end(value: float) -> float | None:
 
 def regime_sentence(found: FoundRegime) -> str:
     """Force, regime, and what it brings, in one sentence."""
-    regime, kilo = found.regime, abs(found.value) / 1e3
-    unit, what = ("kN m", "moment") if regime.axis == "yaw" else ("kN", "force")
+    regime, (size_n, unit) = found.regime, force_unit(abs(found.value))
+    unit, what = (f"{unit} m", "moment") if regime.axis == "yaw" else (unit, "force")
     way = _WAYS[regime.axis][found.value < 0.0]
     spans = [f"{_quantity(name)} is {_between(name, *span)}" for name, span in regime.within.items()]
     where = f" while {join_words(spans)}" if spans else ""
     return (
-        f"The model lacks {number(kilo)} {unit} {way}{where}{_growth(regime)}: "
+        f"The model lacks {number(abs(found.value) / size_n)} {unit} {way}{where}{_growth(regime)}: "
         f"{percent(found.share)} of the missing {regime.axis} {what}; "
         f"with it the error on held-out legs is {found.after_m:.2f} m."
     )

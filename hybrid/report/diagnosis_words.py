@@ -14,6 +14,7 @@ from rich.text import Text
 from analysis.report.rendering import Page, render
 from analysis.report.words import in_words
 from hybrid.diagnosis.result import (
+    Consistency,
     Correlation,
     Diagnosis,
     Estimate,
@@ -29,7 +30,7 @@ from hybrid.diagnosis.result import (
 )
 from hybrid.prediction.scores import Interval
 from hybrid.report.sections import templates
-from hybrid.report.words import join_words, plain, quantity_title
+from hybrid.report.words import force_unit, join_words, plain, quantity_title
 
 _SMALL = 0.001
 _NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
@@ -39,7 +40,7 @@ DEPENDS = {
     "place": "the place",
     "time": "time",
     "azimuth": "large angles of helm",
-    "operating point": "speed and thrusters",
+    "operating point": "the operating point (speed and thruster settings)",
     "speed": "the speed",
     "drift": "the speed sideways",
     "turning": "the yaw rate",
@@ -163,7 +164,7 @@ def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
         return correction.coefficients[name].value / correction.start[name] - 1.0
 
     names = sorted(correction.coefficients, key=lambda name: -abs(change(name)))
-    told = {name: "" if name in correction.known else "not by itself" for name in names}
+    told = {name: "yes" if name in correction.known else "only with others" for name in names}
     return [
         [name.removeprefix("effects.").replace(".", " "), number(correction.start[name]),
          number(correction.coefficients[name].value), _span(correction.coefficients[name]),
@@ -242,10 +243,16 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
-def next_steps(diagnosis: Diagnosis) -> list[str]:
-    """What the reader can do next, the most useful first."""
+def next_steps(diagnosis: Diagnosis, contradictions: Sequence[Consistency] = ()) -> list[str]:
+    """What the reader can do next, the most useful first; ``contradictions`` are those between the sensors."""
     sensors = plain_names(each for each in diagnosis.effects if each.kind == "sensor")
     steps = []
+    if contradictions and not sensors:
+        steps.append(
+            "Correct the sensors first: without any ship model they contradict each other, as by "
+            f"{join_words(list(dict.fromkeys(plain(each.effect) for each in contradictions)))} (see the end of "
+            "this page). Then repeat the diagnosis, since forces may otherwise stand for them."
+        )
     if sensors:
         steps.append(
             f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
@@ -255,12 +262,23 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         steps.append("Use the vessel file beside this page, vessel.toml: the model with the named effects.")
     if diagnosis.next_manoeuvre is not None:
         steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")
+    if diagnosis.unknown is not None:
+        steps.append(
+            "Sail some minutes in the cells of the map below where the model is most wrong, one quantity varied at "
+            "a time, and diagnose the recordings together: no effect of the catalogue explains this one."
+        )
     if diagnosis.regimes:
         steps.append(
             "Look for a cause in the regimes below, where the model is worst, and sail some minutes in each: "
             "there a trial is most informative."
         )
-    if diagnosis.remainder is not None and diagnosis.identified is None:
+    if diagnosis.identified is not None and diagnosis.identified.applied:
+        steps.append(
+            "Use the coefficients identified from this trial only within its speeds, drift angles and thruster "
+            "settings: those that it determines only with others are no measurement of the ship. With "
+            "--no-identify, diagnose names effects of the model as it was."
+        )
+    if (diagnosis.remainder or diagnosis.unknown) is not None and diagnosis.identified is None:
         steps.append(
             "If many coefficients may be wrong, for example because they are another ship's, identify them first "
             "(--identify)."
@@ -441,8 +459,9 @@ def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:
-        kilo = [number(diagnosis.tolerance * extent[name] / 1e3) for name in ("surge_n", "sway_n", "yaw_nm")]
-        rows.append(["which is", f"{kilo[0]} kN ahead, {kilo[1]} kN across, {kilo[2]} kN m in yaw"])
+        size_n, unit = force_unit(max(extent.values()))
+        own = [number(diagnosis.tolerance * extent[name] / size_n) for name in ("surge_n", "sway_n", "yaw_nm")]
+        rows.append(["which is", f"{own[0]} {unit} ahead, {own[1]} {unit} across, {own[2]} {unit} m in yaw"])
     for key, value in diagnosis.provenance.items():
         if key not in ("force_range", "noise") and value not in (False, "0..100"):
             rows.append([plain(str(key)), _done(value) if key in ("repaired", "left_out") else _words(value)])

@@ -9,6 +9,18 @@ UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": 
           "n": "N", "nm": "N m", "cos": "cosine", "sin": "sine"}  # fmt: skip
 
 
+_SMALL_N = 100.0  # as "0" and "0.1" kN such forces would say nothing
+
+
+def force_unit(largest_n: float) -> tuple[float, str]:
+    """The unit in which forces up to so many newtons are legible, kN or for a model ship N: in N, and its name.
+
+    >>> force_unit(2e4), force_unit(0.5)
+    ((1000.0, 'kN'), (1.0, 'N'))
+    """
+    return (1e3, "kN") if largest_n >= _SMALL_N else (1.0, "N")
+
+
 def plain(name: str) -> str:
     """A method's, an effect's or a channel's name for people.
 

@@ -133,7 +133,7 @@ def _correction(
             for name in (each.name, *each.twins)
         },
         start={name: each.start for each in found.coefficients for name in (each.name, *each.twins)},
-        known=tuple(each.name for each in found.coefficients if each.known),
+        known=tuple(name for each in found.coefficients if each.known for name in (each.name, *each.twins)),
     )
 
 

@@ -88,7 +88,7 @@ def test_it_is_said_what_moved_what_that_did_and_what_the_structure_can_close() 
     assert "left unchanged" in correction_sentence(a_correction(applied=False))
     rows = coefficient_rows(a_correction(applied=True))
     assert [row[0] for row in rows] == ["hull Yuv", "port x_m"]  # what moved most comes first
-    assert [row[-1] for row in rows] == ["", "not by itself"]
+    assert [row[-1] for row in rows] == ["yes", "only with others"]
     assert len(structure_rows(a_correction(applied=True))) == 3
 
 

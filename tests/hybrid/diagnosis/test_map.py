@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+from acquisition.core.channels import POSE_AND_VELOCITY
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.map import (
     FORCES,
     LEAST_S,
-    MOTIONS,
     Map,
     cells_of,
     map_of,
@@ -111,7 +111,7 @@ def test_seconds_are_counted(turned_map: Map) -> None:
     """A cell counts its seconds, and the quarters of time are all of them."""
     quarters = [each for each in cells(turned_map, "surge_force_n") if "time_s" in each.cell]
     assert sum(each.windows for each in quarters) == len(turned_map.force)
-    assert {each.channel for each in turned_map.places} == {*FORCES, *MOTIONS}
+    assert {each.channel for each in turned_map.places} == {*FORCES, *POSE_AND_VELOCITY}
 
 
 @given(some.lists(some.floats(-30.0, 30.0), min_size=60, max_size=60))

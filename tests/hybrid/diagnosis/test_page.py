@@ -214,6 +214,23 @@ def test_the_page_says_what_to_do_next() -> None:
     ]
 
 
+def test_contradicting_sensors_come_first_and_the_unknown_has_a_next_step() -> None:
+    late = Consistency("position_delay", (-1.1,), (0.1,), 1e-9, (), "They disagree.")
+    unknown = of_verdict("unknown")
+    assert "position delay" in next_steps(unknown, [late])[0]
+    assert any("map" in each for each in next_steps(unknown))
+    assert next_steps(named(), [late]) == next_steps(named())  # their errors are named already
+
+
+def test_the_forces_of_a_model_ship_are_in_newtons() -> None:
+    """In kN every one of them would read 0."""
+    places = [replace(each, error=each.error * 1e-4) for each in a_map().places]
+    assert all("kN" in each for each in map_plots.map_sentences(a_map().places))
+    (sentence,) = {each for each in map_plots.map_sentences(places) if "sway" in each}
+    assert " N (95 % interval" in sentence
+    assert " 0 N" not in sentence
+
+
 def test_error_by_second_is_the_mean_distance() -> None:
     """After is a tenth of before in the made-up tracks."""
     axes = Figure().subplots()
