@@ -168,10 +168,14 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span) ->
     steady = half <= max(3.0 * error, _SMALLEST_DELAY_S)
     if not steady:
         text += "; it is not the same throughout the recording"
-    found = Finding(
-        "channel_delay", cause, *span, text, "`--repair` takes it off the stamps.",
-        {"seconds": seconds, "low": low, "high": high}, certain=steady and not explanation.rivals,
-    )  # fmt: skip
+    certain = steady and not explanation.rivals
+    remedy = (
+        "`--repair` takes it off the stamps."
+        if certain
+        else "`--repair` leaves it: this trial does not tell enough."
+    )
+    estimate = {"seconds": seconds, "low": low, "high": high}
+    found = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
     return _in_band(found, _band_of_cause(explanation, cause, fit))
 
 
@@ -369,7 +373,10 @@ def _with_factor(
         text += f", {unit.words}"
     if fit.half_between[NAMES.index(name)] > max(LIMITS[name].least, 2.0 * fit.standard_error(name)):
         text += "; it is not the same throughout the recording"
-    remedy = f"Multiply {what} by {factor:.4f}."
+    if unit is not None and unit.sure:
+        factor = unit.factor  # exact: the estimate would leave its own error in the channel
+        low, high = min(low, factor), max(high, factor)
+    remedy = f"Multiply {what} by {factor:.6g}."
     if unit is not None and not unit.sure:
         remedy = "Find out which it is."
     elif low <= 1.0 <= high:
