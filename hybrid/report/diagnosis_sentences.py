@@ -261,9 +261,9 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
-def _without_wind(steady: bool) -> str:
-    """What a trial without wind says of it; ``steady`` if a steady wind was in the catalogue."""
-    if steady:
+def _no_wind(catalogue: Catalogue) -> str:
+    """The remark on a trial in which the wind is nil: it was not recorded, or a calm was."""
+    if STEADY_WIND.name in catalogue:
         return "no wind was recorded: only a steady wind was considered"
     return "the wind is nil throughout: its effects were tested in a calm, and a steady wind was not considered"
 
@@ -273,7 +273,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append(_without_wind(STEADY_WIND.name in equations.model.catalogue))
+        remarks.append(_no_wind(equations.model.catalogue))
     remarks += _about_settings(log)
     if log.refused:
         remarks.append(f"{log.refused} outliers were rejected")

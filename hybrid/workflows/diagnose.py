@@ -120,6 +120,7 @@ def _correction(
     off_m = np.array([distances(each, windows.measured) for each in (held, windows.before, after)])
     known = np.isfinite(off_m).all(axis=0)
     held_m, before_m, after_m = off_m[:, known].mean(axis=1).tolist()
+    each_of = {name: each for each in found.coefficients for name in (each.name, *each.twins)}
     return IdentifiedCorrection(
         applied=bool(gains.mean() > 0.0 and chance_of_gains(gains) < HELD_OUT_LEVEL),
         constant_velocity_m=held_m,
@@ -127,13 +128,9 @@ def _correction(
         after_m=after_m,
         held_out_windows=int(known.any(axis=1).sum()),
         forces=forces,
-        coefficients={
-            name: Estimate(each.value, each.low, each.high, "")
-            for each in found.coefficients
-            for name in (each.name, *each.twins)
-        },
-        start={name: each.start for each in found.coefficients for name in (each.name, *each.twins)},
-        known=tuple(name for each in found.coefficients if each.known for name in (each.name, *each.twins)),
+        coefficients={name: Estimate(each.value, each.low, each.high, "") for name, each in each_of.items()},
+        start={name: each.start for name, each in each_of.items()},
+        known=tuple(name for name, each in each_of.items() if each.known),
     )
 
 

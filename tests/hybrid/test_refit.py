@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ import pytest
 
 from acquisition.core.progress import Progress
 from acquisition.core.serialisation import from_json
-from hybrid.diagnosis.gap import fold_of
+from hybrid.diagnosis.gap import fold_of, unseen_windows
+from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection, Remainder
 from hybrid.identification.coefficients import coefficients_of, with_values
@@ -69,6 +71,19 @@ def test_the_seconds_of_a_fold_have_no_part_in_its_refit(table: pd.DataFrame) ->
     assert out
     assert not out & set((rest.index.asi8 // 10**9).tolist())
     assert len(rest) == len(table) - len(out)
+
+
+def test_what_is_determined_of_one_thruster_is_so_of_its_twin(table: pd.DataFrame) -> None:
+    """They are one unknown with two names."""
+    windows = unseen_windows(log_of([table]), model_of(SHIP, {}))
+    levels = {"value": 0.9, "low": 0.8, "high": 1.0, "start": 1.0}
+    found = SimpleNamespace(coefficients=(
+        SimpleNamespace(name="port.thrust_nn", twins=("starboard.thrust_nn",), known=True, **levels),
+        SimpleNamespace(name="hull.Yuv", twins=(), known=False, **levels),
+    ))  # fmt: skip
+    correction = diagnose._correction(windows, windows.before, found, {})
+    assert set(correction.known) == {"port.thrust_nn", "starboard.thrust_nn"}
+    assert set(correction.coefficients) == set(correction.start) == {*correction.known, "hull.Yuv"}
 
 
 def a_correction(applied: bool) -> IdentifiedCorrection:

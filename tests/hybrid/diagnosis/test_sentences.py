@@ -14,7 +14,8 @@ from hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, W
 from hybrid.diagnosis.time_varying import TimeProfile, time_varying
 from hybrid.effects import CATALOGUE, vessel_plant
 from hybrid.effects.catalogue import catalogue_for
-from hybrid.report.diagnosis_sentences import in_parts
+from hybrid.effects.environment import STEADY_WIND
+from hybrid.report.diagnosis_sentences import _no_wind, in_parts
 from hybrid.report.effect_sentences import sentence
 from hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.log_by_hand import a_log
@@ -190,6 +191,11 @@ SLOW, FAST = (
     }
     for size in (0.1, 0.4)
 )
+
+
+def test_a_recorded_calm_is_not_a_wind_that_was_not_recorded() -> None:
+    assert "no wind was recorded" in _no_wind({**CATALOGUE, STEADY_WIND.name: STEADY_WIND})
+    assert "nil throughout" in _no_wind(CATALOGUE)
 
 
 def test_what_stops_is_said_with_its_time() -> None:
