@@ -36,6 +36,10 @@ _MICRO = 1_000_000
 _ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 
 
+UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
+"""The column of times of our own workbooks, and the columns of their sheet ``about``."""
+
+
 @dataclass(frozen=True, slots=True)
 class RawTable:
     """The columns of a file under their own names, and the trial if the file tells of one.
@@ -133,16 +137,22 @@ def _read_text(path: Path) -> RawTable:
 
 
 def _read_sheet(path: Path) -> RawTable:
-    """The sheet with most filled rows."""
+    """The sheet with most filled rows; in our own exports time and trial are found as they were written."""
     from acquisition.tables.text_tables import frame_of_rows
 
     calamine = optional("python_calamine", "excel", path)
     book = calamine.CalamineWorkbook.from_path(str(path))
-    sheets = [book.get_sheet_by_name(name).to_python() for name in book.sheet_names]
-    rows: list[Any] = max(sheets, key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[])
+    sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    rows: list[Any] = max(
+        sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[]
+    )
     frame, units = frame_of_rows(rows)
     refuse_twins(list(frame.columns), path)
-    return RawTable(path, frame, units=units)
+    about = sheets.get("about", [[]])
+    if UTC_COLUMN not in frame or about[0] != ABOUT_COLUMNS:
+        return RawTable(path, frame, units=units)
+    frame = frame.assign(**{UTC_COLUMN: frame[UTC_COLUMN] + "Z"}).rename(columns={UTC_COLUMN: "time"})
+    return RawTable(path, frame, trial_of({name: value for what, name, value in about if what == "trial"}), units)
 
 
 def _read_gpx(path: Path) -> RawTable:

@@ -24,6 +24,7 @@ from acquisition.core.files import atomic_file, expect_suffix, write_text
 from acquisition.core.frames import Quality
 from acquisition.core.named_code import imported
 from acquisition.core.trial import software_version
+from acquisition.tables.table_files import ABOUT_COLUMNS, UTC_COLUMN
 from analysis.tables.files import write_parquet
 from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
 
@@ -181,8 +182,8 @@ def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
         for what in ("units", "trial", "provenance") for name, value in about[what].items()
     ]  # fmt: skip
     return write_sheets(
-        {"data": table.set_axis(times.rename("time [UTC]"), axis=0).reset_index(),
-         "about": pd.DataFrame(said, columns=["what", "name", "value"])}, path
+        {"data": table.set_axis(times.rename(UTC_COLUMN), axis=0).reset_index(),
+         "about": pd.DataFrame(said, columns=ABOUT_COLUMNS)}, path
     )  # fmt: skip
 
 

@@ -130,6 +130,17 @@ def test_a_workbook_holds_the_table_and_text_is_no_formula(tmp_path: Path) -> No
     assert np.array(values, dtype=float) == pytest.approx(table.to_numpy(), rel=1e-12)
 
 
+def test_a_workbook_of_ours_is_imported_by_its_names(tmp_path: Path) -> None:
+    table = steady_table(60)
+    table.attrs["trial"] = {"name": "=1+1", "vessel": "ship", "water_depth_m": "12.5"}
+    export_table(table, tmp_path / "trial.xlsx")
+    import_table(tmp_path / "trial.xlsx", tmp_path / "back.mcap")
+    back = read_table(tmp_path / "back.mcap")
+    pd.testing.assert_frame_equal(back[list(table)], table, check_freq=False, check_names=False, rtol=1e-12)
+    trial = read_recording(tmp_path / "back.mcap").trial
+    assert (trial.name, trial.vessel, trial.water_depth_m) == ("=1+1", "ship", 12.5)
+
+
 @pytest.mark.parametrize("suffix", KINDS)
 def test_every_product_says_where_it_comes_from(recording: Path, tmp_path: Path, suffix: str) -> None:
     table = resample(add_step(read_table(recording), "repair", text="put right"), 2.0)
