@@ -258,8 +258,7 @@ def next_steps(diagnosis: Diagnosis, contradictions: Sequence[Consistency] = ())
             f"Check the sensors first ({join_words(sensors)}): correct their mounting, settings or timing if "
             "needed, and repeat the diagnosis, since the other effects may change."
         )
-    if any(each.in_vessel and each.kind != "sensor" for each in diagnosis.effects):
-        steps.append("Use the vessel file beside this page, vessel.toml: the model with the named effects.")
+    steps += _use_of_vessel(diagnosis)
     if diagnosis.next_manoeuvre is not None:
         steps.append("Sail the manoeuvre given below: it distinguishes what this trial cannot.")
     if diagnosis.unknown is not None:
@@ -286,6 +285,18 @@ def next_steps(diagnosis: Diagnosis, contradictions: Sequence[Consistency] = ())
     if diagnosis.verdict == "nothing_missing":
         steps.append("Use the model as it is; the rest may be learned on top of it.")
     return steps
+
+
+def _use_of_vessel(diagnosis: Diagnosis) -> list[str]:
+    """What to do with the vessel file, where it has an effect of more than the sensors."""
+    written = [each for each in diagnosis.effects if each.in_vessel]
+    if all(each.kind == "sensor" for each in written):
+        return []
+    use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
+    passing = dict.fromkeys(f"[effects.{each.name}]" for each in written if each.scope != "ship")
+    if passing:
+        use += f" Before you predict another trial, delete {join_words([*passing])}: they are not the ship's."
+    return [use]
 
 
 def clock(time: str) -> str:

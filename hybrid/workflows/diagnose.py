@@ -330,9 +330,18 @@ def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
     return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
 
 
+_OF_SCOPE = {"day": " (of that day)", "recording": " (of that recording's sensors)"}
+
+
 def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:
-    named = ", ".join(each.name for each in diagnosis.effects if each.in_vessel) or "nothing"
-    return f"{vessel.description or vessel.name}; a diagnosis added {named}"
+    added = dict[str, list[str]]()
+    for each in diagnosis.effects:
+        if each.in_vessel:
+            added.setdefault(each.scope, []).append(each.name)
+    parts = [", ".join(names) + _OF_SCOPE.get(scope, "") for scope, names in added.items()]
+    if diagnosis.identified is not None and diagnosis.identified.applied:
+        parts.insert(0, "identified coefficients")
+    return f"{vessel.description or vessel.name}; a diagnosis added {'; '.join(parts) or 'nothing'}"
 
 
 def _plain(provenance: Mapping[str, Any]) -> dict[str, Any]:

@@ -209,8 +209,9 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
     written = diagnosis.as_dict()["identified"]
     assert written["name"] == "identified_correction"
     assert written["after_m"] < written["before_m"]
-    notes = vessel_with_effects(found.vessel, diagnosis).provenance
-    assert "starts from a refit" in str(notes["diagnosis_identified_correction"])
+    with_added = vessel_with_effects(found.vessel, diagnosis)
+    assert "starts from a refit" in str(with_added.provenance["diagnosis_identified_correction"])
+    assert with_added.description.endswith("added identified coefficients; ocean_current (of that day)")
 
 
 @pytest.mark.slow

@@ -214,6 +214,14 @@ def test_the_page_says_what_to_do_next() -> None:
     ]
 
 
+def test_what_is_of_one_day_does_not_go_with_the_ship() -> None:
+    effect = replace(named().effects[0], name="ocean_current", kind="environment", scope="day")
+    (step,) = [each for each in next_steps(replace(named(), effects=(effect,))) if "vessel.toml" in each]
+    assert "delete [effects.ocean_current]" in step
+    lasting = replace(effect, name="hull_fouling", kind="physics", scope="ship")
+    assert not any("delete" in each for each in next_steps(replace(named(), effects=(lasting,))))
+
+
 def test_contradicting_sensors_come_first_and_the_unknown_has_a_next_step() -> None:
     late = Consistency("position_delay", (-1.1,), (0.1,), 1e-9, (), "They disagree.")
     unknown = of_verdict("unknown")
