@@ -1,10 +1,11 @@
 """Sound recordings of ships in waves, whose antennas and speed sensors stand somewhere on board: what is repaired?
 
 Nothing may be. Ships of 25 to 200 m keep station, make way or manoeuvre in wind sea and swell from anywhere; they
-surge, sway, yaw, roll and pitch. The antenna stands high up and off the reference point, so that rolling and
-pitching move it; speeds are those of the reference point or of another, as they are or with the waves filtered
-out of them as a DP system does, and late by as much as the filter makes them. Prints each trial in which anything
-is found but a lever arm, at the end how many a repair has changed that is not right: ``make benchmark-quality``.
+surge, sway, yaw, roll and pitch, and heel in turns. The antenna stands high up and off the reference point, so
+that rolling, pitching and heeling move it; speeds are those of the reference point or of another, as they are or
+with the waves filtered out of them as a DP system does, and late by as much as the filter makes them. Prints each
+trial in which anything is found but a lever arm, at the end how many a repair has changed that is not right:
+``make benchmark-quality``.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.signal import butter, sosfilt
+from scipy.signal import bilinear, butter, lfilter, sosfilt
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -30,6 +31,7 @@ from hybrid.simulation.sea_state import GRAVITY_MPS2, jonswap, ornstein_uhlenbec
 from hybrid.simulation.trial import simulate_trial
 
 STEP_S = 0.1
+_GUNNERUS_M = 31.25
 _LEAD_S = 100.0
 """Before the recording begins, for filters to settle."""
 
@@ -96,6 +98,20 @@ def wave_motion(waves: Waves, board: Board, roll_s: float, pose: Floats, time_s:
     ])  # fmt: skip
 
 
+def heel(pose: Floats, roll_s: float, leverage: float) -> Floats:
+    """The angle of heel by turning (starboard down) [rad]: outward by ``leverage`` times the centripetal
+    acceleration over gravity, as an oscillator of the natural period ``roll_s`` follows it.
+
+    The leverage of a displacement ship is the height of her mass over the middle of her draught, by GM.
+    """
+    velocity = np.gradient(pose[:, :2], STEP_S, axis=0)
+    ahead, _ = to_earth(*velocity.T, -pose[:, 2])
+    outward = -leverage * ahead * np.gradient(pose[:, 2], STEP_S) / GRAVITY_MPS2
+    natural = 2.0 * np.pi / roll_s
+    answer = bilinear([natural**2], [1.0, 0.6 * natural, natural**2], fs=1.0 / STEP_S)
+    return np.asarray(lfilter(*answer, outward))
+
+
 def slow(generator: np.random.Generator, rows: int, size: float, seconds: float) -> Floats:
     """A smooth random motion of that standard deviation and time constant: [rows]."""
     rough = ornstein_uhlenbeck(generator, rows, STEP_S, seconds)
@@ -103,7 +119,7 @@ def slow(generator: np.random.Generator, rows: int, size: float, seconds: float)
     return size * smooth / smooth.std()
 
 
-def keeping_station(generator: np.random.Generator, rows: int) -> Floats:
+def keeping_station(generator: np.random.Generator, rows: int, length_m: float) -> Floats:
     """A ship held at a place, or moved by some metres now and then: pose [rows, 3]."""
     sizes, seconds = generator.uniform([0.2, 0.2, 0.005], [1.5, 1.5, 0.03]), generator.uniform(25.0, 60.0)
     pose = np.column_stack([slow(generator, rows, size, seconds) for size in sizes])
@@ -114,7 +130,7 @@ def keeping_station(generator: np.random.Generator, rows: int) -> Floats:
     return pose
 
 
-def making_way(generator: np.random.Generator, rows: int) -> Floats:
+def making_way(generator: np.random.Generator, rows: int, length_m: float) -> Floats:
     """A passage at an even speed with alterations of course: pose [rows, 3]."""
     heading = generator.uniform(0.0, 2.0 * np.pi) + slow(generator, rows, generator.uniform(0.02, 0.6), 60.0)
     ahead = generator.uniform(2.0, 7.0) + slow(generator, rows, generator.uniform(0.05, 0.5), 60.0)
@@ -123,16 +139,18 @@ def making_way(generator: np.random.Generator, rows: int) -> Floats:
     return np.column_stack([*path, heading])
 
 
-def manoeuvring(generator: np.random.Generator, rows: int) -> Floats:
-    """The model of R/V Gunnerus in a manoeuvre on flat water: pose [rows, 3]."""
+def manoeuvring(generator: np.random.Generator, rows: int, length_m: float) -> Floats:
+    """The model of R/V Gunnerus in a manoeuvre on flat water, scaled to the length by Froude: pose [rows, 3]."""
     name = str(generator.choice(["zigzag_20_20", "zigzag_10_10", "turning_circle_20", "voyage"]))
-    _, truth = simulate_trial(
-        "gunnerus_short", "calm", name, rows * STEP_S, 1.0 / STEP_S, int(generator.integers(99))
-    )
-    return np.asarray(truth["states"])[:, :3]
+    scale = length_m / _GUNNERUS_M
+    step_s = STEP_S / np.sqrt(scale)
+    seed = int(generator.integers(99))
+    _, truth = simulate_trial("gunnerus_short", "calm", name, rows * step_s, 1.0 / step_s, seed)
+    return np.asarray(truth["states"])[:rows, :3] * [scale, scale, 1.0]
 
 
-SAILING: tuple[Callable[[np.random.Generator, int], Floats], ...] = (keeping_station, making_way, manoeuvring)
+Sailing = Callable[[np.random.Generator, int, float], Floats]
+SAILING: tuple[Sailing, ...] = (keeping_station, making_way, manoeuvring)
 
 
 def drawn_board(generator: np.random.Generator, length_m: float, *, filtered: bool) -> Board:
@@ -152,6 +170,7 @@ def recorded(
     roll_s = 2.0 * np.sqrt(board.length_m) * generator.uniform(0.5, 0.8)  # 6 to 9 s at 40 m, 11 to 17 s at 150 m
     moved = np.sum([wave_motion(each, board, roll_s, pose, time_s) for each in waves], axis=0)
     ahead, aside, yawed, rolled, pitched = moved.T
+    rolled = rolled + heel(pose, roll_s, generator.uniform(0.5, 4.0))
     heading = pose[:, 2] + yawed
     point = pose[:, :2] + np.column_stack(to_earth(ahead, aside, heading))
 
@@ -187,7 +206,7 @@ def drawn(number: int) -> tuple[pd.DataFrame, Board, str]:
     if generator.random() < 0.5:
         seas.append((generator.uniform(0.5, 2.5), generator.uniform(10.0, 16.0)))
     duration_s, rate_hz = generator.uniform(900.0, 2400.0), float(generator.choice([1.0, 2.0, 5.0, 10.0]))
-    pose = sails(generator, round((duration_s + _LEAD_S) / STEP_S))
+    pose = sails(generator, round((duration_s + _LEAD_S) / STEP_S), board.length_m)
     waves = tuple(drawn_waves(generator, *sea) for sea in seas)
     words = ", ".join(f"{height:.1f} m {period:.0f} s" for height, period in seas)
     what = (

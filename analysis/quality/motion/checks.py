@@ -263,6 +263,11 @@ class Explanation:
         place = self.causes.index(cause)
         return float(self.sizes[place]), float(self.standard_errors[place])
 
+    @property
+    def early(self) -> bool:
+        """Whether it has a channel stamped before it was measured, which no sensor does by itself."""
+        return any(cause in GROUPS and size < 0.0 for cause, size in zip(self.causes, self.sizes, strict=True))
+
 
 def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
@@ -276,8 +281,9 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         )
         best = tried[0]
         if best.misfit <= _ADEQUATE:
-            rivals = [each for each in tried[1:] if each.misfit <= best.misfit + _AS_WELL and count == 1]
-            named = tuple((each.causes[0], float(each.sizes[0])) for each in rivals)
+            alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL] if count == 1 else [best]
+            best = next((each for each in alike if not each.early), best)
+            named = tuple((each.causes[0], float(each.sizes[0])) for each in alike if each is not best)
             return replace(best, rivals=named)
     return best
 

@@ -240,7 +240,7 @@ def integrated_yaw_rate_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Flo
     """
     from scipy.interpolate import CubicSpline
 
-    rate, parameters = fit.motion.yaw_rate, fit.believed.parameters[6:]
+    rate, parameters = fit.motion.yaw_rate, fit.turn_parameters
     grid_s = np.arange(rate.time_s[0], rate.time_s[-1], fit.motion.step_s)
     turned, slopes = turn_model(fit.motion, grid_s)(parameters)
     times = np.clip(heading_time_s - parameters[2], grid_s[0], grid_s[-1])

@@ -40,7 +40,7 @@ _MOST_JUMPS = 0.6
 _NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot spoil
 _MOST_STILL = 0.2  # less than the quarter of the steps that the scale is taken from
 _ROUNDS = 12
-_STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4])
+_STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4, 1e-4, 1e-4])
 
 
 def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
@@ -153,7 +153,7 @@ class PositionErrors:
 
 def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     """Errors of the raw positions about the fitted path, without outliers."""
-    motion, parameters = fit.motion, fit.believed.parameters[:6]
+    motion, parameters = fit.motion, fit.path_parameters
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
     path, slopes = path_model(motion, grid_s)(parameters)
     raw = group_samples(table, GROUPS["north_m"])

@@ -2,13 +2,15 @@
 
 Whatever the ship does, and in waves and current too (speeds are over ground):
 
-    d(position)/dt = R(heading - b) [f u - y r, f v + x r],    d(heading)/dt = c r + d,
+    d(position)/dt = R(heading - b) [f u - y r, f v + x r + dy/dt],    d(heading)/dt = c r + d,
 
-with the factor f of the recorded speeds, the heading's offset b, the lever arm (x, y) from the point of the
-speeds to that of the positions, scale c and bias d of the yaw rate; and each group may be stamped too late. Both
-equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow motion to faster so that
-a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
-out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.motion.coarse`).
+with the factor f of the recorded speeds, the heading's offset b, the lever arm (x, y) from the point of the speeds
+to that of the positions, scale c and bias d of the yaw rate. As a ship heels in turns by her centripetal
+acceleration, a little later, an antenna high up goes to the side: y = y0 + h u r + l u dr/dt. And each group may
+be stamped too late. Both equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow
+motion to faster so that a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns,
+a steady speed) comes out with a wide interval. What is grossly wrong is put right before
+(:mod:`analysis.quality.motion.coarse`).
 
 In waves the ship rolls and pitches as well, which moves an antenna high up but not the point of the speeds, and
 filters of sensors act: the equations hold for motion that is slower than waves, and for faster motion only where it
@@ -57,13 +59,15 @@ from analysis.quality.samples import jackknife_error
 
 PATH_PARAMETERS = (
     "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
+    "heel_s2", "heel_lag_s3",
 )  # fmt: skip
 TURN_PARAMETERS = ("yaw_rate_factor", "yaw_rate_bias_radps", "heading_after_yaw_rate_s")
 NAMES = PATH_PARAMETERS + TURN_PARAMETERS
+_OF_PATH, _OF_TURN = slice(len(PATH_PARAMETERS)), slice(len(PATH_PARAMETERS), None)
 CHANCE = 1e-4
 """Probability that a figure of a sound trial is called wrong."""
 _DELAY_PRIOR_S = 20.0
-_PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0])
+_PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0, 100.0, 100.0])
 _TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
 _CLEAR = 4.0
 _LONGEST_STEP = 0.2
@@ -83,12 +87,12 @@ _STAGES_HZ = (0.15, 0.5, 0.5)
 class Kinematics:
     """Corrections that make the motion channels agree.
 
-    The parameters [9] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
+    The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
     multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
     to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every`` by all up to
-    ``fastest_hz``; ``slowly`` [9] are those that are taken from the slow motion.
-    ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
+    ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion.
+    ``half_between`` [11] is the least half width of an interval by how the quarters of the recording differ, zero
     where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
@@ -102,7 +106,7 @@ class Kinematics:
     motion: Motion
     converged: bool = True
     coarse: Coarse = field(default_factory=Coarse)
-    half_between: Floats = field(default_factory=lambda: np.zeros(9))
+    half_between: Floats = field(default_factory=lambda: np.zeros(len(NAMES)))
 
     @cached_property
     def believed(self) -> Solution:
@@ -113,6 +117,14 @@ class Kinematics:
             np.where(self.slowly[:, np.newaxis], slow.covariance, every.covariance),
             np.where(self.slowly, slow.informative, every.informative),
         )
+
+    @property
+    def path_parameters(self) -> Floats:
+        return self.believed.parameters[_OF_PATH]
+
+    @property
+    def turn_parameters(self) -> Floats:
+        return self.believed.parameters[_OF_TURN]
 
     @cached_property
     def standard_errors(self) -> Floats:
@@ -206,7 +218,8 @@ def fit_motion(motion: Motion) -> Kinematics:
     paths, turns = (tuple(model(each, grid_s) for each in parts) for model in (path_model, turn_model))
     path = _Fit(motion.position, paths, _PATH_PRIOR, frame).solved()
     turn = _Fit(motion.heading, turns, _TURN_PRIOR, frame).solved()
-    slowly = np.repeat([_slow_is_better(*path, _ALIKE[:6]), _slow_is_better(*turn, _ALIKE[6:])], [6, 3])
+    better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
+    slowly = np.repeat(better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
     slow, every = (path[which].beside(turn[which]) for which in (0, 1))
     fit = Kinematics(
         slow, every, slowly, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
@@ -229,8 +242,9 @@ def _slow_is_better(slow: Solution, every: Solution, alike: Floats) -> bool:
 
 def _within_bounds(fit: Kinematics) -> bool:
     """Whether factors, angle and bias are within the range in which the linearised fit is valid, or may be."""
-    places = [0, 1, 6, 7]
-    away = np.abs(fit.believed.parameters - [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])[places]
+    neutral = {"speed_factor": 1.0, "heading_offset_rad": 0.0, "yaw_rate_factor": 1.0, "yaw_rate_bias_radps": 0.0}
+    places = [NAMES.index(name) for name in neutral]
+    away = np.abs(fit.believed.parameters[places] - list(neutral.values()))
     return bool((away < np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])).all())
 
 
@@ -337,7 +351,7 @@ _PARTS = 4
 _FEWEST_PARTS = 3
 _CHANCE_OF_PARTS = 1e-3
 _SAMPLES = 8
-_ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 5e-4, 1e-5, 0.01])
+_ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 0.05, 0.05, 5e-4, 1e-5, 0.01])
 """Differences that sampling and interpolation may make, as standard deviations."""
 
 
@@ -359,8 +373,8 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
     half = _half_between(
         np.array([part.believed.parameters for part in parts]), np.array([_variance(part) for part in parts])
     )
-    half[0] *= abs(coarse.speed_factor)
-    half[6] *= abs(coarse.yaw_rate_factor)
+    half[NAMES.index("speed_factor")] *= abs(coarse.speed_factor)
+    half[NAMES.index("yaw_rate_factor")] *= abs(coarse.yaw_rate_factor)
     return replace(fit, half_between=half)
 
 

@@ -243,24 +243,31 @@ _MEAN_WIDTH_S = 5.0
 
 
 def path_model(motion: Motion, grid_s: Floats) -> Model:
-    """The path by heading and speeds as a model of the positions; the speeds' stamps are the time."""
+    """The path by heading and speeds as a model of the positions; the speeds' stamps are the time.
+
+    The last two parameters are heel in turns, by which an antenna high up goes to the side, in m per m/s2 of
+    centripetal acceleration, and by how much that comes later, in m per m/s3.
+    """
     heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
     first, last = motion.heading.time_s[[0, -1]]
     width = max(_RATE_WIDTH_S, motion.heading.interval_s)
 
     def model(values: Floats) -> tuple[Floats, Floats]:
-        factor, offset, _, heading_late_s, forward, starboard = values
+        factor, offset, _, heading_late_s, forward, starboard, heel, heel_lag = values
         times = np.clip(grid_s + heading_late_s, first + width, last - width)
         true = heading_at(times)[:, 0] - offset
-        turning = (heading_at(times + width) - heading_at(times - width)) / (2.0 * width)
+        before, after = heading_at(times - width), heading_at(times + width)
+        turning = (after - before) / (2.0 * width)
+        quickening = (after - 2.0 * heading_at(times) + before) / width**2
         moving = rotate(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
-        arm = forward * ahead + starboard * aside
+        heeled, later = (each * body[:, :1] * aside for each in (turning, quickening))
+        arm = forward * ahead + starboard * aside + heel * heeled + heel_lag * later
         swung = turning * _quarter_turn(arm)
         bent = integral(grid_s, turning * factor * _quarter_turn(moving))
         by_offset = -factor * _quarter_turn(travelled) - _quarter_turn(arm)
-        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside)
+        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside, heeled, later)
         return factor * travelled + arm, np.stack(slopes, axis=1)
 
     return model

@@ -29,9 +29,12 @@ def tossed(table: pd.DataFrame, share: float, period_s: float = 7.0, sway_mps: f
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("number", [0, 1, 2, *(pytest.param(each, marks=pytest.mark.slow) for each in (6, 9, 32))])
+@pytest.mark.parametrize("number", [0, 1, 2, *(pytest.param(each, marks=pytest.mark.slow) for each in (6, 9, 241))])
 def test_nothing_is_repaired_in_waves(number: int) -> None:
-    """A few of the ships of the benchmark: at work, under way and manoeuvring, antennas anywhere on board."""
+    """A few of the ships of the benchmark: at work, under way and manoeuvring, antennas anywhere on board.
+
+    Number 241 heels in turns: taken for a delay of 0.4 s before that was known.
+    """
     what, findings, repairs = judged(number)
     assert repairs == [], what
     assert findings == [], what

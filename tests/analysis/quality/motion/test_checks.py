@@ -163,3 +163,14 @@ def test_the_docking_of_2019_does_not_jitter(shared_data: Path, tmp_path: Path) 
     import_table(shared_data / name / file, tmp_path / "docking.mcap", MAPS / f"{name}.toml")
     found = {each.code for each in check_motion(read_table(tmp_path / "docking.mcap")).findings}
     assert not found & {"position_time_jitter", "heading_time_jitter"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_two_causes_that_a_trial_cannot_tell_apart_the_late_one_is_named(seed: int) -> None:
+    """At a steady speed a heading that is late and a yaw rate that is early look alike; no sensor is early."""
+    table = sailed(
+        Faults(late_s={"heading_deg": 1.5}), 600.0, 1.0, seed, noise=Noise(speed_mps=0.2), speed_changes=0.0
+    )
+    (delay,) = [each for each in check_motion(table).findings if each.code == "channel_delay"]
+    assert (delay.channel, delay.certain) == ("heading_deg", False)
+    assert "yaw rate" in delay.text
