@@ -295,7 +295,7 @@ def _use_of_vessel(diagnosis: Diagnosis) -> list[str]:
     use = "Use the vessel file beside this page, vessel.toml: the model with the named effects."
     passing = dict.fromkeys(f"[effects.{each.name}]" for each in written if each.scope != "ship")
     if passing:
-        use += f" Before you predict another trial, delete {join_words([*passing])}: they are not the ship's."
+        use += f" It predicts this trial; for another, delete what is not the ship's own: {join_words([*passing])}."
     return [use]
 
 
@@ -459,10 +459,16 @@ def cell_row(place: Place) -> list[str]:
 def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
     """The catalogue ranked, each effect alone in the model."""
     return [
-        [plain(each.name), each.family, number(each.evidence), chance(each.p_value),
-         f"{number(each.limit)} {'' if each.unit == '1' else each.unit}" if each.limit == each.limit else ""]
+        [plain(each.name), each.family, number(each.evidence), chance(each.p_value), _smallest_found(each)]
         for each in suspects
-    ]  # fmt: skip
+    ]
+
+
+def _smallest_found(suspect: Suspect) -> str:
+    """How large an effect must be to be found; where there is no wind, for one, its effects are not at any size."""
+    if not 0.0 < suspect.limit < inf:
+        return "" if suspect.limit != suspect.limit else "not by this trial"
+    return f"{number(suspect.limit)} {'' if suspect.unit == '1' else suspect.unit}".strip()
 
 
 def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:

@@ -12,10 +12,17 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
 from hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
-from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, Ratio, When
+from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, Ratio, Suspect, When
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
-from hybrid.report.diagnosis_words import model_line, next_steps, page_of, verdict_sentence, write_report
+from hybrid.report.diagnosis_words import (
+    model_line,
+    next_steps,
+    page_of,
+    suspect_rows,
+    verdict_sentence,
+    write_report,
+)
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
@@ -214,10 +221,16 @@ def test_the_page_says_what_to_do_next() -> None:
     ]
 
 
+def test_an_effect_that_a_trial_cannot_find_has_no_size_there() -> None:
+    sizes = {"10.0": "10 N", "inf": "not by this trial", "nan": ""}
+    suspects = [Suspect("wave_drift", "environment", 1.0, 0.5, float(limit), "N") for limit in sizes]
+    assert [row[-1] for row in suspect_rows(suspects)] == list(sizes.values())
+
+
 def test_what_is_of_one_day_does_not_go_with_the_ship() -> None:
     effect = replace(named().effects[0], name="ocean_current", kind="environment", scope="day")
     (step,) = [each for each in next_steps(replace(named(), effects=(effect,))) if "vessel.toml" in each]
-    assert "delete [effects.ocean_current]" in step
+    assert step.endswith("delete what is not the ship's own: [effects.ocean_current].")
     lasting = replace(effect, name="hull_fouling", kind="physics", scope="ship")
     assert not any("delete" in each for each in next_steps(replace(named(), effects=(lasting,))))
 
