@@ -1,8 +1,9 @@
 """Repeated values: sensors that are stuck, and values on a grid that is coarser than the channel's noise.
 
 A long repeat alone proves nothing: a thruster at rest, a held order, an assumed constant and a still ship on a
-coarse sensor repeat for minutes. Two things prove that a sensor is stuck: the channel's own noise, there right
-before and after, is gone; or related channels show motion that this one would have had to follow.
+coarse sensor repeat for minutes. Three things prove that a sensor is stuck: the channel's own noise, there right
+before and after, is gone; a speed stays by far the longest of the record and was as lively as ever before and
+after; or related channels show motion that this one would have had to follow.
 
 Every digital sensor has a grid. It harms where its step exceeds both the noise (which else carries the mean
 between two steps) and what buses commonly carry: ``EVERYDAY`` holds the coarsest resolution by quantity that is
@@ -21,7 +22,7 @@ from analysis.kinematics import to_earth
 from analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
 from analysis.tables.table import NANO, TimedValues, times_ns
 
-_SHORTEST, _BESIDE = 8, 100
+_SHORTEST, _BESIDE, _NEAR = 8, 100, 20
 _LIKELY = 1e-4
 _TURNING = 0.3
 _LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
@@ -44,7 +45,10 @@ def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
         inside = slice(start, start + length)
         usual = not coarse or length >= 5 * np.sort(lengths)[-2]
         moving = usual and not _at_rest(float(values[start]), channel)
-        silent = moving and _noise_is_gone(values, start, length, always_moves)
+        silent = moving and (
+            _noise_is_gone(values, start, length, always_moves)
+            or (judged_as(channel)[0] == "velocity" and _stays_by_far_longest(values, start, length))
+        )
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
     return bad
@@ -80,6 +84,21 @@ def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) 
     if always_moves and len(sides) < 2:  # a simulated ship may start without moving
         always_moves = False
     return bool(sides) and all(_lively(side, length, values.size, always_moves) for side in sides)
+
+
+def _stays_by_far_longest(values: Floats, start: int, length: int) -> bool:
+    """Whether a run is five times as long as any other, and begins and ends in the midst of the usual changes.
+
+    Speeds that a sensor has smoothed have no noise that could be gone: they change little by little, and stay for
+    some samples now and then. Those of a simulated ship that comes to a steady speed change less and less.
+    """
+    others = np.sort(runs_of_equal(np.diff(values) != 0.0)[1])
+    if length < max(_FEWEST, 5 * others[-2]):
+        return False
+    steps = np.abs(np.diff(values))
+    usual = float(np.median(steps[steps > 0.0]))
+    sides = steps[max(start - _NEAR, 0) : start], steps[start + length : start + length + _NEAR]
+    return all(side.size >= _SHORTEST and float(np.quantile(side, 0.6)) > 0.1 * usual for side in sides)
 
 
 def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:

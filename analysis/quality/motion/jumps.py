@@ -40,6 +40,7 @@ _MOST_JUMPS = 0.6
 _NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot spoil
 _MOST_STILL = 0.2  # less than the quarter of the steps that the scale is taken from
 _ROUNDS = 12
+_LEAST_FACTOR = 0.05
 _STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4, 1e-4, 1e-4])
 
 
@@ -98,7 +99,8 @@ def _robust_fit(level: Group, model: Model, grid_s: Floats, values: Floats) -> F
 
 
 def _most_frequent(steps: _Steps, values: Floats) -> Floats:
-    """``values`` with factor and angle moved to where the quarter of the faster steps that agree best lies."""
+    """``values`` with factor and angle moved to where the quarter of the faster steps that agree best lies; as they
+    are where that quarter stands still, as a sensor does that is stuck: a factor of nearly zero has no slope."""
     faster = steps.distance >= max(float(np.median(steps.distance)), 1e-6)
     ratios = np.sort(steps.error[faster] / steps.distance[faster, np.newaxis], axis=0)
     quarter = max(1, len(ratios) // 4)
@@ -106,6 +108,8 @@ def _most_frequent(steps: _Steps, values: Floats) -> Floats:
     middle = ratios[tightest + quarter // 2, np.arange(ratios.shape[1])]
     moved = np.zeros_like(values)
     moved[0], moved[1] = values[0] * (1.0 + middle[0]), values[1]
+    if abs(moved[0]) < _LEAST_FACTOR:
+        return values
     if middle.size == 2:
         moved[1] -= middle[1]
     return moved

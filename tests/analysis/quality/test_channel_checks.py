@@ -146,6 +146,29 @@ def test_noise_that_goes_silent_is_stuck_from_the_first_repeat() -> None:
     assert stretch.size == 59
 
 
+def smoothed_speed(size: int = 2000) -> Floats:
+    """A filtered speed, to the centimetre per second: no noise, and the same for some samples at times."""
+    return np.round(4.0 + np.convolve(noise(size + 39), np.hanning(40) / 8.0, mode="valid"), 2)
+
+
+def test_a_smoothed_speed_that_stays_by_far_the_longest_is_stuck() -> None:
+    speed = smoothed_speed()
+    assert places(find_stuck(samples(speed), SURGE)) == []
+    speed[700:1000] = 9.0
+    assert places(find_stuck(samples(speed), SURGE)) == list(range(701, 1000))
+
+
+def test_a_ship_that_comes_to_a_steady_speed_is_not_stuck() -> None:
+    """Without any noise, the last figures become the same one after the other; and then the engine is stopped."""
+    at_s = np.arange(0.0, 2000.0)
+    speed = 5.0 - 3.0 * np.exp(-at_s / 20.0)
+    speed[1500:] = 5.0 * np.exp(-(at_s[1500:] - 1500.0) / 60.0)
+    assert places(find_stuck(samples(speed), SURGE)) == []
+    alongside = smoothed_speed()
+    alongside[:900] = 0.02
+    assert places(find_stuck(samples(alongside), SURGE)) == []
+
+
 def test_two_channels_that_hold_still_by_right_are_not_stuck() -> None:
     """A stopped shaft between two runs, and an order in whole degrees that is held for minutes at a time."""
     rpm = 120.0 + 0.3 * noise(900)

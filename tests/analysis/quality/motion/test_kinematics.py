@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
+from analysis.quality.motion.jumps import remove_jumps
 from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
-from analysis.quality.motion.series import group_samples, motion_of, outliers
+from analysis.quality.motion.series import Group, group_samples, motion_of, outliers
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NEUTRAL = np.array([1.0 if name.endswith("factor") else 0.0 for name in NAMES])
@@ -205,3 +207,21 @@ def test_rows_in_any_order_say_the_same() -> None:
     assert fit_kinematics(shuffled).believed.parameters == pytest.approx(
         fit_kinematics(table).believed.parameters, abs=1e-9
     )
+
+
+def test_a_heading_that_stands_still_while_the_ship_turns_is_no_crash() -> None:
+    """Half of the steps in turns are none, so that their most frequent factor is zero, which has no slope."""
+    grid_s = np.arange(2000.0)
+    generator = np.random.default_rng(0)
+    rate = np.where(grid_s < 1240.0, 0.0, 0.03) + 1e-4 * generator.standard_normal(grid_s.size)
+    turned = np.cumsum(rate)
+    heading = turned + 1e-4 * generator.standard_normal(grid_s.size)
+    heading[1300:1680] = heading[1300]
+
+    def model(values: Floats) -> tuple[Floats, Floats]:
+        factor, bias, _ = values
+        slopes = np.stack([turned / factor, grid_s, -factor * rate], axis=1)[..., np.newaxis]
+        return (factor * turned + bias * grid_s)[:, np.newaxis], slopes
+
+    level = Group(grid_s, heading[:, np.newaxis], 1.0)
+    assert np.isfinite(remove_jumps(level, model, grid_s, np.array([1.0, 0.0, 0.0])).levels).all()
