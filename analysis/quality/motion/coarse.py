@@ -36,6 +36,7 @@ _LEAST_LEFT = 0.01
 _CONTRADICTED = 0.2
 _LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
 _BEYOND_NOISE = 6.0
+_SPEED_UNITS = {"knots": 1852.0 / 3600.0, "km/h": 1.0 / 3.6}
 _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
 
@@ -115,7 +116,7 @@ class _Regression:
 
     def likelier(self, other: _Regression, windows: int) -> bool:
         """Whether its residual is much smaller and it stays likelier with a lever arm and a delay in the model:
-        sway with the wrong sign looks much like a lever arm."""
+        sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
         much = self.plainly_m < _REMOVED * other.plainly_m
         return much and _KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER
 
@@ -195,8 +196,14 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     }
     if np.ptp(np.angle(np.exp(1j * moves.heading))) < _FULL_TURN_RAD_IN_DEG:
         tried["radians"] = moves.explained(moves.moved, np.rad2deg(moves.heading), moves.body)
+    ahead, aside = moves.body.real, moves.body.imag
+    for unit, factor in _SPEED_UNITS.items():
+        in_turn = {"surge": factor * ahead + 1j * aside, "sway": ahead + 1j * factor * aside}
+        for name, body in in_turn.items():
+            tried[f"{name} alone is in {unit}"] = moves.explained(moves.moved, moves.heading, body)
     kind = min(tried, key=lambda each: tried[each].left_m)
-    removes = tried[kind].removes(plain) or (kind == "body" and tried[kind].likelier(plain, moves.count))
+    like_an_arm = kind == "body" or "alone" in kind
+    removes = tried[kind].removes(plain) or (like_an_arm and tried[kind].likelier(plain, moves.count))
     if not removes:
         return None
     return *_words(kind, float(np.rad2deg(np.angle(tried[kind].ratio)))), plain.plainly_m / path
@@ -207,6 +214,8 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
         return "they agree if the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
         return "they agree if the heading counts anticlockwise", "heading_deg"
+    if "alone" in kind:
+        return f"they agree if {kind}, not m/s", f"{kind.partition(' ')[0]}_mps"
     told = {
         ("chart", 0): ("they agree if east counts to the west", "east_m"),
         ("chart", 2): ("they agree if north counts to the south", "north_m"),

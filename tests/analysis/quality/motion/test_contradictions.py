@@ -61,6 +61,19 @@ def test_speeds_in_another_unit_are_found_with_the_right_factor(
     assert finding.certain == certain
 
 
+@pytest.mark.parametrize("channel", ["surge_mps", "sway_mps"])
+@pytest.mark.parametrize(("unit", "factor"), [("knots", 1.0 / KNOT), ("km/h", 3.6)])
+def test_one_speed_in_another_unit_than_the_other_is_named_and_neither_is_scaled(
+    channel: str, unit: str, factor: float
+) -> None:
+    """Sway in turns looks much like a lever arm, so that one factor for both would pass."""
+    table = scaled(sailed(duration_s=1800.0), **{channel: factor})
+    finding = only(check_motion(table), "motion_contradiction")
+    assert finding.channel == channel
+    assert f"{channel.removesuffix('_mps')} alone is in {unit}" in finding.text
+    assert not finding.certain
+
+
 def test_positions_in_feet_are_not_the_speeds_to_mend(sound: pd.DataFrame) -> None:
     finding = only(check_motion(scaled(sound, north_m=1.0 / 0.3048, east_m=1.0 / 0.3048)), "speed_scale")
     assert finding.estimate["factor"] == pytest.approx(1.0 / 0.3048, rel=0.003)
