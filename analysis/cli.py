@@ -69,6 +69,7 @@ def check(
             typer.echo(path, err=True)
     if repair is not None:
         from analysis.quality.repairs import write_repaired
+        from analysis.tables.table import count_bad
 
         repairs = write_repaired(
             recording, table, quality.findings, repair, quality.flags, rebuild_positions=rebuild_positions
@@ -77,7 +78,9 @@ def check(
             values = "1 value" if each.changed == 1 else f"{each.changed:,} values"
             typer.echo(f"repaired {each.channel}: {each.text}, {values}", err=True)
         if not repairs:
-            typer.echo("nothing to repair: the recording is written as it is", err=True)
+            bad = count_bad(recording)
+            without = f", without {bad:,} values that it calls bad itself" if bad else ""
+            typer.echo(f"nothing to repair: the recording is written as it is{without}", err=True)
         typer.echo(repair, err=True)
     if as_json:
         typer.echo(json.dumps(quality.as_json()))

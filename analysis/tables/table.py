@@ -136,6 +136,12 @@ def valid_values(series: Series) -> Floats:
     return np.where(series.quality >= Quality.BAD, np.nan, series.value)
 
 
+def count_bad(recording: Recording) -> int:
+    """How many values a recording flags bad itself, which tables of it lack."""
+    lacking = (np.isfinite(each.value) & np.isnan(valid_values(each)) for each in recording.series.values())
+    return sum(int(each.sum()) for each in lacking)
+
+
 TimedValues = tuple[Ints, Floats]
 """Times [ns since 1970] and the values at them, both [n]."""
 _KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])

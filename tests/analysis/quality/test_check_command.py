@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.report.quality_page import binned_flags
@@ -99,3 +100,15 @@ def test_sparse_channels_are_drawn_without_holes() -> None:
     bins = binned_flags(stamps.astype(np.int64), np.ones(stamps.size, np.uint8), np.linspace(0, 1000, 101))
     assert bins[:90].min() == 1
     assert pd.Series(bins).nunique() <= 2
+
+
+def test_a_copy_without_repairs_says_which_values_it_lacks(tmp_path: Path) -> None:
+    """Those that the recording calls bad itself are in no table, and so not in the copy."""
+    table = simulate_trial("gunnerus_short", "gentle", "voyage", 300.0, 4.0, seed=2)[0]
+    qualities = {"north_m": np.where(np.arange(len(table)) % 100 == 50, Quality.BAD, Quality.GOOD).astype(np.uint8)}
+    for name, flags in (("sound", {}), ("doubted", qualities)):
+        write_table(table, tmp_path / f"{name}.mcap", Trial(), qualities=flags)
+        said = ["check", str(tmp_path / f"{name}.mcap"), "--repair", str(tmp_path / f"{name}_copy.mcap")]
+        told = RUN.invoke(app, said).stderr
+        assert "nothing to repair" in told
+        assert ("without 12 values" in told) == (name == "doubted")
