@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +13,7 @@ import pandas as pd
 from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints, Series
 from acquisition.core.channels import BY_NAME, channels_of_table, known_channels
+from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from acquisition.core.result import Result
@@ -33,6 +35,7 @@ from analysis.quality.findings import (
 )
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.motion.checks import check_motion
+from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
@@ -151,6 +154,7 @@ def _check_stretch(
     }
     _drop_turns_of_faint_wind(faults)
     rows = {name: rows_of(stamps, each.measured_ns) for name, each in series.items()}
+    joined = _with_other_unit(joined, faults, rows)
     possible = _possible(joined, faults, rows)
     checked = [check(possible) for check in (*CHECKS, *map(own_check, own))]
     across = tuple(finding for each in checked for finding in each.findings)
@@ -175,6 +179,28 @@ def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
             parts = (replace(size, value=each) for each in (wind.real, wind.imag))
             jumps = np.any([find_spikes(each, BY_NAME[speed]) for each in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
+
+
+_FEW_OUTSIDE = 0.01
+_NEAR_A_UNIT = 0.1
+
+
+def _with_other_unit(
+    joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]
+) -> pd.DataFrame:
+    """The table with a yaw rate beyond its limits as it was recorded, and the fault taken back, where the heading
+    tells that it is in degrees per minute: then none of its values is impossible."""
+    fault = faults.get("yaw_rate_dps")
+    if fault is None or fault.masks["out_of_range"].mean() < _FEW_OUTSIDE:
+        return joined
+    outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
+    value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
+    recorded = joined.assign(yaw_rate_dps=value)
+    with suppress(DataShortageError, InputError):
+        if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:
+            outside[:] = False
+            return recorded
+    return joined
 
 
 def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:

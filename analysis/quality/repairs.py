@@ -88,7 +88,7 @@ def repair(
         rebuild_positions = any(each.code == "position_time_jitter" for each in findings)
     if rebuild_positions:
         findings = request_position_repair(findings, table)
-    order, raw = tuple(REPAIRS), table
+    order, raw, findings = tuple(REPAIRS), table, tuple(findings)
     sure = [finding for finding in findings if finding.certain]
     certain = sorted((each for each in sure if each.code in REPAIRS), key=lambda each: order.index(each.code))
     repairs: list[Repair] = []
@@ -97,7 +97,7 @@ def repair(
         if finding.code == "speed_scale" and scaled:
             continue  # both speeds have one factor, and a finding for each is the same finding
         scaled = scaled or finding.code == "speed_scale"
-        if recording is not None and OTHER_TURN in finding.estimate:
+        if recording is not None and (OTHER_TURN in finding.estimate or _is_of_other_unit(finding, findings)):
             table = _with_impossible(table, recording, finding.channel)
         done = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
         changed = sum(int((~_same(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items())
@@ -216,6 +216,12 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
 def _same(first: Floats, second: Floats) -> Bools:
     same: Bools = (first == second) | (np.isnan(first) & np.isnan(second))
     return same
+
+
+def _is_of_other_unit(finding: Finding, findings: Iterable[Finding]) -> bool:
+    """Whether a scale is of a channel none of whose values was found impossible."""
+    impossible = {each.channel for each in findings if each.code == "out_of_range"}
+    return finding.code == "yaw_rate_scale" and finding.channel not in impossible
 
 
 def _with_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd.DataFrame:

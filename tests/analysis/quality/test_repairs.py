@@ -325,3 +325,34 @@ def test_impossible_values_that_the_reader_left_out_are_counted_as_repaired(
     assert [(each.code, each.changed) for each in done.repairs] == [("out_of_range", 6)]
     assert np.abs(read_recording(tmp_path / "b.mcap").series["surge_mps"].value).max() < 30.0
     assert "repair" in [step["step"] for step in history_of(read_table(tmp_path / "b.mcap"))]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_yaw_rate_in_degrees_per_minute_beyond_its_limits_is_scaled_and_not_emptied(
+    tmp_path: Path, sign: float
+) -> None:
+    table = simulate_trial("gunnerus_long", "gentle", "zigzag_20_20", 900.0, 2.0, seed=1)[0]
+    per_minute = table.assign(yaw_rate_dps=sign * 60.0 * table["yaw_rate_dps"])
+    assert (per_minute["yaw_rate_dps"].abs() > 60.0).mean() > 0.05
+    path = tmp_path / "per_minute.mcap"
+    write_table(per_minute, path, Trial("trial", "ship"))
+    recording = read_recording(path)
+    quality = check_recording(recording)
+    assert [each.code for each in quality.findings] == ["yaw_rate_scale"]
+    repaired = write_repaired(
+        recording, table_of(recording), quality.findings, tmp_path / "mended.mcap", quality.flags
+    )
+    np.testing.assert_allclose(repaired.table["yaw_rate_dps"], table["yaw_rate_dps"], rtol=1e-9)
+    assert check_recording(read_recording(tmp_path / "mended.mcap")).findings == ()
+
+
+def test_a_yaw_rate_with_impossible_values_and_no_other_unit_loses_them(tmp_path: Path) -> None:
+    table = simulate_trial("gunnerus_long", "gentle", "zigzag_20_20", 900.0, 2.0, seed=1)[0]
+    wild = table["yaw_rate_dps"].where(np.arange(len(table)) % 20 > 0, 1800.0)
+    write_table(table.assign(yaw_rate_dps=wild), tmp_path / "wild.mcap", Trial("trial", "ship"))
+    recording = read_recording(tmp_path / "wild.mcap")
+    quality = check_recording(recording)
+    assert "out_of_range" in {each.code for each in quality.findings}
+    assert repair(table_of(recording), quality.findings, quality.flags, recording).table[
+        "yaw_rate_dps"
+    ].isna().sum() == np.count_nonzero(wild == 1800.0)
