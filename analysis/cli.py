@@ -79,7 +79,8 @@ def check(
             typer.echo(f"repaired {each.channel}: {each.text}, {values}", err=True)
         if not repairs:
             bad = count_bad(recording)
-            without = f", without {bad:,} values that it calls bad itself" if bad else ""
+            values = "1 value" if bad == 1 else f"{bad:,} values"
+            without = f", without {values} flagged bad in it" if bad else ""
             typer.echo(f"nothing to repair: the recording is written as it is{without}", err=True)
         typer.echo(repair, err=True)
     if as_json:

@@ -10,6 +10,7 @@ import bz2
 import gzip
 import json
 import lzma
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,6 +37,7 @@ _MICRO = 1_000_000
 _ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 
 
+_NAIVE_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?")
 UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
 """The column of times of our own workbooks, and the columns of their sheet ``about``."""
 
@@ -143,15 +145,26 @@ def _read_sheet(path: Path) -> RawTable:
     calamine = optional("python_calamine", "excel", path)
     book = calamine.CalamineWorkbook.from_path(str(path))
     sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    about = sheets.get("about", [])
+    if "data" in sheets and about[:1] == [ABOUT_COLUMNS]:
+        return _our_sheets(path, sheets["data"], about)
     rows: list[Any] = max(
         sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[]
     )
     frame, units = frame_of_rows(rows)
     refuse_twins(list(frame.columns), path)
-    about = sheets.get("about", [[]])
-    if UTC_COLUMN not in frame or about[0] != ABOUT_COLUMNS:
-        return RawTable(path, frame, units=units)
-    frame = frame.assign(**{UTC_COLUMN: frame[UTC_COLUMN] + "Z"}).rename(columns={UTC_COLUMN: "time"})
+    return RawTable(path, frame, units=units)
+
+
+def _our_sheets(path: Path, data: list[list[Any]], about: list[list[Any]]) -> RawTable:
+    """The table and the trial of a workbook that our own export wrote, and people may have changed."""
+    from acquisition.tables.text_tables import frame_of_rows
+
+    frame, units = frame_of_rows(data)
+    if UTC_COLUMN in frame and "time" not in frame:
+        times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
+        frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
+    refuse_twins(list(frame.columns), path)
     return RawTable(path, frame, trial_of({name: value for what, name, value in about if what == "trial"}), units)
 
 

@@ -2,8 +2,8 @@
 
 A long repeat alone proves nothing: a thruster at rest, a held order, an assumed constant and a still ship on a
 coarse sensor repeat for minutes. Three things prove that a sensor is stuck: the channel's own noise, there right
-before and after, is gone; a speed stays by far the longest of the record and was as lively as ever before and
-after; or related channels show motion that this one would have had to follow.
+before and after, is gone; a speed stays by far the longest of the record and leaves by a jump; or related channels
+show motion that this one would have had to follow.
 
 Every digital sensor has a grid. It harms where its step exceeds both the noise (which else carries the mean
 between two steps) and what buses commonly carry: ``EVERYDAY`` holds the coarsest resolution by quantity that is
@@ -22,7 +22,8 @@ from analysis.kinematics import to_earth
 from analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, white_noise
 from analysis.tables.table import NANO, TimedValues, times_ns
 
-_SHORTEST, _BESIDE, _NEAR = 8, 100, 20
+_SHORTEST, _BESIDE = 8, 100
+_JUMP = 3.0
 _LIKELY = 1e-4
 _TURNING = 0.3
 _LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
@@ -87,18 +88,16 @@ def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) 
 
 
 def _stays_by_far_longest(values: Floats, start: int, length: int) -> bool:
-    """Whether a run is five times as long as any other, and begins and ends in the midst of the usual changes.
+    """Whether a run is five times as long as any other, and ends with a step far beyond those of the record.
 
     Speeds that a sensor has smoothed have no noise that could be gone: they change little by little, and stay for
-    some samples now and then. Those of a simulated ship that comes to a steady speed change less and less.
+    some samples now and then, or long on a steady course; but then they leave little by little, too.
     """
-    others = np.sort(runs_of_equal(np.diff(values) != 0.0)[1])
-    if length < max(_FEWEST, 5 * others[-2]):
-        return False
+    longest = np.sort(runs_of_equal(np.diff(values) != 0.0)[1])
     steps = np.abs(np.diff(values))
-    usual = float(np.median(steps[steps > 0.0]))
-    sides = steps[max(start - _NEAR, 0) : start], steps[start + length : start + length + _NEAR]
-    return all(side.size >= _SHORTEST and float(np.quantile(side, 0.6)) > 0.1 * usual for side in sides)
+    if longest.size < 2 or length < max(_FEWEST, 5 * longest[-2]) or start + length >= values.size:
+        return False
+    return bool(steps[start + length - 1] > _JUMP * np.quantile(steps[steps > 0.0], 0.95))
 
 
 def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:

@@ -330,7 +330,7 @@ def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
     return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
 
 
-_OF_SCOPE = {"day": " (of that day)", "recording": " (of that recording's sensors)"}
+_OF_SCOPE = {"day": " (of the day of that trial)", "recording": " (of its sensors)"}
 
 
 def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:

@@ -25,6 +25,7 @@ from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
+from acquisition.tables.table_files import read_raw
 from analysis.prepare import Preparation, prepare
 from analysis.quality.findings import CheckResult
 from analysis.tables.export import add_flags, export_table, matlab_name
@@ -139,6 +140,21 @@ def test_a_workbook_of_ours_is_imported_by_its_names(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(back[list(table)], table, check_freq=False, check_names=False, rtol=1e-12)
     trial = read_recording(tmp_path / "back.mcap").trial
     assert (trial.name, trial.vessel, trial.water_depth_m) == ("=1+1", "ship", 12.5)
+
+
+def test_a_short_workbook_of_ours_that_people_changed_is_imported(tmp_path: Path) -> None:
+    export_table(steady_table(60).iloc[:10], tmp_path / "trial.xlsx")
+    book = load_workbook(tmp_path / "trial.xlsx")
+    for row in range(2, 5):
+        cell = book["data"].cell(row, 1)
+        cell.value = f"{cell.value:%Y-%m-%dT%H:%M:%S}Z"
+    book.save(tmp_path / "trial.xlsx")
+    import_table(tmp_path / "trial.xlsx", tmp_path / "back.mcap")
+    assert len(read_table(tmp_path / "back.mcap")) == 10
+    del book["about"]
+    book.create_sheet("about")
+    book.save(tmp_path / "other.xlsx")
+    assert "time [UTC]" in read_raw(tmp_path / "other.xlsx").columns
 
 
 @pytest.mark.parametrize("suffix", KINDS)

@@ -102,7 +102,7 @@ def heel(pose: Floats, roll_s: float, leverage: float) -> Floats:
     """The angle of heel by turning (starboard down) [rad]: outward by ``leverage`` times the centripetal
     acceleration over gravity, as an oscillator of the natural period ``roll_s`` follows it.
 
-    The leverage of a displacement ship is the height of her mass over the middle of her draught, by GM.
+    The leverage of a displacement ship is the height of her mass over the middle of her draught, divided by GM.
     """
     velocity = np.gradient(pose[:, :2], STEP_S, axis=0)
     ahead, _ = to_earth(*velocity.T, -pose[:, 2])

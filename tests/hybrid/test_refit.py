@@ -211,7 +211,9 @@ def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes
     assert written["after_m"] < written["before_m"]
     with_added = vessel_with_effects(found.vessel, diagnosis)
     assert "starts from a refit" in str(with_added.provenance["diagnosis_identified_correction"])
-    assert with_added.description.endswith("added identified coefficients; ocean_current (of that day)")
+    assert with_added.description.endswith(
+        "added identified coefficients; ocean_current (of the day of that trial)"
+    )
 
 
 @pytest.mark.slow

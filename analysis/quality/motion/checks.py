@@ -78,7 +78,7 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
         if coarse.contradiction:
             return _flagged(table, (contradiction_finding(table, coarse),))
         fit = fit_kinematics(table, coarse)
-    except (DataShortageError, InputError):
+    except (DataShortageError, InputError, np.linalg.LinAlgError):  # the last: too few data for all parameters
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
     if fit.converged:
         return _flagged(table, findings_of(table, fit), position_jumps(table, fit))
@@ -264,9 +264,14 @@ class Explanation:
         return float(self.sizes[place]), float(self.standard_errors[place])
 
     @property
-    def early(self) -> bool:
-        """Whether it has a channel stamped before it was measured, which no sensor does by itself."""
-        return any(cause in GROUPS and size < 0.0 for cause, size in zip(self.causes, self.sizes, strict=True))
+    def is_early(self) -> bool:
+        """Whether one channel is stamped before it was measured, which no sensor does; positions may be in time and
+        all others late."""
+        return self.causes[0] in GROUPS and self.causes[0] != "north_m" and bool(self.sizes[0] < 0.0)
+
+    @property
+    def is_late(self) -> bool:
+        return self.causes[0] in GROUPS and bool(self.sizes[0] > 0.0)
 
 
 def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
@@ -281,8 +286,9 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         )
         best = tried[0]
         if best.misfit <= _ADEQUATE:
-            alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL] if count == 1 else [best]
-            best = next((each for each in alike if not each.early), best)
+            alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL] if count == 1 else []
+            likely = [each for each in alike if each.misfit <= _ADEQUATE and each.is_late]
+            best = likely[0] if likely and best.is_early else best
             named = tuple((each.causes[0], float(each.sizes[0])) for each in alike if each is not best)
             return replace(best, rivals=named)
     return best

@@ -3,8 +3,8 @@
 Positions and the path by heading and speeds are compared as complex moves (north + i east) over windows of ten
 seconds: their ratio is a scale and an angle, free from minus to plus infinity, and so is the ratio of turns.
 Signs and units that nothing fine could mend (a mirrored chart, sway to port, a heading in radians) are tried in
-turn: the one that takes most of what is left away is named. Lever arms and delays are left room, lest they pass
-for one.
+turn: the one that takes most of what is left away is named. Lever arms, delays and heel in turns are left room,
+lest they pass for one.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ _LEAST_LEFT = 0.01
 _CONTRADICTED = 0.2
 _LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
 _BEYOND_NOISE = 6.0
+_NEAR_ONE = 0.05
 _SPEED_UNITS = {"knots": 1852.0 / 3600.0, "km/h": 1.0 / 3.6}
 _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
@@ -105,7 +106,7 @@ def _scale_and_angle(moves: _Moves) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Regression:
-    """A regression of moves: their ratio to the model's, the residual [m], and that with lever arm and delay."""
+    """A regression of moves: their ratio to the model's, the residual [m], and that with arm, delay and heel."""
 
     ratio: complex
     plainly_m: float
@@ -115,7 +116,7 @@ class _Regression:
         return self.left_m < _REMOVED * other.left_m
 
     def likelier(self, other: _Regression, windows: int) -> bool:
-        """Whether its residual is much smaller and it stays likelier with a lever arm and a delay in the model:
+        """Whether its residual is much smaller and it stays likelier with lever arm, delay and heel in the model:
         sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
         much = self.plainly_m < _REMOVED * other.plainly_m
         return much and _KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER
@@ -165,7 +166,9 @@ class _Moves:
         arm = _changes_over(np.exp(1j * heading), self.starts, self.length)
         late = _changes_over(body * np.exp(1j * heading), self.starts, self.length)
         values, plainly = _regress(moved, travelled[:, np.newaxis])
-        left = _regress(moved, np.column_stack([travelled, arm, late]))[1]
+        outward = 1j * np.gradient(heading, self.grid_s[1] - self.grid_s[0]) * body.real * np.exp(1j * heading)
+        heeled = _changes_over(outward, self.starts, self.length)
+        left = _regress(moved, np.column_stack([travelled, arm, late, heeled]))[1]
         return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(left))
 
     def ratio(self) -> complex:
@@ -200,9 +203,11 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     for unit, factor in _SPEED_UNITS.items():
         in_turn = {"surge": factor * ahead + 1j * aside, "sway": ahead + 1j * factor * aside}
         for name, body in in_turn.items():
-            tried[f"{name} alone is in {unit}"] = moves.explained(moves.moved, moves.heading, body)
+            found = moves.explained(moves.moved, moves.heading, body)
+            if abs(abs(found.ratio) - 1.0) < _NEAR_ONE:  # else the other is too small, or both are in other units
+                tried[f"{name} alone is in {unit}"] = found
     kind = min(tried, key=lambda each: tried[each].left_m)
-    like_an_arm = kind == "body" or "alone" in kind
+    like_an_arm = kind == "body" or kind.startswith("surge alone")
     removes = tried[kind].removes(plain) or (like_an_arm and tried[kind].likelier(plain, moves.count))
     if not removes:
         return None

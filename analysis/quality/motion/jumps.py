@@ -99,8 +99,11 @@ def _robust_fit(level: Group, model: Model, grid_s: Floats, values: Floats) -> F
 
 
 def _most_frequent(steps: _Steps, values: Floats) -> Floats:
-    """``values`` with factor and angle moved to where the quarter of the faster steps that agree best lies; as they
-    are where that quarter stands still, as a sensor does that is stuck: a factor of nearly zero has no slope."""
+    """``values`` with factor and angle moved to where the quarter of the faster steps that agree best lies.
+
+    They are returned as they are if that quarter stands still, as a stuck sensor does: a factor of nearly zero has
+    no slope.
+    """
     faster = steps.distance >= max(float(np.median(steps.distance)), 1e-6)
     ratios = np.sort(steps.error[faster] / steps.distance[faster, np.newaxis], axis=0)
     quarter = max(1, len(ratios) // 4)

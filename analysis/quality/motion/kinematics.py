@@ -69,6 +69,9 @@ CHANCE = 1e-4
 _DELAY_PRIOR_S = 20.0
 _PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0, 100.0, 100.0])
 _TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
+_NEUTRAL_PATH, _NEUTRAL_TURN = (np.eye(prior.size)[0] for prior in (_PATH_PRIOR, _TURN_PRIOR))
+_OF_HEEL = [PATH_PARAMETERS.index(name) for name in ("heel_s2", "heel_lag_s3")]
+_FIXED = 1e-6
 _CLEAR = 4.0
 _LONGEST_STEP = 0.2
 _FARTHEST = 0.6
@@ -87,13 +90,13 @@ _STAGES_HZ = (0.15, 0.5, 0.5)
 class Kinematics:
     """Corrections that make the motion channels agree.
 
-    The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
-    multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
-    heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
-    to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every`` by all up to
-    ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion.
-    ``half_between`` [11] is the least half width of an interval by how the quarters of the recording differ, zero
-    where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
+    The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must
+    be multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
+    heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, what heel in turns adds to
+    it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every``
+    by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion. ``half_between``
+    [11] is the least half width of an interval by how the quarters of the recording differ, zero where they agree
+    or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
@@ -200,8 +203,8 @@ def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_
     )
 
 
-def fit_motion(motion: Motion) -> Kinematics:
-    """As :func:`fit_kinematics`, of a motion that is already cleaned."""
+def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
+    """As :func:`fit_kinematics`, of a motion that is already cleaned; ``heel`` [2] fixes the parameters of that."""
     start = max(group.time_s[0] for group in motion.groups)
     end = min(group.time_s[-1] for group in motion.groups)
     grid_s = np.arange(start, max(end, start) + 1e-6, motion.step_s)
@@ -216,8 +219,11 @@ def fit_motion(motion: Motion) -> Kinematics:
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
     paths, turns = (tuple(model(each, grid_s) for each in parts) for model in (path_model, turn_model))
-    path = _Fit(motion.position, paths, _PATH_PRIOR, frame).solved()
-    turn = _Fit(motion.heading, turns, _TURN_PRIOR, frame).solved()
+    path_prior, neutral = _PATH_PRIOR.copy(), _NEUTRAL_PATH.copy()
+    if heel is not None:
+        path_prior[_OF_HEEL], neutral[_OF_HEEL] = _FIXED, heel
+    path = _Fit(motion.position, paths, path_prior, neutral, frame).solved()
+    turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solved()
     better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
     slowly = np.repeat(better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
     slow, every = (path[which].beside(turn[which]) for which in (0, 1))
@@ -293,6 +299,7 @@ class _Fit:
     level: Group
     models: tuple[Model, ...]
     prior: Floats
+    start: Floats
     frame: _Frame
 
     @cached_property
@@ -315,8 +322,7 @@ class _Fit:
 
     def _by_slow_and_all(self) -> tuple[Solution, Solution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster."""
-        start = np.where(np.arange(self.prior.size) == 0, 1.0, 0.0)
-        slow = self._gauss_newton(Solution(start, np.diag(self.prior**2), start), _SLOW_STAGES)
+        slow = self._gauss_newton(Solution(self.start, np.diag(self.prior**2), self.start), _SLOW_STAGES)
         return slow, self._gauss_newton(slow, _STAGES_HZ)
 
     def _gauss_newton(self, found: Solution, stages: tuple[float | None, ...]) -> Solution:
@@ -366,7 +372,8 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
     parts = []
     for quarter in _quarters(motion):
         with suppress(DataShortageError):
-            parts.append(replace(fit_motion(quarter), slowly=fit.slowly))
+            part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to tell of heel
+            parts.append(replace(part, slowly=fit.slowly))
     parts = [part for part in parts if part.converged]
     if len(parts) < _FEWEST_PARTS:
         return fit

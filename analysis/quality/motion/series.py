@@ -245,8 +245,9 @@ _MEAN_WIDTH_S = 5.0
 def path_model(motion: Motion, grid_s: Floats) -> Model:
     """The path by heading and speeds as a model of the positions; the speeds' stamps are the time.
 
-    The last two parameters are heel in turns, by which an antenna high up goes to the side, in m per m/s2 of
-    centripetal acceleration, and by how much that comes later, in m per m/s3.
+    The last two parameters are heel in turns, by which an antenna high up goes to the side: in m per m/s2 of
+    centripetal acceleration, and in m per m/s3 of its rate, of the other sign where heel lags. The slopes by the
+    delays leave heel out, which is a small part of the motion.
     """
     heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
     first, last = motion.heading.time_s[[0, -1]]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from acquisition.core.actuators import KINDS, Actuator
 from acquisition.core.angles import wrap_180, wrap_360
@@ -166,7 +167,23 @@ def test_a_ship_that_comes_to_a_steady_speed_is_not_stuck() -> None:
     assert places(find_stuck(samples(speed), SURGE)) == []
     alongside = smoothed_speed()
     alongside[:900] = 0.02
+    alongside[900:1300] = np.round(alongside[900:1300] * np.linspace(0.0, 1.0, 400), 2)
     assert places(find_stuck(samples(alongside), SURGE)) == []
+
+
+@pytest.mark.parametrize(("rate_hz", "lag_s"), [(0.5, 5.0), (1.0, 5.0), (0.2, 10.0), (2.0, 20.0)])
+def test_a_steady_leg_between_zigzags_is_not_stuck(rate_hz: float, lag_s: float) -> None:
+    """In steps of a tenth of a knot a speed stays for an hour, and leaves by a step or two."""
+    at_s = np.arange(0.0, 4500.0, 1.0 / rate_hz)
+    steady = (at_s > 900.0) & (at_s < 3600.0)
+    wanted = 5.0 - np.where(steady, 0.0, 0.6 * np.abs(np.sin(2.0 * np.pi * at_s / 120.0)))
+    kept = np.exp(-1.0 / (rate_hz * lag_s))
+    speed = lfilter([1.0 - kept], [1.0, -kept], wanted - 5.0) + 5.0 + 0.001 * noise(at_s.size)
+    assert places(find_stuck(samples(np.round(speed / 0.05144) * 0.05144, rate_hz), SURGE)) == []
+
+
+def test_a_speed_that_never_changes_is_no_crash() -> None:
+    assert places(find_stuck(samples(np.full(60, 5.0)), SURGE)) == []
 
 
 def test_two_channels_that_hold_still_by_right_are_not_stuck() -> None:

@@ -10,8 +10,7 @@ python -m tests.benchmarks.diagnosis_trials -o results.jsonl --size {size} --pag
 simulates trials with hidden effects, diagnoses each from its 13 channels alone, and compares the result with the
 truth. This page is written by that command: size `{size}`, {cases} of its {whole} cases
 (the last table says which are none; `--only` and `--every` select cases, `--done` writes the page from existing
-results), {version}, catalogue version
-{catalogue} with {effects} effects, tolerance 1 %.
+results), {version}, catalogue version {catalogue} with {effects} effects, tolerance 1 %.
 In brackets: the counts and the exact 95 % interval (Clopper and Pearson 1934) in percent.
 The same with measured data: [effects hidden in measured data](hidden_in_measured.md)."""
 

@@ -165,6 +165,12 @@ def test_the_docking_of_2019_does_not_jitter(shared_data: Path, tmp_path: Path) 
     assert not found & {"position_time_jitter", "heading_time_jitter"}
 
 
+def test_quarters_too_short_to_tell_of_heel_are_no_crash() -> None:
+    """Five blocks of three cosines determine eight parameters so well that no noise is left."""
+    table = sailed(Faults(late_s={"north_m": -1.0}), 900.0, 1.0, 1, speed_changes=0.0, turning=0.5)
+    assert "channel_delay" in {each.code for each in check_motion(table).findings}
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_of_two_causes_that_a_trial_cannot_tell_apart_the_late_one_is_named(seed: int) -> None:
     """At a steady speed a heading that is late and a yaw rate that is early look alike; no sensor is early."""

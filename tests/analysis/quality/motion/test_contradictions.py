@@ -16,6 +16,7 @@ from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.motion.series import GROUPS
 from analysis.quality.repairs import repair
 from analysis.tables.table import read_table
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 MAPS = Path(__file__).parents[4] / "trials" / "columns"
@@ -67,11 +68,20 @@ def test_one_speed_in_another_unit_than_the_other_is_named_and_neither_is_scaled
     channel: str, unit: str, factor: float
 ) -> None:
     """Sway in turns looks much like a lever arm, so that one factor for both would pass."""
-    table = scaled(sailed(duration_s=1800.0), **{channel: factor})
+    table = scaled(simulate_trial("gunnerus_long", "gentle", "programme", 1200.0, 1.0, 3)[0], **{channel: factor})
     finding = only(check_motion(table), "motion_contradiction")
     assert finding.channel == channel
     assert f"{channel.removesuffix('_mps')} alone is in {unit}" in finding.text
     assert not finding.certain
+
+
+@pytest.mark.parametrize(("channel", "factor"), [
+    ("sway_mps", 0.2), ("sway_mps", KNOT), ("sway_mps", 0.6), ("sway_mps", 1.5), ("surge_mps", 0.5),
+])  # fmt: skip
+def test_no_unit_is_named_of_the_channel_that_is_sound(channel: str, factor: float) -> None:
+    """A sway that is half of what it should be makes surge look as if it were in knots, but for the whole way."""
+    table = scaled(simulate_trial("gunnerus_long", "gentle", "programme", 1200.0, 1.0, 3)[0], **{channel: factor})
+    assert not [each for each in check_motion(table).findings if "alone" in each.text]
 
 
 def test_positions_in_feet_are_not_the_speeds_to_mend(sound: pd.DataFrame) -> None:
