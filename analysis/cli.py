@@ -75,12 +75,10 @@ def check(
             recording, table, quality.findings, repair, quality.flags, rebuild_positions=rebuild_positions
         ).repairs
         for each in repairs:
-            values = "1 value" if each.changed == 1 else f"{each.changed:,} values"
-            typer.echo(f"repaired {each.channel}: {each.text}, {values}", err=True)
+            typer.echo(f"repaired {each.channel}: {each.text}, {_values(each.changed)}", err=True)
         if not repairs:
             bad = count_bad(recording)
-            values = "1 value" if bad == 1 else f"{bad:,} values"
-            without = f", without {values} flagged bad in it" if bad else ""
+            without = f", without {_values(bad)} flagged bad in it" if bad else ""
             typer.echo(f"nothing to repair: the recording is written as it is{without}", err=True)
         typer.echo(repair, err=True)
     if as_json:
@@ -89,6 +87,10 @@ def check(
     from rich.console import Console
 
     Console().print(quality)
+
+
+def _values(count: int) -> str:
+    return "1 value" if count == 1 else f"{count:,} values"
 
 
 def export(

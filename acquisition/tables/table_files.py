@@ -146,26 +146,19 @@ def _read_sheet(path: Path) -> RawTable:
     book = calamine.CalamineWorkbook.from_path(str(path))
     sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     about = sheets.get("about", [])
-    if "data" in sheets and about[:1] == [ABOUT_COLUMNS]:
-        return _our_sheets(path, sheets["data"], about)
-    rows: list[Any] = max(
-        sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[]
+    ours = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
+    rows: list[Any] = (
+        sheets["data"]
+        if ours
+        else max(sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[])
     )
     frame, units = frame_of_rows(rows)
-    refuse_twins(list(frame.columns), path)
-    return RawTable(path, frame, units=units)
-
-
-def _our_sheets(path: Path, data: list[list[Any]], about: list[list[Any]]) -> RawTable:
-    """The table and the trial of a workbook that our own export wrote, and people may have changed."""
-    from acquisition.tables.text_tables import frame_of_rows
-
-    frame, units = frame_of_rows(data)
-    if UTC_COLUMN in frame and "time" not in frame:
+    if ours and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
     refuse_twins(list(frame.columns), path)
-    return RawTable(path, frame, trial_of({name: value for what, name, value in about if what == "trial"}), units)
+    said = {name: value for what, name, value in about if what == "trial"} if ours else {}
+    return RawTable(path, frame, trial_of(said), units)
 
 
 def _read_gpx(path: Path) -> RawTable:

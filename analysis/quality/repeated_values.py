@@ -42,14 +42,12 @@ def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
     coarse = lengths.size > 1 and (step := grid_step(values)) > noise_besides_rounding(values, step)
     repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))  # but for the long runs
     always_moves = judged_as(channel)[0] != "command" and bool(repeats < 0.01 * values.size)
+    frozen = _by_far_longest(values) if judged_as(channel)[0] == "velocity" else None
     for start, length in zip(starts, lengths, strict=True):
         inside = slice(start, start + length)
         usual = not coarse or length >= 5 * np.sort(lengths)[-2]
         moving = usual and not _at_rest(float(values[start]), channel)
-        silent = moving and (
-            _noise_is_gone(values, start, length, always_moves)
-            or (judged_as(channel)[0] == "velocity" and _stays_by_far_longest(values, start, length))
-        )
+        silent = moving and (start == frozen or _noise_is_gone(values, start, length, always_moves))
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
     return bad
@@ -87,17 +85,23 @@ def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) 
     return bool(sides) and all(_lively(side, length, values.size, always_moves) for side in sides)
 
 
-def _stays_by_far_longest(values: Floats, start: int, length: int) -> bool:
-    """Whether a run is five times as long as any other, and ends with a step far beyond those of the record.
+def _by_far_longest(values: Floats) -> int | None:
+    """Where a run begins that is five times as long as any other and ends with a step far beyond those of the
+    record; None where there is none.
 
     Speeds that a sensor has smoothed have no noise that could be gone: they change little by little, and stay for
     some samples now and then, or long on a steady course; but then they leave little by little, too.
     """
-    longest = np.sort(runs_of_equal(np.diff(values) != 0.0)[1])
+    if values.size < _FEWEST:
+        return None
     steps = np.abs(np.diff(values))
-    if longest.size < 2 or length < max(_FEWEST, 5 * longest[-2]) or start + length >= values.size:
-        return False
-    return bool(steps[start + length - 1] > _JUMP * np.quantile(steps[steps > 0.0], 0.95))
+    starts, lengths = runs_of_equal(steps != 0.0)
+    place = int(np.argmax(lengths))
+    start, end = int(starts[place]), int(starts[place] + lengths[place])
+    others = np.delete(lengths, place).max(initial=0)
+    if end == values.size or lengths[place] < max(_FEWEST, 5 * others):
+        return None
+    return start if steps[end - 1] > _JUMP * np.quantile(steps[steps > 0.0], 0.95) else None
 
 
 def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:

@@ -17,6 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Complexes, Floats, Ints
+from acquisition.core.units import KNOT_MPS
 from analysis.kinematics import integrate
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
@@ -37,7 +38,7 @@ _CONTRADICTED = 0.2
 _LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
 _BEYOND_NOISE = 6.0
 _NEAR_ONE = 0.05
-_SPEED_UNITS = {"knots": 1852.0 / 3600.0, "km/h": 1.0 / 3.6}
+_SPEED_UNITS = {"knots": KNOT_MPS, "km/h": 1.0 / 3.6}
 _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
 
@@ -162,12 +163,13 @@ class _Moves:
 
     def explained(self, moved: Complexes, heading: Floats, body: Complexes) -> _Regression:
         """Moves by those that heading and speeds make."""
-        travelled = self.travelled(heading, body)
-        arm = _changes_over(np.exp(1j * heading), self.starts, self.length)
-        late = _changes_over(body * np.exp(1j * heading), self.starts, self.length)
+        travelled, ahead = self.travelled(heading, body), np.exp(1j * heading)
+        turning = np.gradient(heading, self.grid_s[1] - self.grid_s[0])
+        arm, late, heeled = (
+            _changes_over(each * ahead, self.starts, self.length)
+            for each in (np.ones_like(heading), body, 1j * turning * body.real)
+        )
         values, plainly = _regress(moved, travelled[:, np.newaxis])
-        outward = 1j * np.gradient(heading, self.grid_s[1] - self.grid_s[0]) * body.real * np.exp(1j * heading)
-        heeled = _changes_over(outward, self.starts, self.length)
         left = _regress(moved, np.column_stack([travelled, arm, late, heeled]))[1]
         return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(left))
 

@@ -256,19 +256,19 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, offset, _, heading_late_s, forward, starboard, heel, heel_lag = values
         times = np.clip(grid_s + heading_late_s, first + width, last - width)
-        true = heading_at(times)[:, 0] - offset
-        before, after = heading_at(times - width), heading_at(times + width)
+        before, now, after = (heading_at(times + shift) for shift in (-width, 0.0, width))
+        true = now[:, 0] - offset
         turning = (after - before) / (2.0 * width)
-        quickening = (after - 2.0 * heading_at(times) + before) / width**2
+        yaw_acceleration = (after - 2.0 * now + before) / width**2
         moving = rotate(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
-        heeled, later = (each * body[:, :1] * aside for each in (turning, quickening))
-        arm = forward * ahead + starboard * aside + heel * heeled + heel_lag * later
+        heeled, heeling = (each * body[:, :1] * aside for each in (turning, yaw_acceleration))
+        arm = forward * ahead + starboard * aside + heel * heeled + heel_lag * heeling
         swung = turning * _quarter_turn(arm)
         bent = integral(grid_s, turning * factor * _quarter_turn(moving))
         by_offset = -factor * _quarter_turn(travelled) - _quarter_turn(arm)
-        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside, heeled, later)
+        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside, heeled, heeling)
         return factor * travelled + arm, np.stack(slopes, axis=1)
 
     return model

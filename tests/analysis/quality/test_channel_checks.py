@@ -14,9 +14,10 @@ from scipy.signal import lfilter
 
 from acquisition.core.actuators import KINDS, Actuator
 from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Bools, Floats, Series
+from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
+from analysis.quality import repeated_values
 from analysis.quality.channel_checks import (
     channel_faults,
     find_backwards,
@@ -26,7 +27,7 @@ from analysis.quality.channel_checks import (
     find_spikes,
 )
 from analysis.quality.repeated_values import find_stuck
-from analysis.quality.samples import series_of, stretches_of
+from analysis.quality.samples import runs_of_equal, series_of, stretches_of
 from analysis.tables.table import NANO, valid_values
 
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
@@ -180,6 +181,19 @@ def test_a_steady_leg_between_zigzags_is_not_stuck(rate_hz: float, lag_s: float)
     kept = np.exp(-1.0 / (rate_hz * lag_s))
     speed = lfilter([1.0 - kept], [1.0, -kept], wanted - 5.0) + 5.0 + 0.001 * noise(at_s.size)
     assert places(find_stuck(samples(np.round(speed / 0.05144) * 0.05144, rate_hz), SURGE)) == []
+
+
+def test_the_runs_of_a_speed_are_looked_up_twice_however_many_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A speed at 2 Hz that is written at 20 has a run for each sample; a look at all for each took minutes."""
+    calls = list[int]()
+
+    def counted(new: Bools) -> tuple[Ints, Ints]:
+        calls.append(new.size)
+        return runs_of_equal(new)
+
+    monkeypatch.setattr(repeated_values, "runs_of_equal", counted)
+    assert places(find_stuck(samples(np.repeat(4.0 + 0.02 * noise(300), 10), 20.0), SURGE)) == []
+    assert len(calls) == 2
 
 
 def test_a_speed_that_never_changes_is_no_crash() -> None:

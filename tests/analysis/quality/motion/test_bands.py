@@ -29,7 +29,9 @@ def tossed(table: pd.DataFrame, share: float, period_s: float = 7.0, sway_mps: f
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("number", [0, 1, 2, *(pytest.param(each, marks=pytest.mark.slow) for each in (6, 9, 241))])
+@pytest.mark.parametrize(
+    "number", [0, 1, 2, *(pytest.param(each, marks=pytest.mark.slow) for each in (6, 9, 32, 241))]
+)
 def test_nothing_is_repaired_in_waves(number: int) -> None:
     """A few of the ships of the benchmark: at work, under way and manoeuvring, antennas anywhere on board.
 
