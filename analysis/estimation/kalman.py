@@ -178,8 +178,8 @@ def _filtered(
     dt_s[edges[:-1]] = 0.0
     F, Q, interval = model.over(dt_s, WIDTH)
     found = run_filter(
-        steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, F, Q, interval, edges,
-        starts, covariance, gate.limit, gate.patience_s, gate.patience, keep,
+        steps.time_s, np.ascontiguousarray(steps.value), steps.row, steps.variance, steps.turn, steps.jumps,
+        F, Q, interval, edges, starts, covariance, gate.limit, gate.patience_s, gate.patience, keep,
     )  # fmt: skip
     return F, interval, found
 

@@ -1,9 +1,11 @@
 """Ship and disturbances as one linear system, with its Kalman filter and smoother.
 
-States: the ship's six deviations from the linearisation; a slow force in each body axis (Ornstein-Uhlenbeck);
-the wave motion, three damped oscillators (north, east, yaw) with their rates, at the frequency of encounter,
-the yaw one scaled by how far the waves come from the side; and the drift of each sensor (Ornstein-Uhlenbeck).
-Waves and drift are left out where there are none. :class:`Noise` holds all levels; the system is compiled for
+States: the ship's six deviations from the linearisation; a slow force in each body axis (Ornstein-Uhlenbeck); the
+wave motion, three damped oscillators (north, east, yaw) with their rates, at the frequency of encounter, the yaw
+one scaled by how far the waves come from the side; the slow drift of the waves, one force (Ornstein-Uhlenbeck)
+that pushes where they go, in the shares of the mean drift (Newman 1974, Int. Symp. Dynamics of Marine Vehicles);
+and the drift of each sensor (Ornstein-Uhlenbeck). Wave motion, wave drift and sensor drift are left out where
+there are none. :class:`Noise` holds all levels; the system is compiled for
 :mod:`analysis.estimation.kalman_kernel`.
 
 The filter starts each block from an unknown state, so every block has a free start. Innovations divided by
@@ -32,6 +34,8 @@ from analysis.estimation import kalman_kernel, process_models
 from analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
 from analysis.estimation.process_models import decay, oscillator
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, Signature
+from hybrid.vessel import dynamics
+from hybrid.vessel.dynamics import wave_drift_at
 
 FORCE_UNITS = np.array([1e3, 1e3, 1e4])
 """The filter uses kN and 10 kN m, which keeps its numbers of similar magnitude."""
@@ -45,7 +49,8 @@ class Noise:
     second, ``slow`` the one with time constant ``slow_s``: surge, sway [N] and yaw [N m]. ``waves`` is the wave
     motion north, east [m] (with ``wave_correlation``) and in yaw [rad], with the frequency in a fixed frame,
     the damping and the direction that the waves travel in; the ship meets them at the frequency of encounter
-    and yaws when they come from the side. ``drift`` is the slow error of position [m], heading [rad], surge,
+    and yaws when they come from the side. ``wave_drift_n`` is their slow drift in beam sea on a ship ``length_m``
+    long, with a time constant of its own. ``drift`` is the slow error of position [m], heading [rad], surge,
     sway [m/s] and yaw rate [rad/s], with time constant ``drift_s``.
     """
 
@@ -62,6 +67,9 @@ class Noise:
     wave_frequency_radps: float = 1.2
     wave_damping: float = 0.2
     wave_towards_rad: float = 0.0
+    wave_drift_n: float = 0.0
+    wave_drift_s: float = 20.0
+    length_m: float = 0.0
     drift: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
     drift_s: float = 10.0
 
@@ -77,12 +85,17 @@ class Noise:
 
     def as_array(self) -> Floats:
         """For the filter: sensors 6, gusts 3, slow forces 3 and their time constant; of the waves correlation,
-        3 levels, frequency, damping, direction; sensor drift 6 and its time constant."""
+        3 levels, frequency, damping, direction; sensor drift 6 and its time constant; wave drift, its time
+        constant and the arm of its yaw moment."""
         sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
         gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
         swing = [self.wave_frequency_radps, self.wave_damping, self.wave_towards_rad]
         drift = [self.drift[0], *self.drift, self.drift_s]
-        return np.array([*sensors, *gust, *slow, self.slow_s, self.wave_correlation, *self.waves, *swing, *drift])
+        arm = self.length_m * FORCE_UNITS[0] / FORCE_UNITS[2]
+        push = [self.wave_drift_n / FORCE_UNITS[0], self.wave_drift_s, arm]
+        return np.array(
+            [*sensors, *gust, *slow, self.slow_s, self.wave_correlation, *self.waves, *swing, *drift, *push]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +117,7 @@ FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
 """Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: wide enough to be uninformative."""
 
 _SLOWEST_RADPS = 0.3
-_GRAVITY_MPS2 = 9.81
+GRAVITY_MPS2 = 9.81
 
 
 _decay, _oscillator = compiled(decay), compiled(oscillator)
@@ -123,9 +136,22 @@ def has_drift(noise: Floats) -> bool:
 
 
 @compiled
+def has_wave_drift(noise: Floats) -> bool:
+    """Whether there is slow drift of the waves."""
+    return bool(noise[27] > 0.0)
+
+
+@compiled
 def states_of(noise: Floats) -> int:
     """The number of states."""
-    return CALM + (SWING if has_waves(noise) else 0) + (DRIFT if has_drift(noise) else 0)
+    count = CALM + (SWING if has_waves(noise) else 0) + (DRIFT if has_drift(noise) else 0)
+    return count + (1 if has_wave_drift(noise) else 0)
+
+
+@compiled
+def wave_drift_state(noise: Floats) -> int:
+    """Which state is the wave drift: the one after those of the wave motion."""
+    return CALM + (SWING if has_waves(noise) else 0)
 
 
 @compiled
@@ -155,6 +181,9 @@ def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -
         P[i, i] = free[i] ** 2
     for d in range(3):
         P[6 + d, 6 + d] = noise[9 + d] ** 2
+    if has_wave_drift(noise):
+        push = wave_drift_state(noise)
+        P[push, push] = noise[27] ** 2
     if has_drift(noise):
         first = P.shape[0] - DRIFT
         for channel in range(6):
@@ -183,6 +212,12 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
     for d in range(3):
         F[6 + d, 6 + d] = kept
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
+    if has_wave_drift(noise):
+        push, away, kept = wave_drift_state(noise), noise[19] - origin[2], _decay(1.0, noise[28])
+        force = wave_drift_at(1.0, noise[29], cos(away), sin(away))
+        F[push, push], Q[push, push] = kept, (1.0 - kept * kept) * noise[27] ** 2
+        for i in range(6):
+            F[i, push] = B[i, 0] * force[0] + B[i, 1] * force[1] + B[i, 2] * force[2]
     if has_drift(noise):
         first, kept = F.shape[0] - DRIFT, _decay(1.0, noise[26])
         for channel in range(6):
@@ -215,7 +250,7 @@ def _met_frequency(noise: Floats, origin: Floats) -> float:
     """The frequency of encounter [rad/s] in deep water."""
     w, along = noise[17], noise[19] - origin[2]
     ahead = origin[3] * cos(along) + origin[4] * sin(along)
-    return float(max(abs(w - w * w / _GRAVITY_MPS2 * ahead), _SLOWEST_RADPS))
+    return float(max(abs(w - w * w / GRAVITY_MPS2 * ahead), _SLOWEST_RADPS))
 
 
 @compiled
@@ -243,7 +278,8 @@ def fill_block(A, B, H, origin, noise, F, Q, rows, P) -> None:  # type: ignore[n
         transition(A[k], B[k], noise, origin[k], F[k], Q[k])
 
 
-STAMP = source_stamp(Path(__file__), *(Path(module.__file__ or "") for module in (kalman_kernel, process_models)))
+_COMPILED_WITH = (kalman_kernel, process_models, dynamics)
+STAMP = source_stamp(Path(__file__), *(Path(module.__file__ or "") for module in _COMPILED_WITH))
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,6 +332,13 @@ def smooth_state(
     on_all_cores(lambda part: _smooth(*arrays, part, mean, variance), edges)
     unit = np.concatenate([np.ones(6), FORCE_UNITS])
     return mean * unit, variance * unit**2
+
+
+def wave_push(noise: Noise, origin: Floats) -> Floats:
+    """The force along, across and in yaw of a unit of wave drift, at headings of ``origin`` [N, 6]: [N, 3]."""
+    away = noise.wave_towards_rad - origin[:, 2]
+    force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(away), np.sin(away))
+    return np.asarray(np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS)
 
 
 def _system(linear: LinearModel, noise: Noise) -> tuple[Floats, ...]:

@@ -16,7 +16,15 @@ import numpy as np
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.progress import Progress
 from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, smooth_state, whiten
+from hybrid.diagnosis.disturbance_model import (
+    FORCE_UNITS,
+    GRAVITY_MPS2,
+    Columns,
+    Noise,
+    NoiseEstimate,
+    smooth_state,
+    whiten,
+)
 from hybrid.diagnosis.evidence import (
     DesignMatrix,
     design_matrix,
@@ -26,7 +34,7 @@ from hybrid.diagnosis.evidence import (
     subset_of,
     tolerated_forces,
 )
-from hybrid.diagnosis.linearise import Linearisation, LinearModel, by_stage, linearise, sensor_readings
+from hybrid.diagnosis.linearise import Linearisation, LinearModel, Model, by_stage, linearise, sensor_readings
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
 from hybrid.vessel.effect import growth
@@ -40,15 +48,18 @@ _SENSORS = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radp
 _FORCES = ("gust", "slow", "slow_s")
 _WAVES = ("waves", "wave_frequency_radps", "wave_damping", "wave_correlation", "wave_towards_rad")
 _DRIFT = ("drift", "drift_s")
+_WAVE_DRIFT = ("wave_drift_n", "wave_drift_s")
 _BOUNDS = {
-    "slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7), "drift_s": (3.0, 60.0)
+    "slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7), "drift_s": (3.0, 60.0),
+    "wave_drift_s": (2.0, 120.0),
 }  # fmt: skip
 _LEVEL = (np.log, np.exp)
 _SEARCHED_AS: dict[str, tuple[Callable[[Any], Floats], Callable[[Floats], Floats]]] = {
-    "wave_correlation": (np.arctanh, np.tanh), "wave_towards_rad": (np.asarray, np.asarray)
+    "wave_correlation": (np.arctanh, np.tanh),
+    "wave_towards_rad": (np.asarray, np.asarray),
 }  # fmt: skip
 """To the search parameter and back, of the parameters that are not levels, whose logarithm is searched."""
-_STILL_WHITE, _TRACE = 0.7, 0.1
+_STILL_WHITE, _STILL_SLOW, _TRACE = 0.7, 0.3, 0.1  # the share of white noise or slow forces beside a drift; a trace
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # factor on the effects' priors while the noise is estimated
@@ -56,6 +67,8 @@ _ROUNDS = 2
 _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
 _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # gain in log likelihood of seven, or six, more parameters
+_PRICE_OF_WAVE_DRIFT = 6.0  # of two
+_WATER_KGPM3 = 1025.0
 
 
 def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
@@ -86,23 +99,36 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
     chosen = design.log.spread_blocks(_NOISE_S)
     linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
     some = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
-    noise = start or _first_guess(part, design.model.scale)
+    noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
         rest, _ = _without_effects(some, noise, seed=round_)
         starts = _both_ways(noise, design.model.scale) if round_ == 0 and start is None else [noise]
         tried = [fit_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
         noise, cost = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)
-    drifting = start_of_drift(linear, rest, part.edges, noise) if start is None else noise
-    if drifting is not noise:
-        drifting, less = fit_noise(linear, rest, part.edges, drifting, _STEPS[1])
-        noise = drifting if less < cost - _PRICE_OF_DRIFT else noise
-    return noise
+    if start is not None:
+        return noise
+    known = _fit_if_better(
+        linear, rest, part.edges, (noise, cost), start_of_wave_drift(noise), _PRICE_OF_WAVE_DRIFT
+    )
+    begin = start_of_drift(linear, rest, part.edges, known[0])
+    return _fit_if_better(linear, rest, part.edges, known, begin, _PRICE_OF_DRIFT)[0]
 
 
-def _first_guess(log: Log, scale: float) -> Noise:
+def _fit_if_better(
+    linear: LinearModel, data: Columns, edges: Ints, known: tuple[Noise, float], begin: Noise, price: float
+) -> tuple[Noise, float]:
+    """The levels from ``begin``, which has more parameters, and their cost, if that is lower by their ``price``."""
+    if begin is known[0]:
+        return known
+    found = fit_noise(linear, data, edges, begin, _STEPS[1])
+    return found if found[1] < known[1] - price else known
+
+
+def _first_guess(log: Log, model: Model) -> Noise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
-    grown, usual = np.array([growth(unit, scale) for unit in ("N", "N", "N m")]), Noise()
-    usual = replace(usual, gust=tuple((grown * usual.gust).tolist()), slow=tuple((grown * usual.slow).tolist()))
+    grown, usual = np.array([growth(unit, model.scale) for unit in ("N", "N", "N m")]), Noise()
+    gust, slow = ((grown * each).tolist() for each in (usual.gust, usual.slow))
+    usual = replace(usual, gust=tuple(gust), slow=tuple(slow), length_m=model.base.length_overall_m)
     if (levels := log.levels) is None:
         return usual
     along, axis = levels.wave_speed / levels.wave_frequency_radps, levels.wave_direction_rad
@@ -199,7 +225,8 @@ def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
 
 def _searched(noise: Noise) -> tuple[str, ...]:
     """The parameters that are searched: all that are not zero throughout."""
-    return (*_SENSORS, *_FORCES, *(_WAVES if noise.has_waves else ()), *(_DRIFT if noise.has_drift else ()))
+    more = ((_WAVES, noise.has_waves), (_DRIFT, noise.has_drift), (_WAVE_DRIFT, noise.wave_drift_n > 0.0))
+    return (*_SENSORS, *_FORCES, *(name for names, there in more if there for name in names))
 
 
 def _parameters(noise: Noise) -> Floats:
@@ -224,6 +251,24 @@ def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
     low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
     low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, most
     return low, high
+
+
+def start_of_wave_drift(noise: Noise) -> Noise:
+    """The start of the search for slow drift of the waves, in the place of most of the slow forces.
+
+    It is as large as the larger of those in surge and sway; waves too small to push as much give the known noise.
+    """
+    level = max(noise.slow[:2])
+    if level > _largest_wave_drift_n(noise):
+        return noise
+    surge, sway, yaw = (_STILL_SLOW * each for each in noise.slow)
+    return replace(noise, slow=(surge, sway, yaw), wave_drift_n=level, wave_drift_s=noise.slow_s)
+
+
+def _largest_wave_drift_n(noise: Noise) -> float:
+    """The mean drift in waves that are all reflected (Maruo 1960), ten times for those that move a ship little."""
+    variance_m2 = noise.waves[0] ** 2 + noise.waves[1] ** 2
+    return 10.0 * _WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
 
 
 def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> Noise:

@@ -22,7 +22,7 @@ from acquisition.core.actuators import control_names
 from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, columns_of, smooth_state, wave_push
 from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, restored_data
 from hybrid.diagnosis.linearise import (
     DT_S,
@@ -248,31 +248,34 @@ def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) ->
     """The mean distance [m] due to noise over seconds 1 to H of windows with first rows ``starts``."""
     linear, noise = equations.linear, equations.noise
     variance = smooth_state(linear, columns_of(linear, []), noise, equations.log.edges)[1]
-    P = np.zeros((len(starts), 9, 9))
-    P[:, range(6), range(6)] = variance[starts, :6]
-    P[:, range(6, 9), range(6, 9)] = _slow(noise)
+    P = np.zeros((len(starts), 10, 10))
+    P[:, range(6), range(6)], P[:, range(6, 10), range(6, 10)] = variance[starts, :6], _slow(noise)
     compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
     distances = []
-    for second in range(horizon_s):
-        P = _later(linear.A[starts + second], linear.B[starts + second] * FORCE_UNITS, noise, P)
+    for rows in (starts + second for second in range(horizon_s)):
+        P = _later(linear.A[rows], linear.B[rows] * FORCE_UNITS, wave_push(noise, linear.origin[rows]), noise, P)
         # the mean length of a Gaussian vector in the plane, its two variances taken as equal
         distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
     return float(np.mean(distances))
 
 
 def _slow(noise: Noise) -> Floats:
-    return np.asarray((np.array(noise.slow) / FORCE_UNITS) ** 2)
+    """The variances [4] of the slow forces and the wave drift, in the filter's units."""
+    return np.asarray((np.append(noise.slow, noise.wave_drift_n) / FORCE_UNITS[[0, 1, 2, 0]]) ** 2)
 
 
-def _later(A: Floats, B: Floats, noise: Noise, P: Floats) -> Floats:
-    """The covariances [N, 9, 9] of state and slow force a second later."""
-    kept = decay(1.0, noise.slow_s)
-    F, Q = np.zeros_like(P), np.zeros_like(P)
-    F[:, :6, :6], F[:, :6, 6:] = A, B
-    F[:, range(6, 9), range(6, 9)] = kept
+def _later(A: Floats, B: Floats, push: Floats, noise: Noise, P: Floats) -> Floats:
+    """The covariances [N, 10, 10] of state, slow forces and wave drift, a second later.
+
+    ``push`` [N, 3] is that of :func:`.wave_push`.
+    """
+    kept = np.array([decay(1.0, noise.slow_s)] * 3 + [decay(1.0, noise.wave_drift_s)])
+    F, Q, slow = np.zeros_like(P), np.zeros_like(P), range(6, 10)
+    F[:, :6, :6], F[:, :6, 6:9], F[:, :6, 9] = A, B, np.einsum("nij,nj->ni", B, push)
+    F[:, slow, slow] = kept
     gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
     Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
-    Q[:, range(6, 9), range(6, 9)] = (1.0 - kept**2) * _slow(noise)
+    Q[:, slow, slow] = (1.0 - kept**2) * _slow(noise)
     return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)
 
 

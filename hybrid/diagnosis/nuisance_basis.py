@@ -52,6 +52,11 @@ _EDGES = (0.25, 0.5, 0.75)  # of the largest azimuth that is used
 _FAINT = 0.1  # of the largest singular value: fainter shapes are differences of nearly equal ones
 _STAYS = 0.01  # of its usual range: with less variation nothing can be learned
 _SEED = 20260902
+_BEFORE_S = 3
+"""How long ago the motion was that an effect may vary with: a smoothed one knows the forces of the next seconds. Of
+seven trials with slow drift of the waves, the mean drift seemed to vary with the speed sideways in four, and with
+that of 3 s ago in none."""
+
 _VARYING = {"ocean_current": ("place", "time"), "heading_bias": ("heading", "time"), "yaw_rate_bias": ("time",)}
 """Effects that, when they vary, are no longer in the catalogue: a sheared current, a thrust that fades."""
 
@@ -140,6 +145,8 @@ def _places(position_m: Floats) -> Floats:
 def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
     """Each of :data:`INTERACTIONS` [T, 1], centred, of unit mean square; those that hardly vary are left out."""
     surge, sway, yaw_rate, *pushes = operating_point(log, origin).T
+    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
+    surge, sway, yaw_rate = surge[before], sway[before], yaw_rate[before]
     ahead, aside = np.zeros(len(log)), np.zeros(len(log))
     for turns in thrusts(log).values():
         parts = [pushes.pop(0) for _ in turns]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
-from math import inf, isfinite
+from math import inf, isfinite, pi
 from pathlib import Path
 from typing import Any
 
@@ -492,8 +492,41 @@ def _done(text: str) -> str:
 
 
 def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
-    """Levels of noise, as the data have them."""
-    return [[plain(key), _words(value)] for key, value in diagnosis.provenance["noise"].items()]
+    """Levels of noise, as the data have them: standard deviations in the units of the channels."""
+    noise, turn = diagnosis.provenance["noise"], 180.0 / pi
+    size_n, unit = force_unit(max(*noise["gust"][:2], *noise["slow"][:2]))
+    forces = (("ahead", 1.0 / size_n, unit), ("across", 1.0 / size_n, unit), ("in yaw", 1.0 / size_n, f"{unit} m"))
+    swing = (("north", 1.0, "m"), ("east", 1.0, "m"), ("in yaw", turn, "deg"))
+    sensors = (
+        ("positions", 1.0, "m"), ("heading", turn, "deg"), ("surge", 1.0, "m/s"), ("sway", 1.0, "m/s"),
+        ("yaw rate", turn, "deg/s"),
+    )  # fmt: skip
+    white = [noise[name] for name in ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")]
+
+    def lasting(levels: str, name: str) -> str:
+        return f"{levels}; time constant {number(noise[name])} s"
+
+    rows = [
+        ["sensors, anew each second", _levels(white, sensors)],
+        ["gusts, anew each second", _levels(noise["gust"], forces)],
+        ["slow forces", lasting(_levels(noise["slow"], forces), "slow_s")],
+    ]
+    if any(noise["waves"]):
+        period_s, towards_deg = 2.0 * pi / noise["wave_frequency_radps"], noise["wave_towards_rad"] * turn % 360.0
+        levels = _levels(noise["waves"], swing)
+        rows.append(["wave motion", f"{levels}; period {number(period_s)} s, towards {towards_deg:.0f} deg"])
+    if noise.get("wave_drift_n"):
+        beam = f"{number(noise['wave_drift_n'] / size_n)} {unit} in beam sea"
+        rows.append(["slow drift of the waves", lasting(beam, "wave_drift_s")])
+    if any(noise["drift"]):
+        rows.append(["slow errors of sensors", lasting(_levels(noise["drift"], sensors), "drift_s")])
+    return rows
+
+
+def _levels(values: Sequence[float], units: Sequence[tuple[str, float, str]]) -> str:
+    """Levels in their units, each with what it is of; those that are none are left out."""
+    told = zip(values, units, strict=True)
+    return ", ".join(f"{name} {number(value * factor)} {unit}" for value, (name, factor, unit) in told if value)
 
 
 def _words(value: Any) -> str:

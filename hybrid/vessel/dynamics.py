@@ -300,10 +300,16 @@ def wave_drift_force(p: Record, cosine: float, sine: float) -> tuple[float, floa
     With b the angle from the bow to where the waves go, the force is 0.35 F cos b ahead and F sin b to
     starboard, its moment 0.06 Loa F sin 2b; F is the force in beam sea.
     """
-    F = p.drift_force_n
     cos_b = p.drift_north * cosine + p.drift_east * sine
     sin_b = p.drift_east * cosine - p.drift_north * sine
-    return 0.35 * F * cos_b, F * sin_b, 0.12 * p.length_overall_m * F * sin_b * cos_b
+    force: tuple[float, float, float] = wave_drift_at(p.drift_force_n, p.length_overall_m, cos_b, sin_b)
+    return force
+
+
+@compiled
+def wave_drift_at(F: float, length: float, cos_b: float, sin_b: float) -> tuple[float, float, float]:
+    """The same at the angle from the bow to where the waves go, by its cosine and sine."""
+    return 0.35 * F * cos_b, F * sin_b, 0.12 * length * F * sin_b * cos_b
 
 
 FADING_S2PM2 = 5.0

@@ -19,7 +19,11 @@ SWELL = Noise(
 )
 DRIFT = replace(CALM_SEA, drift=(0.6, 0.004, 0.05, 0.07, 0.002), drift_s=8.0)
 BOTH = replace(SWELL, drift=(0.0, 0.01, 0.03, 0.02, 0.001), drift_s=25.0)
-DISTURBANCES = {"calm": CALM_SEA, "swell": SWELL, "drift": DRIFT, "both": BOTH}
+SLOW_DRIFT = replace(SWELL, wave_drift_n=3e3, wave_drift_s=12.0, length_m=30.0)
+ALL = replace(BOTH, wave_drift_n=2e3, wave_drift_s=6.0, length_m=60.0)
+DISTURBANCES = {
+    "calm": CALM_SEA, "swell": SWELL, "drift": DRIFT, "both": BOTH, "slow drift": SLOW_DRIFT, "all": ALL
+}  # fmt: skip
 
 
 def a_ship(seconds: int, seed: int) -> LinearModel:
@@ -102,11 +106,28 @@ def _second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats, 
         swing = np.kron(np.eye(3), ((vectors * np.exp(values)) @ np.linalg.inv(vectors)).real)
         F, Q = block_diag(F, swing), block_diag(Q, stationary - swing @ stationary @ swing.T)
         h = np.hstack([h, _swing_seen(linear.origin[k])])
+    if noise.wave_drift_n > 0.0:
+        stays, force = np.exp(-1.0 / noise.wave_drift_s), B @ _pushed(linear.origin[k], noise)
+        F = block_diag(F, [[stays]])
+        F[:6, -1] = force
+        Q, h = block_diag(Q, (1.0 - stays**2) * _wave_drift(noise)), np.hstack([h, np.zeros((6, 1))])
     if noise.has_drift:
         lasts = np.exp(-1.0 / noise.drift_s)
         F, Q = block_diag(F, lasts * np.eye(6)), block_diag(Q, (1.0 - lasts**2) * _drift(noise))
         h = np.hstack([h, np.eye(6)])
     return F, Q, h
+
+
+def _wave_drift(noise: Noise) -> Floats:
+    """Variance [1, 1] of the waves' slow drift in beam sea."""
+    return np.array([[(noise.wave_drift_n / FORCE_UNITS[0]) ** 2]])
+
+
+def _pushed(origin: Floats, noise: Noise) -> Floats:
+    """Surge, sway and yaw [3] of a unit of wave drift, 0.35 cos b, sin b and 0.06 L sin 2b (Faltinsen 1990)."""
+    b = noise.wave_towards_rad - origin[2]
+    force = np.array([0.35 * np.cos(b), np.sin(b), 0.06 * noise.length_m * np.sin(2.0 * b)])
+    return np.asarray(force * FORCE_UNITS[0] / FORCE_UNITS)
 
 
 def _drift(noise: Noise) -> Floats:
@@ -153,6 +174,8 @@ def _begins(linear: LinearModel, noise: Noise, k: int) -> Floats:
     begins = np.diag([*FREE**2, *slow])
     if noise.has_waves:
         begins = block_diag(begins, _swing(linear.origin[k], noise)[0])
+    if noise.wave_drift_n > 0.0:
+        begins = block_diag(begins, _wave_drift(noise))
     return block_diag(begins, _drift(noise)) if noise.has_drift else begins
 
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition.core.serialisation import to_json
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.result import (
     FORCES,
     Diagnosis,
@@ -62,6 +64,9 @@ def tracks(windows: int = 6, horizon_s: int = 15) -> Tracks:
     return Tracks(measured, before, after, floor, still, *when, controls)
 
 
+NOISE = Noise(position_m=0.031, waves=(0.2, 0.1, 0.01), wave_towards_rad=-1.0, wave_drift_n=2e3, length_m=29.0)
+
+
 def named() -> Diagnosis:
     """A current and a heading bias, with one far rival."""
     return Diagnosis(
@@ -79,7 +84,7 @@ def named() -> Diagnosis:
         remarks=("71 outliers were rejected",),
         provenance={
             "files": ["/data/trial <7>.mcap"], "vessel": "gunnerus_short", "catalogue_version": "2",
-            "force_range": {"surge_n": 70e3, "sway_n": 98e3, "yaw_nm": 1.3e6}, "noise": {"position_m": 0.031},
+            "force_range": {"surge_n": 70e3, "sway_n": 98e3, "yaw_nm": 1.3e6}, "noise": to_json(NOISE),
         },
     )  # fmt: skip
 

@@ -6,6 +6,7 @@ import pytest
 
 from tests.benchmarks.diagnosis.rudder_ships import RudderCase, hidden_in, judged, singles
 from tests.benchmarks.diagnosis.scoring import exact, names_something
+from tests.benchmarks.sea_trials import outcome
 
 pytestmark = pytest.mark.slow
 
@@ -30,6 +31,12 @@ def test_what_is_hidden_is_named_at_its_size(case: RudderCase) -> None:
 @pytest.mark.parametrize("ship", ["esso_osaka_3m", "kvlcc2_7m"])
 def test_nothing_is_named_where_nothing_is_hidden(ship: str) -> None:
     assert not names_something(judged(RudderCase(ship, "", 3001)))
+
+
+@pytest.mark.parametrize(("ship", "sea", "seed"), [("kvlcc2_7m", "gentle", 1), ("esso_osaka_3m", "moderate", 3)])
+def test_a_sea_whose_drift_is_slow_and_uneven_is_current_and_drift(ship: str, sea: str, seed: int) -> None:
+    """The ship moves as the force on her comes and goes, which is no other form of it."""
+    assert outcome((ship, sea, seed)) == "right"
 
 
 def test_the_benchmark_meets_both_hulls_and_hides_what_their_catalogues_have() -> None:

@@ -19,7 +19,7 @@ from hybrid.diagnosis.disturbance_model import (
     Noise,
 )
 from hybrid.diagnosis.linearise import LinearModel
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SWELL, a_ship, dense
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SLOW_DRIFT, SWELL, a_ship, dense
 from tests.kernel_calls import (
     initial_covariance,
     measurement_rows,
@@ -54,6 +54,7 @@ def test_a_calm_sea_needs_no_swing() -> None:
     assert states_of(SWELL.as_array()) == CALM + SWING
     assert states_of(replace(CALM_SEA, waves=(0.0, 0.0, 0.01)).as_array()) == CALM + SWING
     assert states_of(replace(SWELL, drift=DRIFT.drift).as_array()) == CALM + SWING + 6
+    assert states_of(SLOW_DRIFT.as_array()) == CALM + SWING + 1
 
 
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)

@@ -9,7 +9,7 @@ import pytest
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.estimate_noise import _first_guess
-from hybrid.diagnosis.linearise import Model, acting_settings, lags_of, linear_model, plays_of, signatures
+from hybrid.diagnosis.linearise import Model, acting_settings, lags_of, linear_model, model_of, plays_of, signatures
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.simulation.trial import Noise, usual_noise
@@ -123,6 +123,6 @@ def test_noise_goes_with_the_ship() -> None:
     model = usual_noise(3.0)
     assert model.position_m == pytest.approx(Noise().position_m / 8.0)
     assert model.heading_deg == Noise().heading_deg
-    log = run_of(bare_plant(ESSO))
-    assert _first_guess(log, 1.0).gust == (300.0, 300.0, 3000.0)
-    assert _first_guess(log, 0.5).gust == (300.0 / 8.0, 300.0 / 8.0, 3000.0 / 16.0)
+    log, gunnerus = run_of(bare_plant(ESSO)), model_of(load_vessel("gunnerus_short"), {})
+    assert _first_guess(log, gunnerus).gust == (300.0, 300.0, 3000.0)
+    assert _first_guess(log, model_of(ESSO, {})).gust == (300.0 / 8.0**3, 300.0 / 8.0**3, 3000.0 / 8.0**4)

@@ -13,6 +13,7 @@ from hybrid.diagnosis import gap
 from hybrid.diagnosis.disturbance_model import Noise, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations
 from hybrid.diagnosis.gap import HeldOutGap, left_by_noise_m, with_noise_floor
+from hybrid.diagnosis.linearise import LinearModel
 from hybrid.diagnosis.result import Gap
 from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
 from tests.hybrid.diagnosis.made_up import tracks
@@ -30,22 +31,26 @@ def test_it_is_the_mean_distance_of_drawn_windows(noise: Noise) -> None:
     )
     variance = smooth_state(linear, one_column(linear.observed), noise, EDGES)[1]
     random = np.random.default_rng(62)
-    away = np.concatenate([_drawn_distances(linear.A, linear.B, variance, noise, at, random) for at in STARTS])
+    away = np.concatenate([_drawn_distances(linear, variance, noise, at, random) for at in STARTS])
     assert left_by_noise_m(examination, STARTS, HORIZON_S) == pytest.approx(away.mean(), rel=0.06)
 
 
 def _drawn_distances(
-    A: Floats, B: Floats, variance: Floats, noise: Noise, start: int, random: np.random.Generator
+    linear: LinearModel, variance: Floats, noise: Noise, start: int, random: np.random.Generator
 ) -> Floats:
     """Distances [draws, H] of one window's measured from its predicted track."""
     x = random.standard_normal((DRAWS, 6)) * np.sqrt(variance[start, :6])
     slow, kept = random.standard_normal((DRAWS, 3)) * noise.slow, np.exp(-1.0 / noise.slow_s)
+    wave, stays = random.standard_normal((DRAWS, 1)) * noise.wave_drift_n, np.exp(-1.0 / noise.wave_drift_s)
     seen = np.sqrt(noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2]))
     result = []
     for k in range(start, start + HORIZON_S):
-        force = slow + random.standard_normal((DRAWS, 3)) * noise.gust
-        x = x @ A[k].T + force @ B[k].T
+        b = noise.wave_towards_rad - linear.origin[k, 2]
+        pushed = np.array([0.35 * np.cos(b), np.sin(b), 0.06 * noise.length_m * np.sin(2.0 * b)])
+        force = slow + wave * pushed + random.standard_normal((DRAWS, 3)) * noise.gust
+        x = x @ linear.A[k].T + force @ linear.B[k].T
         slow = kept * slow + np.sqrt(1.0 - kept**2) * random.standard_normal((DRAWS, 3)) * noise.slow
+        wave = stays * wave + np.sqrt(1.0 - stays**2) * random.standard_normal((DRAWS, 1)) * noise.wave_drift_n
         result.append(np.linalg.norm(x[:, :2] + random.standard_normal((DRAWS, 2)) * seen, axis=1))
     return np.column_stack(result)
 

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.disturbance_model import Columns, Noise, whiten
-from hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift
+from hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift, start_of_wave_drift
 from hybrid.diagnosis.linearise import LinearModel, linearise, model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.effects import CATALOGUE
@@ -31,8 +31,10 @@ SWELL = replace(
     CALM, waves=(0.5, 0.35, 0.01), wave_correlation=0.5, wave_frequency_radps=1.0, wave_damping=0.2,
     wave_towards_rad=0.6,
 )  # fmt: skip
+SLOW_DRIFT = replace(SWELL, wave_drift_n=8e4, wave_drift_s=8.0, length_m=30.0)
 SCALES = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps", "slow_s")
 SWING = ("wave_frequency_radps", "wave_damping")
+PUSH = ("wave_drift_n", "wave_drift_s")
 
 
 def levels(noise: Noise) -> Floats:
@@ -41,7 +43,8 @@ def levels(noise: Noise) -> Floats:
     if not noise.has_waves:
         return np.log(scales)
     scales += [*noise.waves, *(getattr(noise, name) for name in SWING)]
-    return np.append(np.log(scales), [np.arctanh(noise.wave_correlation), noise.wave_towards_rad])
+    push = [getattr(noise, name) for name in PUSH] if noise.wave_drift_n else []
+    return np.hstack([np.log(scales), np.arctanh(noise.wave_correlation), noise.wave_towards_rad, np.log(push)])
 
 
 def with_levels(noise: Noise, at: Floats) -> Noise:
@@ -54,7 +57,8 @@ def with_levels(noise: Noise, at: Floats) -> Noise:
         return plain
     swing = dict(zip(SWING, scales[15:17], strict=True))
     swing |= {"wave_correlation": float(np.tanh(at[17])), "wave_towards_rad": float(at[18])}
-    return replace(plain, waves=tuple(scales[12:15]), **swing)  # type: ignore[arg-type]
+    push = dict(zip(PUSH, scales[19:], strict=True)) if noise.wave_drift_n else {}
+    return replace(plain, waves=tuple(scales[12:15]), **swing, **push)  # type: ignore[arg-type]
 
 
 def minus_log_likelihood(linear: LinearModel, data: Columns, noise: Noise) -> float:
@@ -80,7 +84,7 @@ def standard_errors(linear: LinearModel, data: Columns, noise: Noise) -> Floats:
     return np.sqrt(np.diag(np.linalg.inv(0.5 * slope @ slope.T + errors @ errors.T)))
 
 
-@pytest.fixture(scope="module", params=[CALM, SWELL], ids=["calm", "swell"])
+@pytest.fixture(scope="module", params=[CALM, SWELL, SLOW_DRIFT], ids=["calm", "swell", "slow drift"])
 def case(request: pytest.FixtureRequest) -> tuple[Noise, LinearModel, Columns, Noise]:
     """True levels, a system, data drawn from it, and the levels fitted to them from a start that is far off."""
     truth: Noise = request.param
@@ -136,6 +140,17 @@ def test_slow_errors_of_sensors_are_found_where_there_are_any() -> None:
         assert fitted.drift[number] == pytest.approx(truth.drift[number], rel=0.2)
     assert fitted.drift_s == pytest.approx(truth.drift_s, rel=0.3)
     assert max(fitted.drift[1] / CALM.heading_rad, fitted.drift[3] / CALM.sway_mps) < 0.5
+
+
+def test_slow_drift_of_the_waves_is_told_from_slow_forces_of_the_ship() -> None:
+    """It pushes where the waves go, whatever her heading; without waves there is none."""
+    linear = a_ship(int(EDGES[-1]), 38)
+    data = drawn(linear, SLOW_DRIFT, EDGES, 39)
+    plain, cost = fit_noise(linear, data, EDGES, replace(SWELL, length_m=SLOW_DRIFT.length_m), 12)
+    fitted, less = fit_noise(linear, data, EDGES, start_of_wave_drift(plain), 20)
+    assert cost - less > 20.0
+    assert np.prod(fitted.slow) < 0.7 * np.prod(plain.slow)
+    assert start_of_wave_drift(CALM) is CALM
 
 
 def test_white_noise_passes_for_no_slow_error(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.actuators import Actuator
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import INTERACTIONS, NuisanceBasis, nuisance_basis
@@ -53,7 +54,7 @@ def test_a_bank_beside_the_track_is_among_the_places(log: Log) -> None:
     nominal[:, :2] = random.uniform(-1000.0, 1000.0, (3000, 2))
     log = replace(
         log, controls=np.resize(log.controls, (3000, *log.controls.shape[1:])), nominal=nominal,
-        time_s=np.arange(3000), leg=np.zeros(3000, dtype=np.int64),
+        time_s=np.arange(3000), leg=np.zeros(3000, dtype=np.int64), block=np.arange(3000) // 60,
     )  # fmt: skip
     found = nuisance_basis(log, nominal, [])
     own = found.features[:, [each == "place" for each in found.depends]]
@@ -79,6 +80,22 @@ def test_a_named_effect_may_change_with_each_form_and_with_nothing_that_stays(lo
     steady[:, 4] = 0.2
     rest = {each.effect for each in nuisance_basis(log, steady, [ones], ["hull_fouling"]).varying}
     assert set(found) - rest == {"hull_fouling*drift"}
+
+
+def test_an_effect_varies_with_the_motion_of_some_seconds_ago(log: Log) -> None:
+    """A smoothed motion knows the forces of the next seconds, which would pass for a form of the effect."""
+    ones = Signature("wave_drift", 0, np.ones((len(log), 6)), np.zeros((len(log), 6)))
+    pushed = log.nominal.copy()
+    pushed[200:203, 3:] += 0.3
+
+    def of(nominal: Floats) -> Floats:
+        varying = nuisance_basis(log, nominal, [ones], ["wave_drift"]).varying
+        return np.column_stack([each.D[:, 0] for each in varying])
+
+    changed = np.abs(of(pushed) - of(log.nominal)).max(axis=1)
+    ordinary = np.median(changed)  # the mean, too, has changed a little
+    assert changed[200:203].max() < 3.0 * ordinary
+    assert changed[203:206].min() > 10.0 * ordinary
 
 
 def test_a_rudder_and_an_azimuth_that_turn_the_ship_together_do_not_cancel(log: Log) -> None:

@@ -18,6 +18,7 @@ from hybrid.report import diagnosis_plots as plots
 from hybrid.report.diagnosis_words import (
     model_line,
     next_steps,
+    noise_rows,
     page_of,
     suspect_rows,
     verdict_sentence,
@@ -54,6 +55,15 @@ def test_the_page_says_what_was_named(html: str) -> None:
                   "With a calibrator on top", "30 % less error",
                   "remain in the errors of every method"):  # fmt: skip
         assert words in html
+
+
+def test_levels_of_noise_have_units_and_what_there_is_none_of_is_left_out() -> None:
+    rows = dict(noise_rows(named()))
+    assert rows["sensors, anew each second"].startswith("positions 0.031 m, heading 0.0573 deg, surge 0.02 m/s")
+    assert rows["slow forces"] == "ahead 0.3 kN, across 0.3 kN, in yaw 3 kN m; time constant 20 s"
+    assert rows["wave motion"].endswith("in yaw 0.573 deg; period 5.24 s, towards 303 deg")
+    assert rows["slow drift of the waves"] == "2 kN in beam sea; time constant 20 s"
+    assert len(rows) == 5
 
 
 def test_tables_are_within_the_page(html: str) -> None:
