@@ -197,6 +197,8 @@ class Gap:
     @property
     def distances(self) -> str:
         """The distances in words, for a terminal."""
+        if self.after_m == self.before_m:  # nothing was named
+            return f"{self.before_m:.3f} m" + (f", {self.floor_m:.3f} m at best" * (self.floor_m < self.before_m))
         return f"{self.before_m:.3f} m before, {self.after_m:.3f} m after, {self.floor_m:.3f} m at best"
 
 

@@ -99,17 +99,20 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> None:
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> None:
-    """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model."""
-    whole = diagnosis.gap
-    rows, level = [("before", 0.0, whole.before_m, INK)], whole.before_m
+    """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model.
+
+    Where nothing is named, that of the model stands in the place of before and after.
+    """
+    whole, named = diagnosis.gap, bool(diagnosis.effects)
+    rows, level = [("before" if named else "model", 0.0, whole.before_m, INK)], whole.before_m
     for each in {part.name: part for part in diagnosis.effects}.values():
         fall = each.share_of_gap * (whole.before_m - whole.floor_m)
         level -= fall
         rows.append((plain(each.name), level, fall, FAMILY_COLOUR.get(each.family, FAINT)))
     rows += [
-        ("after", 0.0, whole.after_m, INK),
+        *([("after", 0.0, whole.after_m, INK)] if named else []),
         *((plain(each.name), 0.0, each.after_m, FAINT) for each in diagnosis.regimes),
-        ("floor", 0.0, whole.floor_m, FAINT),
+        *([("floor", 0.0, whole.floor_m, FAINT)] if named or whole.floor_m < whole.before_m else []),
         ("constant velocity", 0.0, whole.constant_velocity_m, FAINT),
     ]
     names, starts, widths, colours = zip(*rows, strict=True)
@@ -136,9 +139,9 @@ def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
     What could be closed lies between before and the floor, what is closed between before and after. Where something
-    unknown remains, no model is ``known`` whose tracks would be the floor.
+    unknown remains, no model is ``known`` whose tracks would be the floor; where nothing was named the model is it.
     """
-    shown = [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known else [])]
+    shown = [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known and is_changed(tracks) else [])]
     for label, track, colour in shown:
         mean = distances(track, tracks.measured).mean(axis=0)
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
@@ -155,8 +158,12 @@ def window_tracks(figure: Figure, tracks: Tracks) -> None:
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
         _window(axes, tracks, number)
-        before, after = (distances(each, tracks.measured)[number].mean() for each in (tracks.before, tracks.after))
-        axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
+        off_m = [
+            f"{distances(track, tracks.measured)[number].mean():.2g} m"
+            for label, track, _ in _predictions(tracks)
+            if label != "constant velocity"
+        ]
+        axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {' to '.join(off_m)}", fontsize=8.5)
     rows[0, 0].set_ylabel("ahead [m]")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     for (unit, names), row in zip(units.items(), rows[1:], strict=True):
@@ -197,15 +204,14 @@ def _controls(axes: Axes, controls: Mapping[str, Floats]) -> None:
 def chosen_windows(tracks: Tracks) -> dict[str, int]:
     """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
 
-    One that is several of these stands once, under all its titles.
+    One that is several of these stands once, under all its titles; where nothing was named there are the first two.
     """
     before, after = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
-    chosen = {
-        "worst before": int(np.argmax(before)),
-        "median before": int(np.argsort(before, kind="stable")[len(before) // 2]),
-        "improved most": int(np.argmax(before - after)),
-        "worst after": int(np.argmax(after)),
-    }
+    worst, median = int(np.argmax(before)), int(np.argsort(before, kind="stable")[len(before) // 2])
+    chosen = {"worst": worst, "median": median}
+    if is_changed(tracks):
+        gained, now = int(np.argmax(before - after)), int(np.argmax(after))
+        chosen = {"worst before": worst, "median before": median, "improved most": gained, "worst after": now}
     titles = {number: [title for title, other in chosen.items() if other == number] for number in chosen.values()}
     return {", ".join(each): number for number, each in titles.items()}
 
@@ -218,9 +224,13 @@ def whole_windows(tracks: Tracks) -> Tracks:
     return Tracks(**{name: each[known] for name, each in arrays.items()}, controls=controls)
 
 
+def is_changed(tracks: Tracks) -> bool:
+    """Whether effects were named, which changed the predictions."""
+    return not np.array_equal(tracks.before, tracks.after, equal_nan=True)
+
+
 def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
-    return [
-        ("before", tracks.before, BEFORE),
-        ("after", tracks.after, AFTER),
-        ("constant velocity", tracks.constant_velocity, HELD),
-    ]
+    held = ("constant velocity", tracks.constant_velocity, HELD)
+    if not is_changed(tracks):
+        return [("model", tracks.before, BEFORE), held]
+    return [("before", tracks.before, BEFORE), ("after", tracks.after, AFTER), held]

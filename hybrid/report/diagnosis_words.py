@@ -200,14 +200,18 @@ def _lacking(effects: Sequence[NamedEffect]) -> str:
 
 def headline(diagnosis: Diagnosis) -> dict[str, str]:
     """The numbers that matter."""
-    gap = diagnosis.gap
-    figures = {
-        f"error over {gap.horizon_s} s before": f"{gap.before_m:.2f} m",
-        "after": f"{gap.after_m:.2f} m",
-        "floor, from noise alone": f"{gap.floor_m:.2f} m",
-    }
+    gap, error = diagnosis.gap, f"error over {diagnosis.gap.horizon_s} s"
     if diagnosis.effects:
-        figures["of the gap above the floor closed"] = percent(gap.closed) if gap.closed > 0.0 else "nothing"
+        figures = {
+            f"{error} before": f"{gap.before_m:.2f} m",
+            "after": f"{gap.after_m:.2f} m",
+            "floor, from noise alone": f"{gap.floor_m:.2f} m",
+            "of the gap above the floor closed": percent(gap.closed) if gap.closed > 0.0 else "nothing",
+        }
+    else:
+        figures = {error: f"{gap.before_m:.2f} m", "constant velocity": f"{gap.constant_velocity_m:.2f} m"}
+        if gap.floor_m < gap.before_m:
+            figures["floor, from noise alone"] = f"{gap.floor_m:.2f} m"
     figures["of the force range: tolerated model error"] = f"{percent(diagnosis.tolerance)}"
     return figures
 
@@ -453,7 +457,13 @@ def cell_row(place: Place) -> list[str]:
     from hybrid.report.diagnosis_map_plots import axis_title, cell_name, quantity_of
 
     cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
-    return [quantity_title(place.channel), cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
+    return [
+        quantity_title(place.channel),
+        cell,
+        str(place.windows),
+        number(place.error),
+        f"{place.z:.1f}".replace("-", "\u2212"),
+    ]
 
 
 def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
@@ -476,7 +486,7 @@ def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
     extent = diagnosis.provenance.get("force_range")
     rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:
-        size_n, unit = force_unit(max(extent.values()))
+        size_n, unit = force_unit(diagnosis.tolerance * max(extent.values()))
         own = [number(diagnosis.tolerance * extent[name] / size_n) for name in ("surge_n", "sway_n", "yaw_nm")]
         rows.append(["which is", f"{own[0]} {unit} ahead, {own[1]} {unit} across, {own[2]} {unit} m in yaw"])
     for key, value in diagnosis.provenance.items():

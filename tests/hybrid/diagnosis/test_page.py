@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from html import escape
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 
 from hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
-from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, Ratio, Suspect, When
+from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Gap, Ladder, Ratio, Suspect, When
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
 from hybrid.report.diagnosis_words import (
+    headline,
     model_line,
     next_steps,
     noise_rows,
@@ -55,6 +57,26 @@ def test_the_page_says_what_was_named(html: str) -> None:
                   "With a calibrator on top", "30 % less error",
                   "remain in the errors of every method"):  # fmt: skip
         assert words in html
+
+
+def test_where_nothing_is_named_there_is_no_before_and_after(tmp_path: Path) -> None:
+    """The model's error stands once, beside that of constant velocity, in words and in figures."""
+    unchanged = replace(tracks(), after=tracks().before)
+    nothing = replace(of_verdict("nothing_missing"), gap=Gap(1.4, 1.4, 1.4, 0.9, 110, 15), tracks=unchanged)
+    assert list(headline(nothing)) == [
+        "error over 15 s",
+        "constant velocity",
+        "of the force range: tolerated model error",
+    ]
+    assert nothing.gap.distances == "1.400 m"
+    page = write_report(nothing, Extras(a_map(), a_map()), tmp_path).read_text(encoding="utf-8")
+    assert "The error on held-out legs" in page
+    for words in ("before and after", "with the named effects in the model", "floor"):
+        assert words not in page
+    assert list(plots.chosen_windows(unchanged)) in (["worst", "median"], ["worst, median"])
+    axes = Figure().subplots()
+    plots.gap(axes, nothing)
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["model", "constant velocity"]
 
 
 def test_levels_of_noise_have_units_and_what_there_is_none_of_is_left_out() -> None:
