@@ -50,7 +50,7 @@ from hybrid.diagnosis.select_effects import (
     search_on,
     swaps_about_themselves,
 )
-from hybrid.effects import Effect
+from hybrid.effects import FAMILIES, Effect
 
 FALSE_ALARM = 0.005
 """The probability, for each test, that a trial with nothing hidden shows any effect."""
@@ -342,13 +342,20 @@ def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> flo
     return float(-0.5 * (left + determinant))
 
 
+CREDIBLE = 3
+"""The most effects of an ordinary model; more are usually imitations of one outside the catalogue, unless they
+replicate."""
+
 _SPANNED = 0.9  # of an effect's squares: two that explain so much of it combine to it
 
 
 def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
-    """Groups of named effects each of which may be one effect outside the catalogue."""
+    """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
+    family."""
     catalogue = evidence.equations.model.catalogue
-    found: list[set[str]] = []
+    alone = [name for name in names if not _often_together(catalogue[name])]
+    families = [{name for name in alone if catalogue[name].family == family} for family in FAMILIES]
+    found = [some for some in families if len(some) > CREDIBLE]
     for one, other in combinations(names, 2):
         if not _related(catalogue[one], catalogue[other]) or _tried_together(evidence, one, other):
             continue

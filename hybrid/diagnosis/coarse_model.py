@@ -25,6 +25,7 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import (
+    CREDIBLE,
     HELD_OUT_LEVEL,
     Acceptance,
     acceptance_tests,
@@ -55,10 +56,6 @@ from hybrid.diagnosis.select_effects import (
     search_on,
     select_effects,
 )
-
-CREDIBLE = 3
-"""The most effects of an ordinary model; more are usually imitations of one outside the catalogue, unless they
-replicate."""
 
 COARSE = 3.0
 """The error of a coarse model's forces, in tolerances."""

@@ -11,9 +11,8 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
+from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.coarse_model import (
-    CREDIBLE,
     improves_prediction,
     is_coarse,
     name_of_coarse_model,

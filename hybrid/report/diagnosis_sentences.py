@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.serialisation import to_json
-from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
-from hybrid.diagnosis.coarse_model import CREDIBLE
+from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, AcceptanceTests, LackOfFit
 from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places

@@ -83,6 +83,14 @@ def test_what_hangs_together_is_one_group_in_the_order_of_names(design: Design) 
     assert composite_effects(seen(design, *names), names) == [("sway_added_mass", "loading", "surge_added_mass")]
 
 
+def test_more_of_one_family_than_a_model_is_likely_to_lack_may_be_one(design: Design) -> None:
+    """Though no two of them are alike; three are three."""
+    names = ("hull_fouling", "cross_flow_drag", "drift_force", "turning_drag")
+    evidence = seen(design, *names, "ocean_current")
+    assert composite_effects(evidence, (*names[:3], "ocean_current")) == []
+    assert composite_effects(evidence, (*names, "ocean_current")) == [names]
+
+
 def test_a_loss_at_both_pods_is_made_by_one_at_either(design: Design) -> None:
     evidence = seen(design, *BOTH, "thrust_loss_both", "wake_fraction")
     assert pairs_spanning(evidence, ("thrust_loss_both",), "thrust_loss_both") == [BOTH]
