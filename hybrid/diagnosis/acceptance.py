@@ -353,15 +353,21 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
-    alone = [name for name in names if not _often_together(catalogue[name])]
-    families = [{name for name in alone if catalogue[name].family == family} for family in FAMILIES]
-    found = [some for some in families if len(some) > CREDIBLE]
+    found = [set(some) for some in many_of_a_family(evidence, names)]
     for one, other in combinations(names, 2):
         if not _related(catalogue[one], catalogue[other]) or _tried_together(evidence, one, other):
             continue
         joined = [group for group in found if group & {one, other}]
         found = [group for group in found if group not in joined] + [{one, other}.union(*joined)]
     return [tuple(name for name in names if name in group) for group in found]
+
+
+def many_of_a_family(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+    """The named effects of each family of which there are more than an ordinary model lacks."""
+    catalogue = evidence.equations.model.catalogue
+    alone = [name for name in names if not _often_together(catalogue[name])]
+    families = (tuple(name for name in alone if catalogue[name].family == family) for family in FAMILIES)
+    return [some for some in families if len(some) > CREDIBLE]
 
 
 def _related(one: Effect, other: Effect) -> bool:

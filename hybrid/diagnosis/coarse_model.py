@@ -28,6 +28,7 @@ from hybrid.diagnosis.acceptance import (
     CREDIBLE,
     HELD_OUT_LEVEL,
     Acceptance,
+    LackOfFit,
     acceptance_tests,
     chance_of_gains,
     lack_of_fit,
@@ -83,11 +84,21 @@ MOST_PARTS = 0.75
 
 def is_coarse(accepted: Acceptance) -> bool:
     """Whether many things are missing at once, or the model's own forces err by far more than the tolerance."""
-    surest = max(accepted.lack_of_fit, key=lambda each: each.gain, default=None)
+    surest = _surest(accepted)
     if surest is None or surest.depends not in (OPERATION, *INTERACTIONS):
         return False  # a dependence on position, time or heading may have any cause
-    far_off = surest.depends == OPERATION and surest.size > COARSE * accepted.evidence.equations.tolerance
-    return far_off or len(accepted.names) > CREDIBLE
+    return is_far_off(accepted) or len(accepted.names) > CREDIBLE
+
+
+def is_far_off(accepted: Acceptance) -> bool:
+    """Whether the model's own forces err by far more than the tolerance."""
+    surest = _surest(accepted)
+    far_off = COARSE * accepted.evidence.equations.tolerance
+    return surest is not None and surest.depends == OPERATION and surest.size > far_off
+
+
+def _surest(accepted: Acceptance) -> LackOfFit | None:
+    return max(accepted.lack_of_fit, key=lambda each: each.gain, default=None)
 
 
 def selected(

@@ -11,10 +11,11 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit, composite_effects
+from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit, composite_effects, many_of_a_family
 from hybrid.diagnosis.coarse_model import (
     improves_prediction,
     is_coarse,
+    is_far_off,
     name_of_coarse_model,
     replications,
     sizes_without,
@@ -101,7 +102,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
     replicated = replications(accepted.evidence, accepted.names, parts)
     unknown = bool(withdrawn) or _is_unknown(accepted, found, replicated)
-    composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
+    composites = [] if unknown else _composites(accepted, first)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
     progress(0.6)
     return Conclusion(
@@ -162,6 +163,16 @@ def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Ma
     if found:
         return not accepted.beside_remainder
     return len(accepted.names) > CREDIBLE and any(each.found < each.parts for each in replicated.values())
+
+
+def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
+    """Groups that may be one effect outside the catalogue.
+
+    Beside a remainder only many of one family are, unless the model is far off, in which case many are wrong.
+    """
+    if not first.lack_of_fit:
+        return composite_effects(accepted.evidence, accepted.names)
+    return [] if is_far_off(first) else many_of_a_family(accepted.evidence, accepted.names)
 
 
 def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import composite_effects, pairs_spanning
+from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects, pairs_spanning
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.nuisance_basis import OPERATION
+from hybrid.diagnosis.verdict import _composites
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import Design, a_design
@@ -89,6 +91,17 @@ def test_more_of_one_family_than_a_model_is_likely_to_lack_may_be_one(design: De
     evidence = seen(design, *names, "ocean_current")
     assert composite_effects(evidence, (*names[:3], "ocean_current")) == []
     assert composite_effects(evidence, (*names, "ocean_current")) == [names]
+
+
+@pytest.mark.parametrize(("depends", "size", "told"), [("drift", 0.5, True), (OPERATION, 0.5, False)])
+def test_many_of_one_family_beside_a_remainder_may_be_one_unless_the_model_is_far_off(
+    design: Design, depends: str, size: float, told: bool
+) -> None:
+    """An error of half the force range is of many coefficients; an effect that varies with drift is another."""
+    names = ("hull_fouling", "cross_flow_drag", "drift_force", "turning_drag")
+    remainder = LackOfFit(depends, "drift_force", 1e-6, 30.0, size, True)
+    first = Acceptance(names, {}, seen(design, *names), lack_of_fit=(remainder,))
+    assert _composites(replace(first, beside_remainder=True), first) == ([names] if told else [])
 
 
 def test_a_loss_at_both_pods_is_made_by_one_at_either(design: Design) -> None:
