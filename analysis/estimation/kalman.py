@@ -177,7 +177,7 @@ def _filtered(
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
     dt_s[edges[:-1]] = 0.0
     F, Q, interval = model.over(dt_s, WIDTH)
-    found = run_filter(
+    found = run_filter(  # of every other array layout it would be compiled once more, for 4 s
         steps.time_s, np.ascontiguousarray(steps.value), steps.row, steps.variance, steps.turn, steps.jumps,
         F, Q, interval, edges, starts, covariance, gate.limit, gate.patience_s, gate.patience, keep,
     )  # fmt: skip

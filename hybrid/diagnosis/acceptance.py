@@ -50,7 +50,7 @@ from hybrid.diagnosis.select_effects import (
     search_on,
     swaps_about_themselves,
 )
-from hybrid.effects import FAMILIES, Effect
+from hybrid.effects import Effect
 
 FALSE_ALARM = 0.005
 """The probability, for each test, that a trial with nothing hidden shows any effect."""
@@ -366,7 +366,8 @@ def many_of_a_family(evidence: Evidence, names: Sequence[str]) -> list[tuple[str
     """The named effects of each family of which there are more than an ordinary model lacks."""
     catalogue = evidence.equations.model.catalogue
     alone = [name for name in names if not _often_together(catalogue[name])]
-    families = (tuple(name for name in alone if catalogue[name].family == family) for family in FAMILIES)
+    every = dict.fromkeys(catalogue[name].family for name in alone)
+    families = (tuple(name for name in alone if catalogue[name].family == family) for family in every)
     return [some for some in families if len(some) > CREDIBLE]
 
 

@@ -3,9 +3,9 @@
 States: the ship's six deviations from the linearisation; a slow force in each body axis (Ornstein-Uhlenbeck); the
 wave motion, three damped oscillators (north, east, yaw) with their rates, at the frequency of encounter, the yaw
 one scaled by how far the waves come from the side; the slow drift of the waves, one force (Ornstein-Uhlenbeck)
-that pushes where they go, in the shares of the mean drift (Newman 1974, Int. Symp. Dynamics of Marine Vehicles);
-and the drift of each sensor (Ornstein-Uhlenbeck). Wave motion, wave drift and sensor drift are left out where
-there are none. :class:`Noise` holds all levels; the system is compiled for
+along the direction in which they travel, with the shares of the mean drift in surge, sway and yaw (Newman 1974,
+Int. Symp. Dynamics of Marine Vehicles); and the drift of each sensor (Ornstein-Uhlenbeck). Wave motion, wave drift
+and sensor drift are left out where there are none. :class:`Noise` holds all levels; the system is compiled for
 :mod:`analysis.estimation.kalman_kernel`.
 
 The filter starts each block from an unknown state, so every block has a free start. Innovations divided by
@@ -103,15 +103,15 @@ class NoiseEstimate:
     """The result of the second stage: a better linearisation, and the noise about it.
 
     ``linearisation`` follows the trajectory [T, 6] smoothed with model and disturbances; ``noise`` are the
-    maximum-likelihood standard deviations (SI) of sensors, gusts, slow forces and waves.
+    maximum-likelihood standard deviations (SI) of sensors, gusts, slow forces, waves and their drift.
     """
 
     linearisation: Linearisation
     noise: Noise
 
 
-CALM, SWING, DRIFT = 9, 6, 6
-"""The number of states without waves and sensor drift, and how many each of these adds."""
+CALM, SWING, PUSH, DRIFT = 9, 6, 1, 6
+"""The number of states without waves and drift, and how many wave motion, wave drift and sensor drift add."""
 
 FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
 """Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: wide enough to be uninformative."""
@@ -145,7 +145,7 @@ def has_wave_drift(noise: Floats) -> bool:
 def states_of(noise: Floats) -> int:
     """The number of states."""
     count = CALM + (SWING if has_waves(noise) else 0) + (DRIFT if has_drift(noise) else 0)
-    return count + (1 if has_wave_drift(noise) else 0)
+    return count + (PUSH if has_wave_drift(noise) else 0)
 
 
 @compiled

@@ -59,7 +59,8 @@ _SEARCHED_AS: dict[str, tuple[Callable[[Any], Floats], Callable[[Floats], Floats
     "wave_towards_rad": (np.asarray, np.asarray),
 }  # fmt: skip
 """To the search parameter and back, of the parameters that are not levels, whose logarithm is searched."""
-_STILL_WHITE, _STILL_SLOW, _TRACE = 0.7, 0.3, 0.1  # the share of white noise or slow forces beside a drift; a trace
+_STILL_WHITE, _TRACE = 0.7, 0.1
+_STILL_SLOW = 0.3  # of the slow forces: what the start of wave drift leaves of them, and the least that it takes
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # factor on the effects' priors while the noise is estimated
@@ -246,8 +247,10 @@ def _noise(start: Noise, parameters: Floats) -> Noise:
 
 def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
     """Lower and upper bounds of the search parameters; ``most`` [5] are upper bounds for the sensors."""
-    searched = _searched(kind)
-    ends = [np.log(_BOUNDS[name]) if name in _BOUNDS else np.array([-np.inf, np.inf]) for name in searched]
+    searched, bounds = _searched(kind), dict(_BOUNDS)
+    if kind.wave_drift_n > 0.0:
+        bounds["wave_drift_n"] = 1e-3, max(_largest_wave_drift_n(kind), 2e-3)
+    ends = [np.log(bounds[name]) if name in bounds else np.array([-np.inf, np.inf]) for name in searched]
     low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
     low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, most
     return low, high
@@ -258,8 +261,8 @@ def start_of_wave_drift(noise: Noise) -> Noise:
 
     It is as large as the larger of those in surge and sway; waves too small to push as much give the known noise.
     """
-    level = max(noise.slow[:2])
-    if level > _largest_wave_drift_n(noise):
+    level = min(max(noise.slow[:2]), _largest_wave_drift_n(noise))
+    if level < _STILL_SLOW * max(noise.slow[:2]):
         return noise
     surge, sway, yaw = (_STILL_SLOW * each for each in noise.slow)
     return replace(noise, slow=(surge, sway, yaw), wave_drift_n=level, wave_drift_s=noise.slow_s)

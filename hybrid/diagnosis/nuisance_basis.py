@@ -53,9 +53,10 @@ _FAINT = 0.1  # of the largest singular value: fainter shapes are differences of
 _STAYS = 0.01  # of its usual range: with less variation nothing can be learned
 _SEED = 20260902
 _BEFORE_S = 3
-"""How long ago the motion was that an effect may vary with: a smoothed one knows the forces of the next seconds. Of
-seven trials with slow drift of the waves, the mean drift seemed to vary with the speed sideways in four, and with
-that of 3 s ago in none."""
+_DRIFTS = ("ocean_current", "wave_drift")
+"""Effects that come and go and so move the ship: they may vary with the motion of some seconds ago, as a smoothed
+one knows the forces of the next seconds. Of seven trials with slow drift of the waves, the mean drift seemed to
+vary with the speed sideways in four, and with that of 3 s ago in none."""
 
 _VARYING = {"ocean_current": ("place", "time"), "heading_bias": ("heading", "time"), "yaw_rate_bias": ("time",)}
 """Effects that, when they vary, are no longer in the catalogue: a sheared current, a thrust that fades."""
@@ -87,12 +88,19 @@ def nuisance_basis(
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
     asked = _interactions(log, origin)
-    shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2)), **asked}
+    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
+    earlier = _interactions(log, origin[before])
+    shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2))}
+
+    def shapes_of(effect: str) -> dict[str, Floats]:
+        forms = earlier if effect.split(",")[0] in _DRIFTS else asked
+        return {name: shapes[name] for name in _variations(effect)} | (forms if effect in interactions else {})
+
     varying = [
         Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
         for each in effects
-        for name in (*_variations(each.effect), *(asked if each.effect in interactions else ()))
-        for number, shape in enumerate(shapes[name].T)
+        for name, some in shapes_of(each.effect).items()
+        for number, shape in enumerate(some.T)
     ]
     return NuisanceBasis(forces, depends, tuple(varying))
 
@@ -145,8 +153,6 @@ def _places(position_m: Floats) -> Floats:
 def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
     """Each of :data:`INTERACTIONS` [T, 1], centred, of unit mean square; those that hardly vary are left out."""
     surge, sway, yaw_rate, *pushes = operating_point(log, origin).T
-    before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
-    surge, sway, yaw_rate = surge[before], sway[before], yaw_rate[before]
     ahead, aside = np.zeros(len(log)), np.zeros(len(log))
     for turns in thrusts(log).values():
         parts = [pushes.pop(0) for _ in turns]

@@ -194,10 +194,9 @@ class Gap:
         could = self.before_m - self.floor_m
         return (self.before_m - self.after_m) / could if could > 0.0 else 1.0
 
-    @property
-    def distances(self) -> str:
-        """The distances in words, for a terminal."""
-        if self.after_m == self.before_m:  # nothing was named
+    def distances(self, named: bool) -> str:
+        """The distances in words, for a terminal; before and after only where effects were named."""
+        if not named:
             return f"{self.before_m:.3f} m" + (f", {self.floor_m:.3f} m at best" * (self.floor_m < self.before_m))
         return f"{self.before_m:.3f} m before, {self.after_m:.3f} m after, {self.floor_m:.3f} m at best"
 
@@ -341,7 +340,7 @@ class Diagnosis:
             lines.append(f"remains: {self.remainder.looks_like}")
         gap = self.gap
         windows = f"({gap.held_out_windows} held-out windows)"
-        lines.append(f"mean distance over {gap.horizon_s} s: {gap.distances} {windows}")
+        lines.append(f"mean distance over {gap.horizon_s} s: {gap.distances(bool(self.effects))} {windows}")
         return "\n".join(lines)
 
 

@@ -168,7 +168,8 @@ def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Ma
 def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
     """Groups that may be one effect outside the catalogue.
 
-    Beside a remainder only many of one family are, unless the model is far off, in which case many are wrong.
+    Beside a remainder, only more than three effects of one family count as such a group; and none do where the
+    model is far off, for then many coefficients are wrong.
     """
     if not first.lack_of_fit:
         return composite_effects(accepted.evidence, accepted.names)

@@ -112,7 +112,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> None:
     rows += [
         *([("after", 0.0, whole.after_m, INK)] if named else []),
         *((plain(each.name), 0.0, each.after_m, FAINT) for each in diagnosis.regimes),
-        *([("floor", 0.0, whole.floor_m, FAINT)] if named or whole.floor_m < whole.before_m else []),
+        *([("floor", 0.0, whole.floor_m, FAINT)] if whole.floor_m < whole.before_m else []),
         ("constant velocity", 0.0, whole.constant_velocity_m, FAINT),
     ]
     names, starts, widths, colours = zip(*rows, strict=True)
@@ -135,13 +135,13 @@ def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> None:
     axes.set_xlabel("mean distance [m]")
 
 
-def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> None:
+def error_by_second(axes: Axes, tracks: Tracks, named: bool = True, known: bool = True) -> None:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
     What could be closed lies between before and the floor, what is closed between before and after. Where something
     unknown remains, no model is ``known`` whose tracks would be the floor; where nothing was named the model is it.
     """
-    shown = [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known and is_changed(tracks) else [])]
+    shown = [*_predictions(tracks, named), *([("floor", tracks.floor, INK)] if known and named else [])]
     for label, track, colour in shown:
         mean = distances(track, tracks.measured).mean(axis=0)
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
@@ -152,15 +152,15 @@ def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> None:
     legend_above(axes, len(shown))
 
 
-def window_tracks(figure: Figure, tracks: Tracks) -> None:
+def window_tracks(figure: Figure, tracks: Tracks, named: bool = True) -> None:
     """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
-    chosen, units = chosen_windows(tracks), control_units(tracks)
+    chosen, units = chosen_windows(tracks, named), control_units(tracks)
     rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
-        _window(axes, tracks, number)
+        _window(axes, tracks, number, named)
         off_m = [
             f"{distances(track, tracks.measured)[number].mean():.2g} m"
-            for label, track, _ in _predictions(tracks)
+            for label, track, _ in _predictions(tracks, named)
             if label != "constant velocity"
         ]
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {' to '.join(off_m)}", fontsize=8.5)
@@ -184,8 +184,8 @@ def control_units(tracks: Tracks) -> dict[str, list[str]]:
     return units
 
 
-def _window(axes: Axes, tracks: Tracks, number: int) -> None:
-    for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks)]:
+def _window(axes: Axes, tracks: Tracks, number: int, named: bool) -> None:
+    for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks, named)]:
         seen = start_frame(track[number], tracks.before[number, 0])
         style = "-" if label == "measured" else "--"
         axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
@@ -201,7 +201,7 @@ def _controls(axes: Axes, controls: Mapping[str, Floats]) -> None:
     axes.locator_params(nbins=4)
 
 
-def chosen_windows(tracks: Tracks) -> dict[str, int]:
+def chosen_windows(tracks: Tracks, named: bool = True) -> dict[str, int]:
     """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
 
     One that is several of these stands once, under all its titles; where nothing was named there are the first two.
@@ -209,7 +209,7 @@ def chosen_windows(tracks: Tracks) -> dict[str, int]:
     before, after = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
     worst, median = int(np.argmax(before)), int(np.argsort(before, kind="stable")[len(before) // 2])
     chosen = {"worst": worst, "median": median}
-    if is_changed(tracks):
+    if named:
         gained, now = int(np.argmax(before - after)), int(np.argmax(after))
         chosen = {"worst before": worst, "median before": median, "improved most": gained, "worst after": now}
     titles = {number: [title for title, other in chosen.items() if other == number] for number in chosen.values()}
@@ -224,13 +224,8 @@ def whole_windows(tracks: Tracks) -> Tracks:
     return Tracks(**{name: each[known] for name, each in arrays.items()}, controls=controls)
 
 
-def is_changed(tracks: Tracks) -> bool:
-    """Whether effects were named, which changed the predictions."""
-    return not np.array_equal(tracks.before, tracks.after, equal_nan=True)
-
-
-def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
+def _predictions(tracks: Tracks, named: bool) -> list[tuple[str, Floats, str]]:
     held = ("constant velocity", tracks.constant_velocity, HELD)
-    if not is_changed(tracks):
+    if not named:
         return [("model", tracks.before, BEFORE), held]
     return [("before", tracks.before, BEFORE), ("after", tracks.after, AFTER), held]

@@ -613,7 +613,7 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     gap = diagnosis.gap
     if gap.held_out_windows:
         where = f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} held-out windows"
-        lines.append(Text(f"{where}: {gap.distances}."))
+        lines.append(Text(f"{where}: {gap.distances(bool(diagnosis.effects))}."))
     if ladder is not None:
         lines.append(Text(ladder_sentence(ladder)))
     if diagnosis.next_manoeuvre is not None:

@@ -19,8 +19,8 @@ SWELL = Noise(
 )
 DRIFT = replace(CALM_SEA, drift=(0.6, 0.004, 0.05, 0.07, 0.002), drift_s=8.0)
 BOTH = replace(SWELL, drift=(0.0, 0.01, 0.03, 0.02, 0.001), drift_s=25.0)
-SLOW_DRIFT = replace(SWELL, wave_drift_n=3e3, wave_drift_s=12.0, length_m=30.0)
-ALL = replace(BOTH, wave_drift_n=2e3, wave_drift_s=6.0, length_m=60.0)
+SLOW_DRIFT = replace(SWELL, wave_drift_n=3e4, wave_drift_s=12.0, length_m=30.0)
+ALL = replace(BOTH, wave_drift_n=2e4, wave_drift_s=6.0, length_m=60.0)
 DISTURBANCES = {
     "calm": CALM_SEA, "swell": SWELL, "drift": DRIFT, "both": BOTH, "slow drift": SLOW_DRIFT, "all": ALL
 }  # fmt: skip

@@ -93,13 +93,13 @@ def test_more_of_one_family_than_a_model_is_likely_to_lack_may_be_one(design: De
     assert composite_effects(evidence, (*names, "ocean_current")) == [names]
 
 
-@pytest.mark.parametrize(("depends", "size", "told"), [("drift", 0.5, True), (OPERATION, 0.5, False)])
+@pytest.mark.parametrize(("depends", "what", "told"), [("drift", "drift_force", True), (OPERATION, "force", False)])
 def test_many_of_one_family_beside_a_remainder_may_be_one_unless_the_model_is_far_off(
-    design: Design, depends: str, size: float, told: bool
+    design: Design, depends: str, what: str, told: bool
 ) -> None:
-    """An error of half the force range is of many coefficients; an effect that varies with drift is another."""
+    """Where the model's forces err by half their range many coefficients are wrong, and each name may be right."""
     names = ("hull_fouling", "cross_flow_drag", "drift_force", "turning_drag")
-    remainder = LackOfFit(depends, "drift_force", 1e-6, 30.0, size, True)
+    remainder = LackOfFit(depends, what, 1e-6, 30.0, 0.5, True)
     first = Acceptance(names, {}, seen(design, *names), lack_of_fit=(remainder,))
     assert _composites(replace(first, beside_remainder=True), first) == ([names] if told else [])
 
