@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from random import SystemRandom
 
 import numpy as np
 import pandas as pd
@@ -103,10 +104,16 @@ def write_ship_voyage(path: Path, actuators: Actuators, duration_s: float = 20.0
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """A port on this machine that nobody uses at this moment."""
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port on this machine that nobody uses at this moment.
+
+    It is none of those that the system gives to outgoing connections (from 32768 on): one of another test took the
+    port before the server that it was chosen for was there, and a viewer waited for five minutes.
+    """
+    while True:
+        port = SystemRandom().randrange(20_000, 32_000)
+        with socket.socket(socket.AF_INET, kind) as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def config_text(section: str, channels: tuple[str, ...] = NAMES, clock: str = "source") -> str:
