@@ -38,6 +38,7 @@ from hybrid.diagnosis.linearise import Linearisation, LinearModel, Model, by_sta
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
 from hybrid.vessel.effect import growth
+from hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
 _DEVIATION = 1.5  # prior standard deviation of each log level about its start
@@ -69,7 +70,6 @@ _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
 _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # gain in log likelihood of seven, or six, more parameters
 _PRICE_OF_WAVE_DRIFT = 6.0  # of two
-_WATER_KGPM3 = 1025.0
 
 
 def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
@@ -271,7 +271,7 @@ def start_of_wave_drift(noise: Noise) -> Noise:
 def _largest_wave_drift_n(noise: Noise) -> float:
     """The mean drift in waves that are all reflected (Maruo 1960), ten times for those that move a ship little."""
     variance_m2 = noise.waves[0] ** 2 + noise.waves[1] ** 2
-    return 10.0 * _WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
+    return 10.0 * SEA_WATER_KGPM3 * GRAVITY_MPS2 * noise.length_m * variance_m2
 
 
 def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> Noise:

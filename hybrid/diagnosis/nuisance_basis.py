@@ -87,13 +87,12 @@ def nuisance_basis(
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
-    asked = _interactions(log, origin)
     before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
-    earlier = _interactions(log, origin[before])
+    now, earlier = ({}, {}) if not interactions else (_interactions(log, each) for each in (origin, origin[before]))
     shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2))}
 
     def shapes_of(effect: str) -> dict[str, Floats]:
-        forms = earlier if effect.split(",")[0] in _DRIFTS else asked
+        forms = earlier if effect.split(",")[0] in _DRIFTS else now
         return {name: shapes[name] for name in _variations(effect)} | (forms if effect in interactions else {})
 
     varying = [

@@ -457,13 +457,8 @@ def cell_row(place: Place) -> list[str]:
     from hybrid.report.diagnosis_map_plots import axis_title, cell_name, quantity_of
 
     cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
-    return [
-        quantity_title(place.channel),
-        cell,
-        str(place.windows),
-        number(place.error),
-        f"{place.z:.1f}".replace("-", "\u2212"),
-    ]
+    z = f"{place.z:.1f}".replace("-", "\u2212")
+    return [quantity_title(place.channel), cell, str(place.windows), number(place.error), z]
 
 
 def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:

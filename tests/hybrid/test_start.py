@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +19,7 @@ from analysis.tables.table import read_table
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import bare_plant
 from hybrid.workflows.start import start_folder
+from tests.acquisition.conftest import free_port
 from tests.conftest import Command
 
 ROOT = Path(__file__).parents[2]
@@ -51,11 +51,8 @@ def test_the_example_is_imported_and_is_one_ships_motion(tmp_path: Path, command
 
 def test_it_is_played_and_recorded(tmp_path: Path, command: Command) -> None:
     start_folder(tmp_path, "trial")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     trial = tmp_path / "trial.toml"
-    trial.write_text(trial.read_text().replace("port = 10110", f"port = {port}"))
+    trial.write_text(trial.read_text().replace("port = 10110", f"port = {free_port()}"))
     command(
         "import", tmp_path / "example.csv", "-o", tmp_path / "first.mcap", "--columns", tmp_path / "columns.toml"
     )
