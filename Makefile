@@ -11,7 +11,7 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check clean
+.PHONY: help install lock demo test attack test-slow oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load flood watch-load load-mqtt soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -36,7 +36,10 @@ demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to re
 	$(BIN)/seatrial demo -o demo
 
 test: $(STAMP)   ## the test suite (-n 2: two processes)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages and not attack"
+
+attack: $(STAMP) ## every attack on the recorder, its input, files, outputs and pages, a line for each
+	$(BIN)/python -m pytest -n 2 --dist worksteal -v tests/attacks
 
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow

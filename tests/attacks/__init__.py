@@ -1,0 +1,1 @@
+"""Attacks on what docs/guarantees.md promises, by area; ``make attack`` runs all, ``make test`` the quick ones."""
