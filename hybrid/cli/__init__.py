@@ -28,7 +28,9 @@ CalibratorOption = Annotated[
 ]
 CodeOption = Annotated[
     str | None,
-    typer.Option("--method", help="FILE.py:CLASS: the new place of your own calibrator's code, if it has moved."),
+    typer.Option(
+        "--method", help="FILE.py:CLASS: the code of a calibrator of your own, which runs only if it is given here."
+    ),
 ]
 HorizonOption = Annotated[
     int | None,

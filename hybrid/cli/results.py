@@ -13,6 +13,7 @@ from acquisition.core.progress import bar, part_of
 from analysis.tables.files import make_folder
 from hybrid.cli import (
     AllowSeenOption,
+    CodeOption,
     EffectsOption,
     HorizonOption,
     PartOption,
@@ -274,6 +275,7 @@ def report(
         Path | None,
         typer.Option(help="A calibrator: the folder written by `seatrial train`; default: the one in FOLDER."),
     ] = None,
+    method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: HorizonOption = None,
     part: PartOption = "0..100",
@@ -303,7 +305,7 @@ def report(
     from hybrid.report.folder import report as run
     from hybrid.report.sections import FAILED
 
-    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length)
+    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length, method)
     with bar("report") as progress:
         pages = run(folder, choices, recordings, part_of(progress, 0, 2) if pdf else progress)
         printed, warnings = list[Path](), list[str]()

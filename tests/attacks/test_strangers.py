@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from acquisition.core.errors import unexpected
-from tests.conftest import Command, Done
+import seatrial as st
+from acquisition.core.errors import InputError, unexpected
+from tests.conftest import Command, Done, Simulated
+
+
+@pytest.fixture(scope="session")
+def voyage(simulated: Simulated) -> Path:
+    """A sound recording of ten minutes."""
+    return simulated("gentle", 100, 600.0)
 
 
 def refused(done: Done) -> str:
@@ -64,3 +77,220 @@ def test_unexpected_error_names_the_line_of_seatrial_that_raised_it() -> None:
     with pytest.raises(AttributeError) as raised:
         ending_of(None)  # type: ignore[arg-type]
     assert "acquisition.core.units, line " in str(unexpected(raised.value))
+
+
+# Files that name code
+
+
+MARKED = "from pathlib import Path\nPath({marker!r}).write_text('run')\n"
+CALIBRATOR = """
+class Mine:
+    def fit(self, windows, track): ...
+    def predict(self, windows): return windows.reference
+"""
+
+
+@pytest.fixture(scope="session")
+def calibrator_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibrator on disk, hardly trained."""
+    from hybrid.calibrators import make_calibrator
+    from hybrid.calibrators.artefact import save
+    from hybrid.calibrators.train import TrainedCalibrator
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.prediction.baselines import Fallback
+    from hybrid.vessel.files import load_vessel
+    from tests.hybrid.windows_by_hand import random_windows
+
+    plant, seconds = vessel_plant(load_vessel("gunnerus_short")), 30
+    windows = random_windows(12, seconds, 0)
+    fitted = make_calibrator("paper", 0, plant)
+    vars(fitted).update(epochs=1, batch=32)
+    fitted.fit((windows, windows.track), (windows, windows.track))
+    region_m = np.linspace((0.5, 0.4), (3.0, 2.0), seconds)
+    fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), region_m)
+    trained = TrainedCalibrator(fitted, None, seconds, "gunnerus_short", plant, region_m, fallback, (), {})
+    return save(trained, tmp_path_factory.mktemp("trained") / "calibrator").parent
+
+
+@pytest.fixture
+def strangers_folder(calibrator_folder: Path, tmp_path: Path) -> Path:
+    """A copy of a calibrator to change."""
+    return Path(shutil.copytree(calibrator_folder, tmp_path / "calib"))
+
+
+def change_sidecar(folder: Path, **values: Any) -> None:
+    """Change values of ``calibrator.json``; ``calibrator__method`` is that of the table ``calibrator``."""
+    path = folder / "calibrator.json"
+    sidecar = json.loads(path.read_text())
+    for name, value in values.items():
+        *tables, key = name.split("__")
+        table = sidecar
+        for each_table in tables:
+            table = table.setdefault(each_table, {})
+        table[key] = value
+    path.write_text(json.dumps(sidecar))
+
+
+def bring_code(folder: Path, part: str, name: str) -> Path:
+    """Let a calibrator name code that it brings along; returns the file that this code would make."""
+    marker, code = folder.parent / "marker", folder / "evil.py"
+    code.write_text(MARKED.format(marker=str(marker)) + CALIBRATOR)
+    digest = hashlib.sha256(code.read_bytes()).hexdigest()
+    sidecar = json.loads((folder / "calibrator.json").read_text())
+    model = {**sidecar["calibrator"], "method": name.replace("FOLDER", str(folder)), "code_sha256": digest}
+    weights = shutil.copy(folder / "calibrator.safetensors", folder / "data_driven.safetensors")
+    files = {**sidecar["files"], "data_driven.safetensors": hashlib.sha256(weights.read_bytes()).hexdigest()}
+    change_sidecar(folder, files=files, **{part: model})
+    return marker
+
+
+TRIAL = '[trial]\nname = "x"\n'
+SOURCE = '[[source]]\nname = "bus"\nchannels = ["heading_deg"]\n'
+LISTENING = f'{TRIAL}{SOURCE}type = "udp"\nport = 10110\n'
+WAYS: dict[str, tuple[str, ...]] = {
+    "validate": ("validate", "RECORDING", "--calibrator", "calib"),
+    "predict": ("predict", "RECORDING", "--at", "+200", "--calibrator", "calib"),
+    "watch": ("watch", "trial.toml", "--calibrator", "calib", "--duration", "0"),
+    "report": ("report", "RECORDING", "--calibrator", "calib", "--no-pdf"),
+}
+
+
+@pytest.mark.parametrize("name", ["FOLDER/evil.py:Mine", "calib/evil.py:Mine", "./calib/../calib/evil.py:Mine"],
+                         ids=["absolute", "relative", "dotted"])  # fmt: skip
+@pytest.mark.parametrize("part", ["calibrator", "data_driven"])
+@pytest.mark.parametrize("way", WAYS)
+def test_calibrator_runs_no_code_that_it_brings_along(
+    way: str, part: str, name: str, strangers_folder: Path, voyage: Path, command: Command,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    marker = bring_code(strangers_folder, part, name)
+    monkeypatch.chdir(strangers_folder.parent)
+    Path("trial.toml").write_text(LISTENING)
+    shutil.copy(voyage, "voyage.mcap")
+    line = refused(command(*("voyage.mcap" if word == "RECORDING" else word for word in WAYS[way])))
+    assert not marker.exists(), "the code of a stranger was executed"
+    assert "--method FILE.py:CLASS" in line or part == "data_driven"
+
+
+def test_report_of_a_folder_runs_no_code_of_the_calibrator_in_it(
+    strangers_folder: Path, voyage: Path, command: Command
+) -> None:
+    folder = strangers_folder.rename(strangers_folder.with_name("calibrator"))
+    marker = bring_code(folder, "calibrator", "FOLDER/evil.py:Mine")
+    shutil.copy(voyage, folder.with_name("voyage.mcap"))
+    refused(command("report", folder.parent, "--no-pdf"))
+    assert not marker.exists()
+
+
+@pytest.mark.parametrize("call", ["load_calibrator", "validate", "predict", "load_case"])
+def test_script_runs_no_code_that_a_calibrator_brings_along(
+    call: str, strangers_folder: Path, voyage: Path
+) -> None:
+    marker = bring_code(strangers_folder, "calibrator", "FOLDER/evil.py:Mine")
+    calls: dict[str, Callable[[], object]] = {
+        "load_calibrator": lambda: st.load_calibrator(strangers_folder),
+        "validate": lambda: st.validate(voyage, strangers_folder),
+        "predict": lambda: st.predict(voyage, "+200", strangers_folder),
+        "load_case": lambda: st.load_case([voyage], strangers_folder),
+    }
+    with pytest.raises(InputError, match="method"):
+        calls[call]()
+    assert not marker.exists()
+
+
+@pytest.mark.parametrize("change", ["# another version\n", None], ids=["changed", "missing"])
+def test_named_code_of_another_version_is_not_executed(
+    change: str | None, strangers_folder: Path, tmp_path: Path
+) -> None:
+    marker = bring_code(strangers_folder, "calibrator", "FOLDER/evil.py:Mine")
+    code = strangers_folder / "evil.py"
+    code.write_text(code.read_text() + change) if change else code.unlink()
+    with pytest.raises(InputError, match=r"another version|no longer exists"):
+        st.load_calibrator(strangers_folder, f"{code}:Mine")
+    assert not marker.exists()
+
+
+def test_calibrator_opens_no_vessel_file_by_its_path(strangers_folder: Path, voyage: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    pipe = tmp_path / "elsewhere" / "ship.toml"
+    os.mkfifo(pipe)
+    change_sidecar(strangers_folder, vessel__name=str(pipe))
+    assert "ship" in str(st.predict(voyage, "+200", strangers_folder, horizon_s=15).model)
+
+
+def test_result_of_a_batch_cannot_name_another_folder(voyage: Path, tmp_path: Path, command: Command) -> None:
+    """A report is written for each result, into the folder that bears its recording's name."""
+    (tmp_path / "recordings").mkdir()
+    shutil.copy(voyage, tmp_path / "recordings" / "voyage.mcap")
+    folders = "report", tmp_path / "out", "--recordings", tmp_path / "recordings", "--no-pdf", "--no-interactive"
+    assert command("batch", tmp_path / "recordings", "-o", tmp_path / "out", "--workers", "1").code == 0
+    path = tmp_path / "out" / "voyage" / "summary.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "name": "../../elsewhere"}))
+    assert command(*folders).code == 0
+    assert (tmp_path / "out" / "voyage" / "report.html").is_file()
+    assert not list(tmp_path.parent.glob("elsewhere*"))
+
+
+# Recordings that name files
+
+
+def recording_with(path: Path, configuration: str, attachments: dict[str, bytes] | None = None) -> Path:
+    """A recording with raw input and this configuration attached."""
+    from acquisition.core.frames import Frame
+    from acquisition.core.trial import Trial
+    from acquisition.recording.writer import RecordingWriter
+
+    attached = {"configuration.toml": configuration.encode(), **(attachments or {})}
+    with RecordingWriter(path, Trial(name="x"), attached) as writer:
+        for second in range(5):
+            writer.write_raw(Frame("bus", "can", bytes(8), 10**18 + second * 10**9, second * 10**9, 0x123))
+    return path
+
+
+NAMING = {
+    "dbc": f'{TRIAL}{SOURCE}type = "can"\ninterface = "virtual"\nchannel = "0"\ndbc = "FILE"\n',
+    "pack": LISTENING + '[[pack]]\nname = "FILE"\n',
+}
+
+
+@pytest.mark.parametrize("kind", NAMING)
+@pytest.mark.parametrize("file", ["pipe.toml", "/dev/zero", "secret.toml", "../secret.toml", "/proc/self/mem"])
+def test_redecode_opens_nothing_that_a_recording_names(
+    file: str, kind: str, tmp_path: Path, command: Command
+) -> None:
+    """Only what is attached to it; a pipe would hang, a device never end, a file be read out."""
+    os.mkfifo(tmp_path / "pipe.toml")
+    (tmp_path / "secret.toml").write_text('password = "hunter2"\n')
+    recording = recording_with(tmp_path / "theirs.mcap", NAMING[kind].replace("FILE", file))
+    line = refused(command("redecode", recording, "-o", tmp_path / "new.mcap"))
+    assert "attachment" in line
+    assert "--config" in line
+    assert "hunter2" not in line
+    assert not (tmp_path / "new.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../bus.dbc", "/tmp/bus.dbc", "bus\x00.dbc", "..", "b" * 400 + ".dbc", "a/../../b.pack"],
+    ids=["parent", "absolute", "zero byte", "folder", "long", "parent of a pack"],
+)
+def test_redecode_writes_no_attachment_where_its_name_leads(name: str, tmp_path: Path, command: Command) -> None:
+    recording = recording_with(tmp_path / "theirs.mcap", LISTENING, {name: b"x"})
+    before = sorted(tmp_path.parent.rglob("*"))
+    done = command("redecode", recording, "-o", tmp_path / "new.mcap")
+    assert "Traceback" not in done.err
+    assert set(tmp_path.parent.rglob("*")) - set(before) <= {tmp_path / "new.mcap"}
+
+
+def test_redecode_runs_no_command_that_a_recording_names(tmp_path: Path, command: Command) -> None:
+    """Neither the alarms' commands nor the class of a source are run."""
+    code, marker = tmp_path / "evil.py", tmp_path / "marker"
+    code.write_text(MARKED.format(marker=str(marker)) + "class Evil:\n    def read(self, timeout_s): ...\n")
+    configuration = (
+        f'{TRIAL}{SOURCE}type = "own"\nclass = "{code}:Evil"\n'
+        f'[[alarm]]\nname = "a"\nfigure = "free_gb"\nbelow = 1e9\nfor_s = 0\ncommand = ["touch", "{marker}"]\n'
+    )
+    recording = recording_with(tmp_path / "theirs.mcap", configuration)
+    command("redecode", recording, "-o", tmp_path / "new.mcap")
+    assert (tmp_path / "new.mcap").exists()
+    assert not marker.exists()
