@@ -99,7 +99,7 @@ def _own_rotor(name: str, info: ValidationInfo) -> str:
 
 
 def _absolute(path: Path, info: ValidationInfo) -> Path:
-    """A path relative to the file being read; of a DBC file that a recording's configuration names, its attachment."""
+    """A path relative to the file being read; of a DBC file that a recording's configuration names its copy."""
     context = info.context or {"folder": Path(), "dbc_files": None}
     attached: Mapping[str, Path] | None = context["dbc_files"]
     if info.field_name != "dbc" or attached is None:

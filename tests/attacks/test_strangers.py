@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import seatrial as st
@@ -294,3 +296,166 @@ def test_redecode_runs_no_command_that_a_recording_names(tmp_path: Path, command
     command("redecode", recording, "-o", tmp_path / "new.mcap")
     assert (tmp_path / "new.mcap").exists()
     assert not marker.exists()
+
+
+# Text of others on the terminal, in logs and on pages
+
+
+COMMANDS_ON_A_FILE: dict[str, tuple[str, ...]] = {
+    "info": ("info",), "check": ("check",), "windows": ("windows", "-o", "w.parquet"), "report": ("report",),
+    "emulate": ("emulate", "x.mcap"), "validate": ("validate",), "record": ("record", "--check"),
+    "plan": ("plan", "--vessel"), "batch": ("batch", "-o", "o"), "predict": ("predict", "--at", "+1"),
+    "redecode": ("redecode", "-o", "o.mcap"),
+}  # fmt: skip
+HOSTILE = {
+    "clears the screen": "calm\x1b[2J",
+    "sets the title": "calm\x1b]0;root\x07",
+    "rings": "calm\x07",
+    "goes back": "calm\x08\x08\x08\x08storm",
+    "overwrites the line": "calm\rseatrial: all is well",
+    "control in one byte": "calm\x9b2J",
+    "reversed": "calm \u202eedoc",
+    "isolated": "calm \u2066x\u2069",
+    "no UTF-8": "calm\udcff",
+    "hidden": "calm\x1b[8msecret\x1b[0m",
+    "link": "calm\x1b]8;;http://example.org\x07here\x1b]8;;\x07",
+    "delete": "calm\x7f",
+}
+hostile = pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def shown(*texts: str) -> None:
+    """Nothing in these texts is obeyed, and what they begin with is shown."""
+    for text in texts:
+        unobeyed(text)
+        assert "calm" in text
+
+
+def unobeyed(text: str) -> None:
+    raw = OBEYED.search(text)
+    assert raw is None, f"raw {raw[0]!r} in {text!r}"
+
+
+def drawn(renderable: object) -> str:
+    """What a terminal gets, without the styles that rich adds."""
+    from io import StringIO
+
+    from acquisition.core.terminal import Terminal
+
+    stream = StringIO()
+    Terminal(file=stream, force_terminal=True, color_system="standard", width=200).print(renderable)
+    return re.sub("\x1b\\[[0-9;]*m", "", stream.getvalue())
+
+
+@hostile
+def test_terminal_shows_escaped_text_wherever_it_stands(text: str) -> None:
+    from rich.console import Group
+    from rich.panel import Panel
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=text, caption=text)
+    table.add_column(text)
+    table.add_row(text)
+    table.add_row(Text(text, "bold"))
+    table.add_row(Text.assemble((text, "red"), " and more"))
+    for renderable in (text, Text(text), table, Group(text, table), Panel(text, title="x")):
+        shown(drawn(renderable))
+
+
+@pytest.mark.parametrize(
+    "text", ["[/]", "[/bold] x", "[red]x", "[link=http://example.org]x[/link]", ":boom:", "[m/s]"]
+)
+def test_terminal_takes_no_text_for_markup(text: str) -> None:
+    from rich.table import Table
+
+    table = Table(text)
+    table.add_row(text)
+    for renderable in (text, table):
+        assert text in drawn(renderable)
+
+
+@hostile
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_log_shows_escaped_text(form: Any, text: str) -> None:
+    from io import StringIO
+
+    from acquisition.logger.supervision import LOG, log_to
+
+    stream = StringIO()
+    with log_to(stream, form):
+        LOG.info("mark: %s", text)
+    shown(stream.getvalue())
+    if form == "json":
+        assert json.loads(stream.getvalue())["text"] == f"mark: {text}"
+
+
+def test_mark_cannot_pass_for_a_line_of_the_log_or_of_the_display() -> None:
+    from io import StringIO
+
+    from acquisition.logger.display import _events
+    from acquisition.logger.health import Health
+    from acquisition.logger.supervision import LOG, log_to
+
+    stream, text = StringIO(), "calm\nerror: the disk is full"
+    with log_to(stream, "text"):
+        LOG.info(text)
+    assert not any(line.startswith("error") for line in stream.getvalue().splitlines())
+    health = Health((), (), 0)
+    health.events.append((0, "info", text))
+    assert drawn(next(_events(health, 5))).count("\n") == 1
+
+
+@hostile
+def test_page_shows_escaped_text(text: str) -> None:
+    from analysis.report.rendering import render
+
+    shown(render("base.html", title=text, subtitle=text, body=text).html)
+
+
+@hostile
+def test_recording_with_such_texts_is_listed(text: str, tmp_path: Path, command: Command) -> None:
+    times = pd.date_range("2026-03-01", periods=30, freq="s", tz="UTC")
+    table = pd.DataFrame({"heading_deg": np.linspace(0.0, 10.0, 30)}, index=times)
+    fields = {name: text.encode("utf-8", "replace").decode() for name in ("place", "crew_notes", "loading")}
+    st.write(table, tmp_path / "calm.mcap", **fields)
+    for name in ("info", "check"):
+        done = command(name, tmp_path / "calm.mcap")
+        assert done.code == 0, done.err
+        unobeyed(done.out + done.err)
+
+
+@hostile
+@pytest.mark.parametrize("place", ["column", "cell", "name of the file"])
+def test_table_with_such_texts_is_imported_or_refused(
+    place: str, text: str, tmp_path: Path, command: Command
+) -> None:
+    column, cell, name = (text if place == each else "calm" for each in ("column", "cell", "name of the file"))
+    quoted = (column.replace('"', ""), cell.replace('"', ""))
+    rows = "".join(f'2026-03-01T00:00:{second:02d}Z,{second},5.0,"{quoted[1]}"\n' for second in range(60))
+    path = tmp_path / f"{name.replace('/', '_')}.csv"
+    path.write_bytes(f'time,heading_deg,wind_speed_mps,"{quoted[0]}"\n{rows}'.encode("utf-8", "surrogateescape"))
+    done = command(
+        "import", path, "-o", tmp_path / "calm.mcap", "--yes", "--allow-missing", "--vessel", "gunnerus_short"
+    )
+    assert done.code in (0, 1)
+    assert "Traceback" not in done.err
+    unobeyed(done.out + done.err)
+
+
+@pytest.mark.parametrize("name", [*COMMANDS_ON_A_FILE])
+@hostile
+def test_complaint_about_a_file_shows_its_name(name: str, text: str, tmp_path: Path, command: Command) -> None:
+    path = tmp_path / text.replace("/", "_")
+    done = command(*COMMANDS_ON_A_FILE[name], path)
+    assert done.code in (1, 2)
+    unobeyed(done.out + done.err)
+
+
+@hostile
+def test_wrong_usage_shows_escaped_arguments(text: str, command: Command) -> None:
+    for arguments in (("info", "a.mcap", text), (text,), ("info", f"--{text}"), ("simulate", "--seed", text)):
+        done = command(*arguments)
+        assert done.code == 2
+        unobeyed(done.out + done.err)
