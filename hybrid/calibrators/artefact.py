@@ -18,7 +18,6 @@ from typing import Annotated, Literal
 import numpy as np
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
-from safetensors import SafetensorError
 
 from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
@@ -27,8 +26,9 @@ from acquisition.core.errors import InputError, SeatrialError, storage_error
 from acquisition.core.files import read_regular
 from acquisition.core.named_code import absolute, digest_of, in_file
 from analysis.tables.files import make_folder
+from analysis.tables.table import MOST
 from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.calibrator import Calibrator, require_shapes
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Source
@@ -45,9 +45,10 @@ UNITS = {
 """Units by the last word of a name; others are dimensionless."""
 
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-SemiAxis = Annotated[FiniteFloat, Field(ge=0.0)]
+_FARTHEST_M = 4e7  # around the Earth
+SemiAxis = Annotated[FiniteFloat, Field(ge=0.0, le=_FARTHEST_M)]
 SemiAxes = tuple[SemiAxis, SemiAxis]
-Error = Annotated[FiniteFloat, Field(gt=0.0)]
+Error = Annotated[FiniteFloat, Field(gt=0.0, le=_FARTHEST_M)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -395,9 +396,11 @@ def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: P
                          where=str(folder / SIDECAR),
                          why=", ".join(differing)[:120], fix="train again")  # fmt: skip
     try:
+        if "region" in tensors:
+            require_shapes(tensors, {"region": (sidecar.horizon_s, 2)})
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
-    except (SeatrialError, KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
+    except Exception as error:  # weights that others made may fail in every possible way
         raise damage_error(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
     if described != model:
         raise damage_error(
@@ -422,16 +425,19 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
         )
     try:
         tensors: Tensors = safetensors.numpy.load(content)
-    except (SafetensorError, ValueError, KeyError, RuntimeError, TypeError) as error:
+    except Exception as error:  # the library fails in every possible way
         raise damage_error(path, _reason(error)) from error
     _refuse_not_numbers(tensors, path)
     return tensors
 
 
 def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
-    """Raise :class:`InputError` for weights that are not finite; the deviation of a constant may be infinite."""
+    """Raise :class:`InputError` for weights that are not finite, or so large that products of them are not; the
+    deviation of a constant may be infinite."""
     for name, value in tensors.items():
-        if bool(np.isnan(value).any() if name.endswith("deviation") else not np.isfinite(value).all()):
+        if bool(
+            np.isnan(value).any() if name.endswith("deviation") else not (np.abs(value.astype(float)) < MOST).all()
+        ):
             raise InputError(f"has a {name} that is not a number", where=str(path),
                              why="the training failed or the file was changed", fix="train again")  # fmt: skip
 

@@ -94,7 +94,16 @@ def report(
         return batch_reports(where, recordings, choices, progress)
     if kind == "trial":
         return folder_report(where, choices, progress)
-    return [write_report(*read_diagnosis(where), where) if kind == "diagnosis" else write_page(where)]
+    if kind == "reproduction":
+        return [write_page(where)]
+    diagnosis, extras = read_diagnosis(where)
+    try:
+        return [write_report(diagnosis, extras, where)]
+    except SeatrialError:
+        raise
+    except Exception as error:  # values that no version writes fail wherever the page first needs them
+        raise InputError("was not written by this version", where=str(where), why=f"{type(error).__name__} {error}",
+                         fix="run `seatrial diagnose` again") from error  # fmt: skip
 
 
 def _folder_of(recording: Path) -> Path:
@@ -217,8 +226,8 @@ def batch_options(out: Path) -> Any:
 
     for path in sorted(out.rglob(SUMMARY)):
         try:
-            return Options(**json.loads(path.read_text(encoding="utf-8"))["provenance"]["options"])
-        except (OSError, ValueError, KeyError, TypeError):
+            return Options(**read_json(path)["provenance"]["options"])
+        except (OSError, ValueError, KeyError, TypeError):  # an InputError is a ValueError
             continue
     raise ConfigurationError(
         "contains no result with known options", where=str(out), fix="run `seatrial batch` again"
