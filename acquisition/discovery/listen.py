@@ -18,7 +18,7 @@ from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.nmea0183 import has_sentence
 from acquisition.decoders.told_time import SENTENCE_BEHIND
 from acquisition.discovery.places import Place
 from acquisition.sources import make_source
@@ -232,7 +232,7 @@ def _soundness(chunks: Sequence[bytes], *, whole: bool = False) -> tuple[int, in
 
 
 def _is_sound(frame: Frame) -> bool:
-    return frame.protocol == "can" or split_sentence(split_tag(frame.payload).sentence) is not None
+    return frame.protocol == "can" or has_sentence(frame.payload)
 
 
 def form_of(received: bytes) -> str:

@@ -24,7 +24,7 @@ from acquisition.decoders.declared_groups import decoded, variants_of
 from acquisition.decoders.fast_packets import FastPackets
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
 from acquisition.decoders.mqtt import topic_and_message
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import ADDRESS_CLAIM
 from acquisition.decoders.told_time import SENTENCE_BEHIND
@@ -178,7 +178,8 @@ class Survey(FrameProcessor):
                     header = header_of(piece)
                     yield Kind(frame.origin, str(header.system_id), _mavlink_name(header.message_id))
         elif frame.protocol == "nmea0183":
-            yield _sentence_kind(frame.origin, frame.payload)
+            for part in sentences_in(frame.payload):
+                yield _sentence_kind(frame.origin, part)
         else:
             topic, message = topic_and_message(frame.payload)
             line = SENTENCE_BEHIND.fullmatch(message.strip())

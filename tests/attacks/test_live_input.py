@@ -1,0 +1,282 @@
+"""Attacks on lines, buses, links and brokers: what is intact is decoded, nothing that comes harms the recorder."""
+
+from __future__ import annotations
+
+import random
+import socket
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.frames import Frame
+from acquisition.decoders.nmea0183 import checksum
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.pipeline import health_of
+from acquisition.logger.processing import FrameProcessor
+from acquisition.recording.reader import Recording, read_recording
+from acquisition.recording.writer import RecordingWriter
+from acquisition.sources.streams import LineAssembler
+from tests.acquisition.conftest import free_port
+from tests.acquisition.test_faults import Cable, cable, recording, source
+from tests.attacks.commands import PATIENCE_S, run
+
+__all__ = ["cable"]  # the fixture
+NOON_NS = 1_798_718_400_000_000_000
+COUNT = 400
+
+
+def heading(number: int) -> bytes:
+    """An intact sentence whose value tells which one it is."""
+    return sentence(f"HEHDT,{number % 360}.5,T").strip()
+
+
+HEADINGS = [number % 360 + 0.5 for number in range(COUNT)]
+
+
+def summed(body: str, start: str = "$") -> bytes:
+    return f"{start}{body}*{checksum(body.encode()):02X}".encode()
+
+
+def noise(chance: random.Random, most: int = 60) -> bytes:
+    """Bytes of any value but line ends, one at least that no text has: letters behind # are a comment of a log."""
+    return bytes(byte for byte in chance.randbytes(chance.randrange(1, most)) if byte not in b"\r\n") + b"\x07"
+
+
+AIS = summed("AIVDM,1,1,,A,13HOI:0P0000VOHLCnHQKwvL05Ip,0", "!")
+Disturbance = Callable[[random.Random], bytes]
+DISTURBANCES: dict[str, Disturbance] = {
+    "a cut sentence": lambda chance: heading(7)[: chance.randrange(2, 15)],
+    "two cut sentences": lambda chance: heading(7)[: chance.randrange(1, 15)] + summed("GPXTE,1,2")[:8],
+    "the end of a sentence": lambda chance: heading(7)[chance.randrange(1, 15) :],
+    "another intact sentence": lambda chance: summed("GPXTE,A,A,0.67,L,N"),
+    "a sentence with a wrong sum": lambda chance: heading(7)[:-2] + b"00",
+    "an AIS sentence": lambda chance: AIS,
+    "a cut AIS sentence": lambda chance: AIS[: chance.randrange(2, len(AIS))],
+    "a TAG block without its sentence": lambda chance: b"\\" + summed("s:GN01,c:1795255200", "")[:-1] + b"\\",
+    "noise": noise,
+    "noise with dollar signs": lambda chance: noise(chance) + b"$" + noise(chance) + b"!" + noise(chance),
+    "the mark of a binary message": lambda chance: (
+        b"\x10\x02" + bytes([chance.randrange(0x90, 0xE0)]) + noise(chance)
+    ),
+    "text with dollar signs": lambda chance: b"it costs $5, or $HEHDT,12; $$ 100! ",
+    "two hundred letters and more": lambda chance: b"abcdefg " * 40 + b"$",
+    "zero bytes": lambda chance: bytes(chance.randrange(1, 40)) + b"$",
+    "a gateway's sentence": lambda chance: b"$PCDIN,01F119,00000000,0F,2AAF00D1067414FF*59",
+    "a cut one of a gateway": lambda chance: b"$MXPGN,01F801,2801,C1308AC4"[: chance.randrange(1, 27)],
+    "a gateway's without a sum": lambda chance: b"!PDGY,127257,3,17,255,0.563,AP9/UgAh/v8=",
+}
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> TrialConfig:
+    return configured(tmp_path, source("line", 'type = "udp"\nport = 1', ("heading_deg",)))
+
+
+def configured(folder: Path, sources: str) -> TrialConfig:
+    (folder / "trial.toml").write_text('[trial]\nname = "attack"\n' + sources)
+    return load_config(folder / "trial.toml")
+
+
+def recorded(folder: Path, config: TrialConfig, frames: list[Frame]) -> tuple[Recording, dict[str, int]]:
+    """The recording of these frames, and what was refused by reason."""
+    health, path = health_of(config), folder / "attack.mcap"
+    with RecordingWriter(path, config.trial, config.attachments) as writer:
+        processing = FrameProcessor(config, writer, health)
+        for frame in frames:
+            processing.process(frame)
+    reasons: Counter[str] = Counter()
+    for seen in health.sources.values():
+        reasons.update(seen.reasons)
+    return read_recording(path), reasons
+
+
+def disturbed(name: str, seed: int = 1) -> list[bytes]:
+    """Intact sentences, each behind a disturbance on the same line."""
+    chance = random.Random(seed)
+    return [DISTURBANCES[name](chance) + heading(number) for number in range(COUNT)]
+
+
+@pytest.mark.parametrize("name", DISTURBANCES)
+def test_an_intact_sentence_behind_a_disturbance_is_decoded(name: str, config: TrialConfig, tmp_path: Path) -> None:
+    """On a stream in pieces of any length, and the raw input holds every byte that is no line end or padding."""
+    lines, assembler = disturbed(name), LineAssembler("line")
+    stream, frames = b"\r\n".join(lines) + b"\r\n", []
+    for start in range(0, len(stream), 97):
+        at_ns = NOON_NS + start * 1000
+        frames += assembler.push(stream[start : start + 97], (at_ns, at_ns))
+    frames += assembler.end((at_ns, at_ns))
+    found, reasons = recorded(tmp_path, config, frames)
+    assert found.series["heading_deg"].value.tolist() == HEADINGS
+    if "gateway's" not in name:  # whose frames are recorded as such
+        raw = b"".join(frame.payload for frame in frames)
+        assert raw == b"".join(line.strip(b"\0 \t") for line in lines)
+    if name in ("a cut sentence", "a cut AIS sentence", "a sentence with a wrong sum"):
+        assert reasons["no sound checksum"] >= COUNT
+
+
+@pytest.mark.parametrize("name", DISTURBANCES)
+def test_an_intact_sentence_behind_a_disturbance_in_a_log_is_decoded(name: str, tmp_path: Path) -> None:
+    from acquisition.logger.record import record
+
+    (tmp_path / "a log").write_bytes(b"\r\n".join(disturbed(name)))
+    config = configured(tmp_path, source("line", 'type = "file"\npath = "a log"', ("heading_deg",)))
+    (path,), _ = record(config, tmp_path / "out")
+    assert read_recording(path).series["heading_deg"].value.tolist() == HEADINGS
+
+
+@pytest.mark.parametrize("name", DISTURBANCES)
+def test_an_intact_sentence_behind_a_disturbance_in_an_mqtt_message_is_decoded(name: str, tmp_path: Path) -> None:
+    section = 'type = "mqtt"\nport = 1\ntopics = ["#"]'
+    config = configured(tmp_path, source("line", section, ("heading_deg",)))
+    times = [NOON_NS + number * 10**8 for number in range(COUNT)]
+    frames = [
+        Frame("line", "mqtt", b"ship/nmea\0" + line, time_ns, time_ns)
+        for time_ns, line in zip(times, disturbed(name), strict=True)
+    ]
+    assert recorded(tmp_path, config, frames)[0].series["heading_deg"].value.tolist() == HEADINGS
+
+
+@pytest.mark.parametrize("kind", [0x90, 0x93, 0xA0, 0xD0])
+def test_noise_like_a_binary_message_holds_no_sentence_back(kind: int) -> None:
+    """What seems to begin a message of 1,800 bytes would delay, and stamp too late, what comes within a second."""
+    for _ in range(3):
+        frames = LineAssembler("line").push(b"\x10\x02" + bytes([kind, 255, 255]) + b"\r\n" + heading(1) + b"\r\n")
+        assert frames[-1].payload == heading(1)
+
+
+def test_sentences_that_follow_each_other_without_a_line_end_are_all_decoded(
+    config: TrialConfig, tmp_path: Path
+) -> None:
+    """Four hundred in one datagram, with TAG blocks and an AIS sentence between them."""
+    tag = b"\\" + summed("n:5", "") + b"\\"
+    datagram = b"".join((b"", tag, AIS, b"UdPbC\0" + tag)[number % 4] + heading(number) for number in range(COUNT))
+    assembler = LineAssembler("line")
+    frames = assembler.push(datagram, (NOON_NS, NOON_NS)) + assembler.end((NOON_NS, NOON_NS))
+    found, _ = recorded(tmp_path, config, frames)
+    assert found.series["heading_deg"].value.tolist() == HEADINGS
+    assert b"".join(frame.payload for frame in frames) == datagram
+
+
+def test_sentences_of_gateways_that_follow_each_other_without_a_line_end_are_all_decoded() -> None:
+    seasmart, mxpgn = b"$PCDIN,01F119,00000000,0F,2AAF00D1067414FF*59", b"$MXPGN,01F801,2801,C1308AC40C5DE343*19"
+    line = seasmart + b"$HEHD" + mxpgn + heading(1) + b"$MXPGN,01F8" + seasmart + b"\r\n"
+    frames = LineAssembler("line").push(line)
+    messages = [frame.payload.hex() for frame in frames if frame.protocol == "can"]
+    assert messages == ["2aaf00d1067414ff", "43e35d0cc48a30c1", "2aaf00d1067414ff"]
+    assert b"".join(frame.payload for frame in frames if frame.protocol == "nmea0183") == (
+        b"$HEHD" + heading(1) + b"$MXPGN,01F8"
+    )
+
+
+def test_sentences_in_endless_noise_are_decoded(config: TrialConfig, tmp_path: Path) -> None:
+    """A line without a line end, ten times longer than any line: what is cut off for want of room cuts none."""
+    chance = random.Random(5)
+    stream = b"".join(noise(chance, 400) + heading(number) for number in range(COUNT))
+    assembler, frames = LineAssembler("line"), []
+    for start in range(0, len(stream), 1000):
+        frames += assembler.push(stream[start : start + 1000], (NOON_NS + start, NOON_NS + start))
+    frames += assembler.end((NOON_NS + len(stream), NOON_NS + len(stream)))
+    found, _ = recorded(tmp_path, config, frames)
+    assert found.series["heading_deg"].value.tolist() == HEADINGS
+    assert b"".join(frame.payload for frame in frames).strip(b"\0") == stream.strip(b"\0")
+
+
+@pytest.mark.parametrize("text", ["no value in $5 or $HEHDT,12.3,T or !", "$HEHDT,12.3,T*", "a$HEHDT,12.3,T*1E"])
+def test_noise_becomes_no_value(text: str, config: TrialConfig, tmp_path: Path) -> None:
+    """A dollar sign, a sentence without a sum or with a wrong one: nothing is decoded, and all of it is counted."""
+    frames = [Frame("line", "nmea0183", text.encode(), NOON_NS, NOON_NS)] * 3
+    found, reasons = recorded(tmp_path, config, frames)
+    assert not found.series
+    assert reasons == {"no sound checksum": 3}
+
+
+def test_a_million_random_bytes_become_no_value(config: TrialConfig, tmp_path: Path) -> None:
+    """Of the letters of sentences, so that much looks like one; a sum matches by chance once in 256 times."""
+    chance = random.Random(3)
+    letters = b"$!,*\\0123456789ABCDEF.HDTGPNE"
+    assembler = LineAssembler("line")
+    frames = [
+        frame for _ in range(300)
+        for frame in assembler.push(bytes(chance.choices(letters, k=3400)) + b"\n", (NOON_NS, NOON_NS))
+    ]  # fmt: skip
+    found, reasons = recorded(tmp_path, config, frames)
+    assert not found.series
+    assert sum(reasons.values()) >= 300
+
+
+@pytest.mark.parametrize("transport", ["serial", "udp", "tcp"])
+@pytest.mark.attack
+def test_a_recorder_decodes_what_is_intact_on_a_disturbed_line(
+    transport: str, tmp_path: Path, cable: Cable
+) -> None:
+    """Cut sentences, noise and intact ones, 400 of each, live."""
+    lines = [line for name in ("a cut sentence", "noise with dollar signs") for line in disturbed(name)]
+    port = free_port(socket.SOCK_STREAM if transport == "tcp" else socket.SOCK_DGRAM)
+    server = socket.create_server(("127.0.0.1", port)) if transport == "tcp" else None
+    section = f'type = "serial"\ndevice = "{cable.path}"' if transport == "serial" else f"port = {port}\ntype = "
+    section += f'"{transport}"' if transport != "serial" else ""
+    with recording(tmp_path, source("line", section, ("heading_deg",))) as running:
+        for send in senders(transport, server, port, cable):
+            for number, line in enumerate(lines):
+                send(line + b"\r\n")
+                if number % 20 == 0:
+                    time.sleep(0.01)
+        running.wait_for_frames("line", len(lines))
+    values = running.recording.series["heading_deg"].value.tolist()
+    assert Counter(values) == Counter(HEADINGS * 2)
+    raw = Counter(frame.payload for frame in running.raw("line"))
+    assert raw == Counter(line.strip(b"\0 \t") for line in lines)
+
+
+def senders(
+    transport: str, server: socket.socket | None, port: int, cable: Cable
+) -> Iterator[Callable[[bytes], object]]:
+    if transport == "serial":
+        yield cable.send
+    elif server is not None:
+        client, _ = server.accept()
+        with client, server:
+            yield client.sendall
+            time.sleep(1.0)
+    else:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+            yield lambda data: line.sendto(data, ("127.0.0.1", port))
+
+
+ENDLESS = {
+    "blanks behind a sum": b"$A,*1F" + b" " * 60_000 + b"*",
+    "commas behind a sum": b"$A,*1F" + b"," * 60_000 + b"*",
+    "beginnings of sentences": b"$HEHDT," * 9_000,
+    "dollar signs": b"$" * 64_000,
+    "openings of TAG blocks": b"\\s:" * 20_000 + b"$",
+    "sums": b"*1F" * 20_000,
+    "escaped marks of binary messages": b"\x10\x10\x02" * 21_000,
+    "escaped beginnings of binary messages": b"\x10\x10\x02\xd0" * 16_000,
+    "zero bytes": bytes(64_000),
+    "letters": b"A" * 64_000,
+    "digits": b"1" * 64_000,
+    "colours": b"\x1b[0;" * 16_000,
+}
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("name", ENDLESS)
+def test_a_line_of_64_kb_costs_no_more_than_its_length(name: str) -> None:
+    """A hundred of each: what grows with the square of the length takes ten minutes, and holds up all sources."""
+    run([sys.executable, "-c", READ_ENDLESS, name], patience_s=PATIENCE_S).done()
+
+
+READ_ENDLESS = """
+import sys
+from acquisition.sources.line_forms import LineReader
+from tests.attacks.test_live_input import ENDLESS, NOON_NS, LineAssembler
+line, reader, assembler = ENDLESS[sys.argv[1]], LineReader(), LineAssembler("line")
+for _ in range(100):
+    assert all(len(frame.payload) <= 8192 for frame in assembler.push(line + b"\\r\\n", (NOON_NS, NOON_NS)))
+    reader.entries(line)
+"""
