@@ -18,8 +18,8 @@ from acquisition.config.sections import CopiesSection
 from acquisition.core.errors import ConfigurationError, StorageError, storage_error
 from acquisition.logger.health import CopyState
 from acquisition.logger.supervision import LOG
-from acquisition.recording.parts import RecordingParts, free_stem, parts_in
-from acquisition.recording.storage import free_bytes, sync_folder
+from acquisition.recording.parts import RecordingParts, parts_in
+from acquisition.recording.storage import free_bytes, new_file, sync_folder
 
 _LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
 _LONGEST_FINISH_S = 20.0  # what a supervisor that stops us has patience for
@@ -53,7 +53,7 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
         shutil.copystat(path, partial)
         sound = same(path, partial, rest)
         if sound and copy.exists():
-            copy.rename(folder / f"{free_stem(folder, f'{copy.stem}_other')}.mcap")
+            copy.rename(new_file(folder, f"{copy.stem}_other"))
         if sound:
             partial.replace(copy)
             sync_folder(folder)
