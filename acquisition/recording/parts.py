@@ -112,8 +112,12 @@ class RecordingParts(MessageSink):
             self._unkept += 1
         if self._part is not None:
             self._part.write(topic, data, log_ns, publish_ns)
-        for listener in self.listeners:
-            listener(topic, data, log_ns)
+        for listener in tuple(self.listeners):
+            try:
+                listener(topic, data, log_ns)
+            except Exception as error:  # a viewer's server must not cost the recording
+                self.listeners.remove(listener)
+                self.tell("error", f"a listener to the recording failed and gets nothing more: {_reason(error)}")
 
     def write_trial(self, trial: Trial) -> None:
         self._trial = trial
