@@ -38,7 +38,10 @@ class Aboard:
             (self.here / name).write_bytes(bytes([number]) * SIZE)
         (self.here / "other_20260101T000000Z.mcap").write_bytes(b"x" * SIZE)
         written = SimpleNamespace(
-            paused=False, path=self.here / NAMES[-1], tell=lambda level, text: self.told.append(f"{level}: {text}")
+            paused=False,
+            path=self.here / NAMES[-1],
+            paths=[self.here / NAMES[-1]],
+            tell=lambda level, text: self.told.append(f"{level}: {text}"),
         )
         self.copies = Copies(CopiesSection(self.there, keep_gb), self.here, "trial", cast(RecordingParts, written))
         self.copies.look()  # the first look sees how long they are
