@@ -222,6 +222,7 @@ def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
     for frame in frames:
         if frame.origin in survey.health.sources:
             survey.process(frame)
+    survey.report_handovers()
     return survey
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 import socket
 import sys
 import time
@@ -13,16 +14,20 @@ from pathlib import Path
 import pytest
 
 from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.frames import Frame
+from acquisition.core.channels import NAMES
+from acquisition.core.frames import Frame, Sample
 from acquisition.decoders.nmea0183 import checksum
 from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.health import ChannelHealth, Events, Health, SourceHealth
+from acquisition.logger.maintenance import Maintenance, Timescale
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import FrameProcessor
+from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
 from acquisition.sources.streams import LineAssembler
 from tests.acquisition.conftest import free_port
-from tests.acquisition.test_faults import Cable, cable, recording, source
+from tests.acquisition.test_faults import Cable, cable, recording, source, udp
 from tests.attacks.commands import PATIENCE_S, run
 
 __all__ = ["cable"]  # the fixture
@@ -280,3 +285,154 @@ for _ in range(100):
     assert all(len(frame.payload) <= 8192 for frame in assembler.push(line + b"\\r\\n", (NOON_NS, NOON_NS)))
     reader.entries(line)
 """
+
+
+BODIES = (
+    "HEHDT,{0}.5,T", "TIROT,{0}.0,A", "VDVBW,,,V,5.{1},0.{1},A", "WIMWD,{0}.0,T,,M,,N,5.{1},M",
+    "GPGGA,{2},6326.4{1},N,01024.0{1},E,4,12,0.6,0.0,M,0.0,M,,", "RCTRD,1,{0}.0,R,,V,", "RCTRD,2,{0}.0,R,,V,10.0",
+    "RCTRD,4,{0}.0,R,,V,10.0", "GPZDA,{2},31,12,2026,00,00",
+)  # fmt: skip
+GATEWAYS = "".join(udp(name, number, *NAMES) for number, name in enumerate(("gateway", "spare"), 1))
+
+
+def said(line: str, at_s: float, measured_s: float | None = None) -> list[Frame]:
+    """Every channel in one moment, as a line says it; received ``at_s``, measured then or at another time."""
+    measured_s = at_s if measured_s is None else measured_s
+    clock = f"{time.strftime('%H%M%S', time.gmtime(43_200 + measured_s))}.{round(measured_s % 1 * 100):02d}"
+    at_ns, tenths = NOON_NS + round(at_s * 1e9), round(measured_s * 10)
+    return [
+        Frame(line, "nmea0183", sentence(body.format(tenths % 300, tenths % 10, clock)).strip(), at_ns, at_ns)
+        for body in BODIES
+    ]
+
+
+def outage(replays: bool) -> list[Frame]:
+    """A minute of both lines, ten times a second; the first is silent for 20 s, and may send then what it kept."""
+    frames = []
+    for tenth in range(600):
+        silent = 200 <= tenth < 400
+        frames += said("spare", tenth / 10 + 0.05)
+        if not silent:
+            frames += said("gateway", tenth / 10)
+        if tenth == 400 and replays:
+            frames += [
+                each for late in range(200) for each in said("gateway", 40.0 + late * 1e-4, 20.0 + late / 10)
+            ]
+    return sorted(frames, key=lambda frame: frame.monotonic_ns)
+
+
+@pytest.mark.parametrize(
+    "replays", [False, True], ids=["silent and back", "silent, back, and replays what it kept"]
+)
+def test_an_outage_and_a_return_are_one_event_each(replays: bool, tmp_path: Path) -> None:
+    """Which names the channels; a mark and an alarm from before stay in sight."""
+    config, path = configured(tmp_path, GATEWAYS), tmp_path / "attack.mcap"
+    health = health_of(config)
+    with RecordingWriter(path, config.trial, config.attachments) as writer:
+        processing = FrameProcessor(config, writer, health)
+        processing.note("start zigzag", NOON_NS, "info", "mark")
+        processing.note("ALARM no heading", NOON_NS, "error", "alarm")
+        for frame in outage(replays):
+            processing.process(frame)
+        processing.report_handovers()
+    events = [text for _, text in read_recording(path).events]
+    changes = [text for text in events if "from" in text and "clock" not in text]
+    assert len(changes) == 2
+    for text, (before, after) in zip(changes, (("gateway", "spare"), ("spare", "gateway")), strict=True):
+        assert f"13 channels: from {before} to {after}" in text
+        assert all(name in text for name in NAMES)
+    assert len([text for text in events if "was set" in text]) <= 2
+    assert len(events) <= 12
+    shown = [text for _, _, text in health.events]
+    assert {"start zigzag", "ALARM no heading"} <= set(shown)
+
+
+def fed(channel: ChannelHealth, source_name: str, *stretches: tuple[float, float, float]) -> None:
+    """Samples of one source: from, to [s] and how many a second, of each stretch; looked at ten times a second."""
+    times = sorted(
+        start_s + number / rate_hz
+        for start_s, end_s, rate_hz in stretches
+        for number in range(round((end_s - start_s) * rate_hz))
+    )
+    looked = 0
+    for at_s in times:
+        channel.count_in(Sample("heading_deg", 1.0, source_name, 0, round(at_s * 1e9), 0))
+        if round(at_s * 10) != looked:
+            looked = round(at_s * 10)
+            channel.grade(round(at_s * 1e9))
+
+
+@pytest.mark.parametrize("burst_s", [0.5, 2.0, 8.0])
+@pytest.mark.parametrize("at_s", [0.0, 30.0, 111.0])
+def test_a_burst_is_not_taken_for_the_usual_rate(burst_s: float, at_s: float) -> None:
+    """A gateway sends what it kept for a minute: ten values a second are no less than usual afterwards."""
+    channel = ChannelHealth()
+    fed(channel, "gateway/HE:HDT", (0.0, 240.0, 10.0), (at_s, at_s + burst_s, 600.0 / burst_s))
+    assert channel.wanted_hz == pytest.approx(10.0, rel=0.05)
+    assert channel.grade(240_000_000_000) == "good"
+
+
+@pytest.mark.parametrize("overlap_s", [1.0, 10.0, 50.0])
+def test_two_senders_at_once_are_not_taken_for_the_usual_rate(overlap_s: float) -> None:
+    channel = ChannelHealth()
+    fed(channel, "gateway/HE:HDT", (0.0, 300.0, 10.0), (120.0, 120.0 + overlap_s, 10.0))
+    assert channel.wanted_hz == pytest.approx(10.0, rel=0.05)
+    assert channel.grade(300_000_000_000) == "good"
+
+
+def test_a_channel_that_has_become_slow_is_slow_for_as_long_as_it_is() -> None:
+    for at_s in (70, 300, 1000):
+        channel = ChannelHealth()
+        fed(channel, "gateway/HE:HDT", (0.0, 60.0, 10.0), (60.0, float(at_s), 4.0))
+        assert channel.grade(at_s * 1_000_000_000) == "slow"
+
+
+@pytest.mark.parametrize("rows", [3, 5, 8, 40])
+def test_marks_and_alarms_are_not_pushed_out_of_the_display(rows: int) -> None:
+    """By a hundred warnings and errors, on a terminal with room for three events or for all."""
+    events = Events()
+    events.append((NOON_NS, "info", "start zigzag"), "mark")
+    events.append((NOON_NS, "error", "ALARM no heading"), "alarm")
+    for number in range(100):
+        events.append((NOON_NS + number, "warning" if number % 2 else "error", f"event {number}"))
+    shown = [text for _, _, text in events.newest(rows)]
+    assert {"start zigzag", "ALARM no heading"} <= set(shown)
+    assert "event 99" in shown or rows < 4
+    assert len(shown) <= rows
+    assert shown[:2] == ["start zigzag", "ALARM no heading"]
+    assert len(list(events)) < 40
+
+
+def test_sources_that_fall_silent_together_are_one_event(config: TrialConfig, tmp_path: Path) -> None:
+    """A switch that loses power and gets it back: thirty ports, of which half are heard 0.4 s later."""
+    health, said = Health({f"port {number}": SourceHealth(f"port {number}") for number in range(30)}), []
+    parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
+    watch = Maintenance(config.recording, parts, health, Timescale(0, 0), lambda level, text: said.append(text))
+    for at_s in range(60):
+        now_ns = health.started_ns + at_s * 1_000_000_000
+        for number, seen in enumerate(health.sources.values()):
+            if at_s < 20 or at_s >= 40:
+                seen.count_in(1, now_ns - number % 2 * 400_000_000)
+        watch._listen(now_ns)
+    parts.close()
+    silent, again = said
+    for text in said:
+        assert text.startswith("30 sources")
+        assert all(name in text for name in health.sources)
+    assert "silent" in silent
+    assert re.search(r"after up to 2[01]\.\d s", again)
+
+
+def test_a_source_that_failed_is_not_reported_as_silent_as_well(config: TrialConfig, tmp_path: Path) -> None:
+    """It is open again and has said nothing yet: one outage, which the receiver reports."""
+    health, said = Health({"gateway": SourceHealth("gateway")}), []
+    parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
+    watch = Maintenance(config.recording, parts, health, Timescale(0, 0), lambda level, text: said.append(text))
+    seen = health.sources["gateway"]
+    seen.count_in(1, health.started_ns)
+    seen.failed_ns = health.started_ns + 1_000_000_000
+    for at_s in range(2, 30):
+        seen.state = "failed" if at_s < 10 else "open"
+        watch._listen(health.started_ns + at_s * 1_000_000_000)
+    parts.close()
+    assert said == []
