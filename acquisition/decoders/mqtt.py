@@ -128,7 +128,7 @@ class MqttDecoder(Decoder):
         self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
-        self._of_lines: set[str] = set()
+        self._of_lines: set[int] = set()  # topics, by hash: one may have 64 kB
         self._told_unit: set[str] = set()
 
     def decode(self, frame: Frame) -> list[Group]:
@@ -151,11 +151,11 @@ class MqttDecoder(Decoder):
         matches = SENTENCE_BEHIND.fullmatch(line)
         sentences = (line if matches is None else matches["inner"]).encode("latin-1")
         if matches is None and not has_sentence(sentences):
-            if line and topic in self._of_lines:
+            if line and hash(topic) in self._of_lines:
                 self.refused["no sentence"] += 1
             return []
         if len(self._of_lines) < _MOST_TOPICS:
-            self._of_lines.add(topic)
+            self._of_lines.add(hash(topic))
         time_ns = None if matches is None else told_utc_ns(matches["before"])
         if time_ns is not None:
             self._remember(frame.payload)

@@ -33,6 +33,8 @@ _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
 _SECONDS = re.compile(r"(\d{1,10})(?:\.(\d{1,9}))?")
 _MILLISECONDS = re.compile(r"\d{13}")
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
+_LONGEST_SOURCE = 32  # letters of a TAG block's source; the standard has 15
+_MOST_SENSORS = 1_000  # whose fixes are kept: any talker and any source of a TAG block names one
 _SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
 _LONGEST_TAG = 16  # letters; no maker's own is known that has more, and noise must not name devices without end
 _ADDRESS = rb"[A-Za-z0-9]{3,%d}," % _LONGEST_TAG
@@ -41,6 +43,8 @@ _EMBEDDED = re.compile(  # no sentence begins inside another: where one seems to
     rb"(?:\\[^\\]{1,200}\\)?[$!]{1,2}(?P<body>" + _ADDRESS + rb"(?:[" + _TEXT + rb"]|[$!](?!" + _ADDRESS + rb"))*+)"
     rb"\*(?P<sum>[0-9A-Fa-f]{2})"
 )
+_ALONE = re.compile(rb"(?:\\[^\\$!]{1,200}\\)?[$!][" + _TEXT + rb"]*+\*[0-9A-Fa-f]{2}")
+"""Nearly every line: nothing but one sentence, of which only the sum is to be looked at."""
 _LABEL = re.compile(rb"[\t" + _TEXT + rb"]{0,200}")
 
 
@@ -78,7 +82,7 @@ def split_tag(line: bytes) -> TaggedSentence:
     if found is None or int(found[2], 16) != checksum(found[1]):
         return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
     items = dict(item.split(":", 1) for item in found[1].decode("ascii").split(",") if ":" in item)
-    source = _NOT_IN_A_LABEL.sub("_", items.get("s", ""))
+    source = _NOT_IN_A_LABEL.sub("_", items.get("s", "")[:_LONGEST_SOURCE])
     return TaggedSentence(line[found.end() :], unix_ns(items.get("c", "")), source)
 
 
@@ -116,7 +120,8 @@ def sentences_in(line: bytes) -> list[bytes]:
     >>> sentences_in(rb"12:00:00 \s:GN01*75\$HEHDT,12.3,T*1F!AIVDM,1")
     [b'\\s:GN01*75\\$HEHDT,12.3,T*1F', b'!AIVDM,1']
     """
-    parts = cut_at_sentences(line.removeprefix(_DATAGRAM_PREFIX))
+    line = line.removeprefix(_DATAGRAM_PREFIX)
+    parts = [line] if _ALONE.fullmatch(line) else cut_at_sentences(line)
     return parts if len(parts) == 1 else [part for part in parts if not _LABEL.fullmatch(part)]
 
 
@@ -290,13 +295,21 @@ class Nmea0183Decoder(Decoder):
 
     def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
-        if kind == "GGA":
-            self._tell_gga.add(sensor)
         known = self.fixes.get(sensor, Fix())
         if reading.sigma_m is not None:
-            self.fixes[sensor] = known._replace(sigma_m=reading.sigma_m)
+            fix = known._replace(sigma_m=reading.sigma_m)
         elif reading.fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
-            self.fixes[sensor] = known._replace(kind=reading.fix, height_m=reading.height_m)
+            fix = known._replace(kind=reading.fix, height_m=reading.height_m)
+        else:
+            return
+        if kind == "GGA":
+            self._tell_gga.add(sensor)
+        self.fixes.pop(sensor, None)
+        self.fixes[sensor] = fix  # the last to have reported stands last
+        if len(self.fixes) > _MOST_SENSORS:
+            oldest = next(iter(self.fixes))
+            del self.fixes[oldest]
+            self._tell_gga.discard(oldest)
 
     def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
         """When the sentence says its values were true; what tells the date too also sets the line's clock."""

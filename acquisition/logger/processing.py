@@ -22,6 +22,7 @@ from acquisition.recording.messages import MessageSink
 
 _VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination errs by, as its makers say (0.4 deg)
 _EVENTS_A_MINUTE = 30
+_MOST_CONTRADICTIONS = 100  # sources are named by what comes off the wire
 DECODED = "decoding"
 """The name of events that decoding brings forth, and would bring forth again."""
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
@@ -161,7 +162,8 @@ class FrameProcessor:
         if self._variation is None:
             return
         off_deg = sample.value - self._variation.value
-        if abs(off_deg) > _VARIATION_ERROR_DEG and sample.source not in self._contradict:
+        is_news = sample.source not in self._contradict and len(self._contradict) < _MOST_CONTRADICTIONS
+        if is_news and abs(off_deg) > _VARIATION_ERROR_DEG:
             self._contradict.add(sample.source)
             text = (
                 f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg, {off_deg:+.2f} deg from"

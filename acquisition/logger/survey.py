@@ -39,7 +39,7 @@ TOPIC_VALUE = "value"
 """The name of what comes under a topic of MQTT, its device, and is no sentence."""
 _PRODUCT_BYTES = 134
 _NUMBERED = frozenset({"TRD", "TRC"})  # sentences of several like things, which a number tells apart
-_MOST_KINDS = 5_000  # what comes off a wire has no end
+_MOST_KINDS, _LONGEST_NAME = 5_000, 200  # what comes off a wire has no end
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +133,7 @@ class Survey(FrameProcessor):
         self.events.append(text)
 
     def _tally_of(self, kind: Kind) -> Tally:
+        kind = Kind(kind.source, kind.device[:_LONGEST_NAME], kind.name[:_LONGEST_NAME])
         if kind not in self.kinds and len(self.kinds) >= _MOST_KINDS:
             kind = Kind(kind.source, "", "more")
         return self.kinds.setdefault(kind, Tally())

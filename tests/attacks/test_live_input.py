@@ -22,12 +22,14 @@ from acquisition.logger.health import ChannelHealth, Events, Health, SourceHealt
 from acquisition.logger.maintenance import Maintenance, Timescale
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import FrameProcessor
+from acquisition.logger.receiver import Inbox
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
 from acquisition.sources.streams import LineAssembler
 from tests.acquisition.conftest import free_port
 from tests.acquisition.test_faults import Cable, cable, recording, source, udp
+from tests.attacks import live_floods
 from tests.attacks.commands import PATIENCE_S, run
 
 __all__ = ["cable"]  # the fixture
@@ -436,3 +438,57 @@ def test_a_source_that_failed_is_not_reported_as_silent_as_well(config: TrialCon
         watch._listen(health.started_ns + at_s * 1_000_000_000)
     parts.close()
     assert said == []
+
+
+REASONS = {
+    "no sound checksum", "TAG block with a wrong checksum", "no time", "no value", "not marked valid",
+    "rpm of no shaft", "rpm of a single or unknown shaft", "wind reference unknown", "unit unknown",
+    "more than two rudders", "one order to several rudders", "order to an unknown shaft", "thruster not understood",
+    "remote, error or 11-bit frame", "frame of other than 8 bytes", "impossible length", "incomplete fast packet",
+    "wind without a reference", "heading without a reference", "course without a reference", "no fix",
+    "impossible deviation", "impossible value", "not available", "error value", "another instance",
+    "another system", "bad data", "unknown message", "no number", "no JSON object", "no sentence", "came twice",
+    "outside its channel's range",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", live_floods.FLOODS)
+def test_a_flood_of_strangers_hides_no_device(name: str) -> None:
+    """The intact device among them is decoded each time; why others are not has names of ours, not of theirs."""
+    count, said, reasons = live_floods.decoded(name, 4_000)
+    assert count == said > 0
+    assert set(reasons) <= REASONS
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("name", live_floods.FLOODS)
+def test_a_long_flood_of_strangers_takes_no_memory(name: str) -> None:
+    """Some ten thousand names: with all that is kept of each the process had 900 MB."""
+    outcome = run([sys.executable, "-m", "tests.attacks.live_floods", name]).done()
+    count, said = map(int, re.findall(r"\d+", outcome.out))
+    assert count == said > 0
+    assert outcome.peak_mb < 200.0
+
+
+def test_large_frames_fill_neither_memory_nor_a_turn_of_the_recorder() -> None:
+    """Datagrams of 64 kB without end while nothing can be written, and what the recorder takes of them at once."""
+    inbox = Inbox(["flood", "calm"], 50_000)
+    datagram = Frame("flood", "mavlink", b"\xfe" * 64_000, NOON_NS, NOON_NS)
+    admitted = sum(inbox.put("flood", [datagram] * 100) for _ in range(500))
+    assert admitted * len(datagram.payload) <= 256_000_000
+    assert inbox.put("calm", [datagram._replace(origin="calm")]) == 1
+    for _ in range(10):
+        taken = inbox.take()
+        assert 0 < sum(len(frame.payload) for frame in taken) < 1_000_000
+    assert inbox.put("flood", [datagram] * 5) == 5  # there is room again
+    left = len(inbox)
+    while taken := inbox.take():
+        left -= len(taken)
+    assert left == len(inbox) == 0
+
+
+def test_small_frames_are_admitted_up_to_their_number() -> None:
+    inbox = Inbox(["line"], 1_000)
+    frame = Frame("line", "nmea0183", heading(1), NOON_NS, NOON_NS)
+    assert inbox.put("line", [frame] * 700) == 700
+    assert inbox.put("line", [frame] * 700) == 300
