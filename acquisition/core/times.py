@@ -38,7 +38,8 @@ _ZONES_H = {
     "brt": -3.0, "jst": 9.0, "kst": 9.0, "hkt": 8.0, "sgt": 8.0, "awst": 8.0, "aest": 10.0, "aedt": 11.0,
     "nzst": 12.0, "nzdt": 13.0,
 }  # fmt: skip
-"""Hours ahead of UTC of zones by their abbreviations; those that stand for several (CST, IST, BST) are left out."""
+"""Hours ahead of UTC of zones by their abbreviations."""
+_SEVERAL_ZONES = frozenset({"cst", "ist", "bst", "ast", "sst", "gst", "amt", "ect", "wst"})
 
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
@@ -71,9 +72,9 @@ _PATTERNS = (_YEAR_DAY, _COMPACT, _NUMBERS, _NAMED, _YEAR_NAMED, _NAME_FIRST)
 class Stamp:
     """A date and a time of day as a text states them; ``text`` is the place in it.
 
-    ``numbers`` are those of the date as they stand there, ``orders`` what they can mean, in none of which the date
-    is impossible. Without ``has_year`` the first number is no year but 0. ``offset_s`` is the zone's, None where the
-    text names none, and ``zone`` its name where it is not known.
+    ``numbers`` are those of the date as they stand there, ``orders`` those in which they are a date. Without
+    ``has_year`` the first number is no year but 0. ``offset_s`` is the zone's, None where the text names none, and
+    ``zone`` its name where that stands for several.
     """
 
     text: str
@@ -125,9 +126,10 @@ def _stamp(match: re.Match[str]) -> Stamp | None:
         return None
     zone = (parts.get("zone") or "").strip()
     offset_s = _offset_s(zone)
-    return Stamp(
-        match[0].strip(), numbers, orders, clock_ns, offset_s, zone if zone and offset_s is None else "", has_year
-    )
+    if offset_s is None and zone.lower() not in _SEVERAL_ZONES:
+        zone = ""  # a word that is no zone: GPS, NAV
+    text = match[0].strip()
+    return Stamp(text, numbers, orders, clock_ns, offset_s, "" if offset_s is not None else zone, has_year)
 
 
 def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
@@ -204,9 +206,9 @@ def date_order(
 ) -> tuple[Order, str]:
     """The order of the numbers in a log's dates, and why; the reason is empty where nothing decides.
 
-    ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. Then what decides is an
-    order that is possible for all, the one that agrees with ``stated``, and the one by which the log lasts at most a
-    month and a tenth of the other. ``usual`` is taken where nothing decides.
+    ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
+    order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
+    tenth of what it lasts by the other. ``usual`` is taken where nothing decides.
     """
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
