@@ -111,6 +111,10 @@ class LogClock:
             last_ns = max(time_ns for time_ns, _ in since)
             began_ns = (changed_ns - last_ns) // DAY_NS * DAY_NS
             self.remark = "it tells times of day but no date; that of the file's last change is taken"
+        elif not began_ns:
+            self.remark = (
+                "its times count from its beginning and it has no date: that of the moment of reading is taken"
+            )
         self._epoch_ns = began_ns
 
 
