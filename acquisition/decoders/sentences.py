@@ -238,7 +238,7 @@ def _vtg(fields: Fields) -> Reading:
 
 
 def _vtg_without_letters(fields: Fields) -> Reading:
-    """Before NMEA 2.3: course true and magnetic, speed in knots and km/h; that these agree tells it from a cut one."""
+    """Before NMEA 2.3: course true and magnetic, speed in knots and km/h; a cut one has none that agree."""
     course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
     if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
         return Reading(refused="a form that is not known")

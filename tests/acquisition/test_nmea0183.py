@@ -85,7 +85,7 @@ MOVING = {"course_over_ground_deg": 230.5, "speed_over_ground_mps": 5.6 * KNOT}
         ("GPVTG,,T,,M,,N,18.0,K,D", {"speed_over_ground_mps": 5.0}),
         ("GPVTG,230.5,229.1,5.6,10.4", MOVING),  # before NMEA 2.3: knots and km/h agree
         ("GPVTG,230.5,229.1,5.6,11.4", {}),
-        ("GPVTG,230.5,T,229.1,M", {}),
+        ("GPVTG,230.5,T,229.1,M", {"course_over_ground_deg": 230.5}),
         ("GNGNS,101112,6326.4,N,01024.0,E,AA,18,0.7,23.4,40.1,,", {"latitude_deg": 63.44, "longitude_deg": 10.4}),
         ("GNGNS,101112,6326.4,N,01024.0,E,NR,18,0.7,23.4,40.1,,,V", {"latitude_deg": 63.44, "longitude_deg": 10.4}),
         ("GNGNS,101112,6326.4,N,01024.0,E,NN,00,99.9,,,,", {}),

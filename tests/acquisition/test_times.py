@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.core.times import ORDERS, Order, Stamp, date_order, find_stamp
+from acquisition.decoders import clock
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text
@@ -207,3 +208,28 @@ def test_dates_without_a_year_take_it_from_a_sentence_and_say_so(
     times, remarks = recorded([f"May 17 12:00:0{second} x: " for second in range(3)], more=zda)
     assert times[0] == "2026-05-17T12:00:00"
     assert "have no year" in remarks
+
+
+@pytest.mark.parametrize(
+    ("date", "expected"),
+    [("011006", "2026-05-17"), ("170526", "2026-05-17"), ("021005", "2025-05-18")],
+    ids=["rolled over", "right", "rolled over, a year before"],
+)
+def test_a_receiver_whose_weeks_have_rolled_over_gives_its_date_and_this_is_said(
+    recorded: Callable[..., tuple[list[str], str]], date: str, expected: str
+) -> None:
+    rmc = b"".join(
+        sentence(f"GPRMC,1200{second:02d},A,6326.4,N,01024.0,E,5.0,45.0,{date},,,A") + sentence("HEHDT,45.0,T")
+        for second in range(3)
+    )
+    times, remarks = recorded([""], more=rmc)
+    assert times[1:] == [f"{expected}T12:00:0{second}" for second in range(3)]
+    assert ("rolled over" in remarks) == (date != "170526")
+
+
+@pytest.mark.parametrize(
+    "date", [dt.date(1980, 1, 6), dt.date(1999, 8, 22), dt.date(1970, 1, 1), dt.date(2009, 12, 31)]
+)
+def test_a_receiver_that_does_not_know_the_date_has_not_rolled_over(date: dt.date) -> None:
+    later_ns = clock.utc_ns(dt.date(2026, 11, 28), 0.0)
+    assert clock.rolled_over_ns(clock.utc_ns(date, 5.0), later_ns) is None
