@@ -188,7 +188,7 @@ class RecordingParts(MessageSink):
     def discard(self) -> None:
         """Leave nothing behind: the recording never began."""
         if self._part is not None:
-            self._part.abandon()
+            _abandoned(self._part)
             self._part = None
         for path in self.paths:
             with suppress(OSError):
@@ -226,7 +226,7 @@ class RecordingParts(MessageSink):
                 part.write(*message)
             part.sync()
         except Exception:
-            part.abandon()
+            _abandoned(part)
             _remove(path)
             raise
         self.lost += self._unkept
@@ -278,7 +278,7 @@ class RecordingParts(MessageSink):
             action()
         except Exception as error:  # nothing but the user ends a recording
             ended = True
-            if self._part is not None and not self._part.abandon():
+            if self._part is not None and not _abandoned(self._part):
                 ended = False
                 self._not_ended.append(self._part)
             self._part, self._asked = None, (0, 0)
@@ -361,6 +361,14 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError):
         return str(error.strerror or error)
     return f"{type(error).__name__} {error}"
+
+
+def _abandoned(part: RecordingWriter) -> bool:
+    """Give up on a part; whether it could be ended well."""
+    try:
+        return part.abandon()
+    except Exception:  # such as no memory: the disk is not all that can fail
+        return False
 
 
 def _remove(path: Path) -> None:
