@@ -110,8 +110,8 @@ def _record_live(
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _with(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        stack.enter_context(Alarms(config.alarms, recorder.health, recorder.tell))
-        stack.enter_context(_display(picture, recorder))
+        _with(stack, Alarms(config.alarms, recorder.health, recorder.tell), recorder)
+        _with(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)

@@ -27,7 +27,8 @@ from acquisition.core.trial import Trial
 from acquisition.recording import parts as parts_module
 from acquisition.recording import storage
 from acquisition.recording.parts import RecordingParts, parts_in
-from acquisition.recording.reader import read_recording
+from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.recording.schemas import HEALTH_TOPIC
 from tests.attacks.commands import PATIENCE_S, start
 from tests.attacks.recorder import (
     AttackedRecorder,
@@ -36,6 +37,7 @@ from tests.attacks.recorder import (
     control_group,
     mounted,
     no_descriptors,
+    numbers_in,
     require,
 )
 
@@ -504,6 +506,41 @@ def test_a_disk_that_is_gone_for_a_while_costs_nothing(
         recorder.record(2.0)
         recorder.assert_complete()
         assert "RECORDING PAUSED" in recorder.log
+
+
+@pytest.mark.attack
+def test_a_disk_that_hangs_for_a_while_costs_nothing(tmp_path: Path) -> None:
+    """As a network's: each call waits until it answers again."""
+    require("umount")
+    disk = FuseDisk(tmp_path)
+    with ExitStack() as stack:
+        disk.mount()
+        stack.callback(disk.unmount)
+        recorder = stack.enter_context(attacked(tmp_path, disk.point / "out", LONG_HZ, SPLIT_S))
+        recorder.record(1.0)
+        disk.program.send_signal(signal.SIGSTOP)
+        recorder.record(8.0)
+        disk.program.send_signal(signal.SIGCONT)
+        recorder.record(2.0)
+        recorder.assert_complete()
+
+
+@pytest.mark.attack
+def test_what_fits_neither_disk_nor_memory_is_counted(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with attacked(tmp_path, folder, LONG_HZ, "queue_frames = 500") as recorder:
+        recorder.record(1.0)
+        recorder.fail(errno.EIO, "pwrite", "fdatasync", "open")
+        recorder.record(4.0)
+        recorder.work()
+        recorder.record(2.0)
+        paths = recorder.end()
+    numbers = numbers_in(paths)
+    health = [entry.body() for path in paths for entry in MessageStream(path) if entry.topic == HEALTH_TOPIC]
+    dropped = max(message["dropped"] for message in health if message["source"] == "line")
+    assert numbers == sorted(set(numbers))
+    assert dropped > 0
+    assert len(numbers) + dropped == recorder.line.sent
 
 
 @SECONDS
