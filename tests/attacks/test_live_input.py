@@ -11,6 +11,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import can
+import msgpack
 import pytest
 
 from acquisition.config.configuration import TrialConfig, load_config
@@ -27,8 +29,9 @@ from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
 from acquisition.sources.streams import LineAssembler
+from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port
-from tests.acquisition.test_faults import Cable, cable, recording, source, udp
+from tests.acquisition.test_faults import Cable, cable, recording, slcan_headings, source, udp
 from tests.attacks import live_floods
 from tests.attacks.commands import PATIENCE_S, run
 
@@ -492,3 +495,59 @@ def test_small_frames_are_admitted_up_to_their_number() -> None:
     frame = Frame("line", "nmea0183", heading(1), NOON_NS, NOON_NS)
     assert inbox.put("line", [frame] * 700) == 700
     assert inbox.put("line", [frame] * 700) == 300
+
+
+MULTICAST = "239.74.163.2"
+FRAME_FIELDS = {
+    "timestamp": 0.0, "arbitration_id": identifier_of(127250), "is_extended_id": True, "is_remote_frame": False,
+    "is_error_frame": False, "channel": None, "dlc": 8, "data": bytes(8), "is_fd": False, "bitrate_switch": False,
+    "error_state_indicator": False,
+}  # fmt: skip
+MALFORMED = {
+    "noise": lambda chance: chance.randbytes(chance.randrange(1, 300)),
+    "nothing": lambda chance: b"",
+    "a number": lambda chance: msgpack.packb(5),
+    "another field": lambda chance: msgpack.packb({**FRAME_FIELDS, "os": 1}),
+    "text for data": lambda chance: msgpack.packb({**FRAME_FIELDS, "data": "heading!"}),
+    "a length for data": lambda chance: msgpack.packb({**FRAME_FIELDS, "data": 2**45}),
+    "a length that lies": lambda chance: msgpack.packb({**FRAME_FIELDS, "dlc": 7}),
+    "a thousand bytes": lambda chance: msgpack.packb({**FRAME_FIELDS, "data": bytes(1000), "dlc": 1000}),
+    "a fraction for an identifier": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": 1234.5}),
+    "an identifier of 40 bits": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": 2**40}),
+    "a negative identifier": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": -1}),
+    "text for an identifier": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": "123"}),
+    "depth": lambda chance: b"\x91" * 900 + b"\xc0",
+    "4 kB": lambda chance: b"\xc4" * 4096,
+}
+
+
+@pytest.mark.parametrize("name", [*MALFORMED, "noise on a serial adapter"])
+def test_malformed_frames_close_no_bus(name: str, tmp_path: Path, cable: Cable) -> None:
+    """One datagram of a stranger closed it, and what had been read with it was lost."""
+    chance, port = random.Random(1), free_port()
+    if on_line := name not in MALFORMED:
+        options = f'interface = "slcan"\nchannel = "{cable.path}"\noptions = {{ sleep_after_open = 0.0 }}'
+    else:
+        options = (
+            f'interface = "udp_multicast"\nchannel = "{MULTICAST}"\noptions = {{ hop_limit = 0, port = {port} }}'
+        )
+    with (
+        recording(tmp_path, source("bus", f'type = "can"\n{options}', ("heading_deg",))) as running,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        can.Bus(interface="udp_multicast", channel=MULTICAST, hop_limit=0, port=port) as bus,
+    ):
+        for number in range(50):
+            if on_line:
+                noise_line = chance.choice(
+                    [b"T-1234567", b"t12", b"Tzzzzzzzz8", b"r1", b"d1zz", b"\xff\xfe\0t"]
+                )
+                cable.send(noise_line + b"\r" + slcan_headings(range(number, number + 1)))
+            else:
+                stranger.sendto(MALFORMED[name](chance), (MULTICAST, port))
+                bus.send(can.Message(
+                    arbitration_id=identifier_of(127250), data=bytes([number]) + bytes.fromhex("7b2cff7fff7ffc"),
+                ))  # fmt: skip
+            running.wait_for_frames("bus", number + 1)
+    assert running.told("failed") == running.told("is back") == 0
+    assert running.recording.series["heading_deg"].value.size == 50
+    assert running.sources["bus"].reasons["frame that cannot be read"] >= 30
