@@ -110,7 +110,10 @@ def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
     from paho.mqtt.client import error_string
     from paho.mqtt.enums import MQTTErrorCode
 
-    code = client.loop(timeout_s)
+    try:
+        code = client.loop(timeout_s)
+    except Exception as error:  # what paho makes of packets that break the protocol
+        raise failure(config, "is lost", f"{type(error).__name__} {error}") from error
     if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
         raise failure(config, "is lost", error_string(code).rstrip("."))
 
@@ -144,7 +147,11 @@ class MqttConnection(Source):
 
     def _take(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         flags = FrameFlag.RETAINED if message.retain else FrameFlag.NONE
-        payload = message.topic.encode() + b"\0" + bytes(message.payload)
+        try:
+            topic = message.topic.encode()
+        except UnicodeDecodeError:  # some brokers pass on what is no text
+            topic = message._topic
+        payload = topic + b"\0" + bytes(message.payload)
         self._frames.append(Frame(self.name, "mqtt", payload, *now_ns(), flags=flags))
         self._size += len(payload)
 
