@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
@@ -110,7 +111,7 @@ def _record_live(
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _with(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        _with(stack, Alarms(config.alarms, recorder.health, recorder.tell), recorder)
+        _with(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
         _with(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
@@ -255,6 +256,7 @@ class _Reading:
                 self.report_sources()
             if number % _TICK_EVERY == _TICK_EVERY - 1:
                 self._tick(number + 1)
+        self._processing.report_handovers()
 
     def report_sources(self) -> None:
         """Record the state of each source, at the time that the logs have come to."""

@@ -25,12 +25,12 @@ from typing import Any, BinaryIO, cast
 import can
 
 from acquisition.config.sections import FileSource
-from acquisition.core.frames import Frame, iso, now_ns
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
+from acquisition.decoders.nmea0183 import has_sentence
 from acquisition.sources import SQLITE, LogReader, looks_like
 from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
-from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, LINE_FORMS, Entry, LineReader
+from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
 from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
 
 _MOST_FRAMES_AT_ONCE = 300
@@ -167,8 +167,8 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
 
 
 def _is_sound(entry: Entry) -> bool:
-    """Whether it is a frame, a message, or a sentence with the right checksum."""
-    return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None
+    """Whether it is a frame, a message, or a line with an intact sentence."""
+    return entry.protocol == "can" or has_sentence(entry.payload)
 
 
 def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
