@@ -1,12 +1,71 @@
-"""Output files: complete or absent."""
+"""Files: input that is a regular file of bounded size, output that is complete or absent."""
 
 from __future__ import annotations
 
+import errno
+import json
+import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from acquisition.core.errors import InputError, StorageError, storage_error
+
+MOST_JSON_BYTES = 256 * 1024**2
+"""A JSON file of ours has kilobytes, the largest, what a diagnosis shows, some megabytes."""
+_IRREGULAR = {
+    stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
+}  # fmt: skip
+
+
+def require_regular(path: Path | str) -> None:
+    """Raise :class:`OSError` for a path that is no regular file: a pipe never answers, a device never ends."""
+    _refuse_irregular(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
+
+
+def open_regular(path: Path | str) -> BinaryIO:
+    """A regular file to read, anything else is refused as by :func:`require_regular`, without waiting for it."""
+    require_regular(path)  # before it is opened: opening is enough to start some devices
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    try:
+        _refuse_irregular(os.fstat(descriptor).st_mode, path)
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_regular(path: Path | str, most_bytes: int) -> bytes:
+    """The content of a regular file. Raises :class:`OSError` as :func:`open_regular`, and for a larger one."""
+    with open_regular(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        if size > most_bytes:
+            why = f"it has {size / 1024**2:,.0f} MB, and no such file has more than {most_bytes / 1024**2:,.0f}"
+            raise OSError(errno.EFBIG, why, str(path))
+        return stream.read(size)
+
+
+def read_json(path: Path | str) -> Any:
+    """The values in a JSON file. Raises :class:`OSError` as :func:`read_regular`, :class:`ValueError`."""
+    return parse_json(read_regular(path, MOST_JSON_BYTES).decode("utf-8"))
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The values of a JSON text. Raises :class:`ValueError`, also for one that is nested without reason."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
+def _refuse_irregular(mode: int, path: Path | str) -> None:
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
+    for is_kind, kind in _IRREGULAR.items():
+        if is_kind(mode):
+            raise OSError(errno.EINVAL, f"it is {kind}, not a file", str(path))
 
 
 @contextmanager

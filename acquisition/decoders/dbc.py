@@ -21,6 +21,7 @@ from acquisition.config.sections import Signal
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import read_regular
 from acquisition.core.frames import Frame, FrameFlag, Group
 from acquisition.core.units import Linear
 from acquisition.decoders import Decoder
@@ -32,15 +33,18 @@ from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
 )
+_MOST_BYTES = 64 * 1024**2  # a whole ship's has a few MB
 _ERROR = re.compile(r"(?i)error|fault")
 
 
 def load_dbc(path: Path) -> cantools.db.Database:
     """Read a DBC file. Raises :class:`ConfigurationError`."""
     try:
-        return cantools.database.load_file(str(path), database_format="dbc")
-    except (OSError, ValueError, cantools.Error) as error:
-        raise ConfigurationError("is not a readable DBC file", where=str(path), why=str(error)) from error
+        text = read_regular(path, _MOST_BYTES).decode("cp1252", "replace")  # as editors of DBC write
+        return cantools.database.load_string(text, database_format="dbc")
+    except Exception as error:  # the parser fails in every possible way
+        why = str(error) or type(error).__name__
+        raise ConfigurationError("is not a readable DBC file", where=str(path), why=why) from error
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:

@@ -177,11 +177,12 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    from rich.console import Console
     from rich.live import Live
 
+    from acquisition.core.terminal import Terminal
+
     # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
-    live = Live(picture, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 
