@@ -23,7 +23,7 @@ from acquisition.core.text import printable
 from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic, decode, frame_of
-from acquisition.recording.records import RecordError
+from acquisition.recording.records import RecordError, without_checksum
 from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
@@ -118,7 +118,8 @@ class MessageStream:
                 messages += len(record)
                 yield record
             elif isinstance(record, mcap.Schema):
-                schemas[record.id] = record.data
+                if schemas.setdefault(record.id, record.data) != record.data:
+                    raise self._damaged("two schemas of one number")
             elif isinstance(record, mcap.Channel):
                 topic = Topic(record.topic, record.message_encoding, schemas.get(record.schema_id, b""))
                 if self.topics.setdefault(record.id, topic) != topic:
@@ -138,13 +139,15 @@ class MessageStream:
                 yield self.trial
 
     def _note(self, record: mcap.McapRecord) -> None:
-        if isinstance(record, mcap.Metadata) and record.name != "trial":
-            self.metadata[record.name] = printable(record.metadata)
-        elif isinstance(record, mcap.Metadata):
+        if isinstance(record, mcap.Metadata):
             try:
-                self.trial = Trial.from_metadata(printable(record.metadata))
-            except ValueError as error:  # metadata have no checksum of their own
-                raise self._damaged(f"its run sheet: {error}") from error
+                metadata = printable(without_checksum(record))
+                if record.name == "trial":
+                    self.trial = Trial.from_metadata(metadata)
+                else:
+                    self.metadata[record.name] = metadata
+            except ValueError as error:  # metadata of earlier recordings have no checksum
+                raise self._damaged(f"its metadata {printable(record.name)!r}: {error}") from error
         elif isinstance(record, mcap.Attachment):
             self.attachments[record.name] = record.data
         elif isinstance(record, mcap.Footer):

@@ -39,7 +39,7 @@ from acquisition.core.trial import Trial, software_version
 from acquisition.recording.batches import Batch, batches
 from acquisition.recording.messages import ENCODING, ENCODING_BEFORE, Topic, decode, encode
 from acquisition.recording.reader import REMEDY, MessageStream, open_recording, read_trial
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError
+from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, with_checksum, without_checksum
 from acquisition.recording.scan import Damage, Intact, scan
 from acquisition.recording.schemas import channel_metadata, kind_of
 
@@ -318,14 +318,16 @@ class Saving:
         self._after_damage = False
 
     def _take_metadata(self, metadata: mcap.Metadata) -> None:
-        name = metadata.name
-        if name == "trial":
-            try:
-                Trial.from_metadata(metadata.metadata)
-            except ValueError:  # it would keep the copy from being read; under another name it is not lost
-                name = "trial (damaged)"
-                self.found.lose("a run sheet, kept as metadata 'trial (damaged)'", 0)
-        self.writer.add_metadata(name, metadata.metadata)
+        name, texts = metadata.name, metadata.metadata
+        try:
+            plain = without_checksum(metadata)
+            if name == "trial":
+                Trial.from_metadata(plain)
+        except ValueError:  # it would keep the copy from being read; under another name it is not lost
+            name = f"{name} (damaged)"
+            texts = with_checksum(name, texts)
+            self.found.lose(f"metadata, kept as {name!r}", 0)
+        self.writer.add_metadata(name, texts)
         self.found.metadata += 1
 
     def _channel(self, number: int) -> tuple[int, str] | None:
@@ -409,7 +411,8 @@ def _write(
     progress: Progress,
 ) -> Copy:
     with partial.open("wb") as file:
-        writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        zstd = CompressionType.ZSTD
+        writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
         writer.start(profile=definitions.header.profile, library=software_version())
         saved = saving(writer, definitions)
         for found in _scan(stream, progress):

@@ -20,7 +20,7 @@ from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
+from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse, without_checksum
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import CHANNEL_PREFIX
 
@@ -146,8 +146,8 @@ class Tail:
                 record.topic, record.message_encoding, self._schemas.get(record.schema_id, b"")
             )
         elif isinstance(record, mcap.Metadata) and record.name == "trial":
-            self.trial = Trial.from_metadata(record.metadata)
+            self.trial = Trial.from_metadata(without_checksum(record))
         elif isinstance(record, mcap.Metadata):
-            self.metadata[record.name] = record.metadata
+            self.metadata[record.name] = without_checksum(record)
         elif isinstance(record, mcap.Footer):
             self.ended = True
