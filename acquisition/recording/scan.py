@@ -17,6 +17,7 @@ from typing import BinaryIO
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
+from acquisition.core.budget import EXPANDED_BYTES, Meter
 from acquisition.core.errors import InputError
 from acquisition.core.trial import SOFTWARE
 from acquisition.recording.records import (
@@ -84,7 +85,7 @@ class Damage:
 def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
     """All of a file in its order, without a hole: the end of each is the start of the next.
 
-    Raises :class:`InputError` when the disk does not give it.
+    Raises :class:`InputError` when the disk does not give it, and for more unpacked bytes than the file's budget.
     """
     records = _Records(stream)
     offset = 0
@@ -111,6 +112,7 @@ class _Records:
         self._amid_damage = False  # no chunk has been found intact since the last damage
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
+        self._meter = Meter(str(getattr(stream, "name", "")), self.size_bytes)
 
     def record_or_damage_at(self, offset: int) -> Intact | Damage:
         """The record that begins here, or the damage."""
@@ -213,6 +215,7 @@ class _Records:
         if isinstance(record, mcap.Header):
             self._is_own = record.library.startswith(SOFTWARE)
         if isinstance(record, mcap.Chunk):
+            self._meter.add(EXPANDED_BYTES, len(record.data))
             self._chunked, self._amid_damage = True, False
         if isinstance(record, mcap.DataEnd):
             if self._checksum is not None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import bz2
 import gzip
-import json
 import lzma
 import re
 from collections import Counter
@@ -23,6 +22,7 @@ import pandas as pd
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
 from acquisition.core.frames import NANO
+from acquisition.core.text import parse_json
 from acquisition.core.trial import Trial
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
@@ -200,7 +200,7 @@ def _trial_beside(path: Path) -> Trial:
     """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
     beside = path.with_name(f"{path.name}.json")
     try:
-        return trial_of(json.loads(beside.read_text(encoding="utf-8"))["trial"])
+        return trial_of(parse_json(beside.read_text(encoding="utf-8"))["trial"])
     except (OSError, ValueError, KeyError, TypeError):
         return Trial()
 
@@ -225,7 +225,7 @@ def _read_parquet(path: Path) -> RawTable:
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
     refuse_twins(list(frame.columns), path)
     written = (arrow.schema.metadata or {}).get(b"seatrial.trial")
-    return RawTable(path, frame, trial_of(json.loads(written)) if written else Trial())
+    return RawTable(path, frame, trial_of(parse_json(written)) if written else Trial())
 
 
 def trial_of(values: Mapping[str, Any]) -> Trial:
