@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.errors import ConfigurationError
 
 Model = TypeVar("Model")
@@ -23,6 +24,8 @@ _KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
 def read_text(path: Path | str) -> str:
     """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
     try:
+        size_bytes = Path(path).stat().st_size
+        CONFIGURATION_BYTES.require(size_bytes, path, size_bytes, ConfigurationError)
         return Path(path).read_text(encoding="utf-8")
     except FileNotFoundError as error:
         raise ConfigurationError("does not exist", where=str(path), fix="check the path") from error
@@ -44,10 +47,9 @@ def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(
-            "is not valid TOML", where=str(path), why=str(error), fix="correct it there"
-        ) from error
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        why = "its values are nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise ConfigurationError("is not valid TOML", where=str(path), why=why, fix="correct it there") from error
 
 
 def validate(

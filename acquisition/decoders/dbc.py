@@ -18,6 +18,7 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
 from acquisition.config.sections import Signal
+from acquisition.core.budget import DBC_BYTES, DBC_TEXT_BYTES
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
@@ -38,9 +39,20 @@ _ERROR = re.compile(r"(?i)error|fault")
 def load_dbc(path: Path) -> cantools.db.Database:
     """Read a DBC file. Raises :class:`ConfigurationError`."""
     try:
+        _check_size(path)
         return cantools.database.load_file(str(path), database_format="dbc")
-    except (OSError, ValueError, cantools.Error) as error:
+    except ConfigurationError:
+        raise
+    except Exception as error:  # the library promises no set of errors for a malformed file
         raise ConfigurationError("is not a readable DBC file", where=str(path), why=str(error)) from error
+
+
+def _check_size(path: Path) -> None:
+    """Refuse a file of which the library would take gigabytes: of a text some 240 times its letters."""
+    size_bytes = path.stat().st_size
+    DBC_BYTES.require(size_bytes, path, size_bytes, ConfigurationError)
+    longest = max(map(len, path.read_bytes().replace(b'\\"', b"__").split(b'"')))
+    DBC_TEXT_BYTES.require(longest, path, size_bytes, ConfigurationError)
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:

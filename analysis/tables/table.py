@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators, as_text, control_names
 from acquisition.core.arrays import Floats, Ints, Series
-from acquisition.core.budget import TABLE_CELLS
+from acquisition.core.budget import RECORDING_CELLS
 from acquisition.core.channel import Channel
 from acquisition.core.channels import (
     BY_NAME,
@@ -60,7 +60,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
     series = {name: recording.series[name] for name in channels_of(recording)}
     size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
     cells = len(series) * sum(each.measured_ns.size for each in series.values())  # if no two have a time in common
-    TABLE_CELLS.require(cells, recording.path, size_bytes)
+    RECORDING_CELLS.require(cells, recording.path, size_bytes)
     table = join_channels({name: (each.measured_ns, valid_values(each)) for name, each in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
