@@ -11,10 +11,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.budget import JSON_BYTES, Budget
+from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
 
-MOST_JSON_BYTES = 256 * 1024**2
-"""A JSON file of ours has kilobytes, the largest, what a diagnosis shows, some megabytes."""
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
 }  # fmt: skip
@@ -37,19 +36,17 @@ def open_regular(path: Path | str) -> BinaryIO:
         raise
 
 
-def read_regular(path: Path | str, most_bytes: int) -> bytes:
-    """The content of a regular file. Raises :class:`OSError` as :func:`open_regular`, and for a larger one."""
+def read_regular(path: Path | str, budget: Budget, kind: type[SeatrialError] = InputError) -> bytes:
+    """The content of a regular file. Raises :class:`OSError` as :func:`open_regular`, ``kind`` beyond the budget."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
-        if size > most_bytes:
-            why = f"it has {size / 1024**2:,.0f} MB, and no such file has more than {most_bytes / 1024**2:,.0f}"
-            raise OSError(errno.EFBIG, why, str(path))
+        budget.require(size, path, size, kind)
         return stream.read(size)
 
 
 def read_json(path: Path | str) -> Any:
-    """The values in a JSON file. Raises :class:`OSError` as :func:`read_regular`, :class:`ValueError`."""
-    return parse_json(read_regular(path, MOST_JSON_BYTES).decode("utf-8"))
+    """The values in a JSON file. Raises :class:`OSError` and InputError as :func:`read_regular`, ValueError."""
+    return parse_json(read_regular(path, JSON_BYTES).decode("utf-8"))
 
 
 def parse_json(text: str | bytes) -> Any:

@@ -1,9 +1,10 @@
-"""Making other people's text safe for a terminal."""
+"""Other people's text: made safe for a terminal, read as JSON."""
 
 from __future__ import annotations
 
+import json
 import re
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Said = TypeVar("Said")
 
@@ -25,3 +26,11 @@ def printable(said: Said) -> Said:
     if isinstance(said, list | tuple):
         return type(said)(map(printable, said))
     return said
+
+
+def parse_json(text: str | bytes) -> Any:
+    """What a JSON text says. Raises ValueError for any other text, and for one that is nested too deeply."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error

@@ -22,6 +22,7 @@ from safetensors import SafetensorError
 
 from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
+from acquisition.core.budget import CALIBRATOR_BYTES
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, SeatrialError, storage_error
 from acquisition.core.files import read_regular
@@ -37,7 +38,6 @@ from hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
 SIDECAR = "calibrator.json"
 FORMAT = 8
-_MOST_BYTES = 1024**3  # the largest of ours has 4 MB; a calibrator of a user's own may keep its training data
 UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
@@ -207,7 +207,7 @@ def _with_code(model: Model, method: str | None, path: Path) -> Model:
 def read_bytes(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return read_regular(path, _MOST_BYTES)
+        return read_regular(path, CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
