@@ -347,7 +347,7 @@ def serve(
     ] = None,
     port: Annotated[
         int, typer.Option(min=1, max=65535, help="The port to listen on, on this computer only.")
-    ] = 8765,
+    ] = 8766,  # 8765 is the live view's, which viewers expect there
     on_demand: Annotated[
         bool,
         typer.Option("--on-demand", help="Analyse only what is opened; default: everything, one after the other."),
