@@ -15,12 +15,14 @@ command calls; it returns a table or a result that prints and plots itself.
 
 from __future__ import annotations
 
+import os
 import sys
+import traceback
 from contextlib import nullcontext
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from acquisition.core.errors import SeatrialError
+from acquisition.core.errors import DEBUG_VARIABLE, unexpected
 from acquisition.core.named_code import imported
 from acquisition.core.process import guard_standard_streams, stop_on_signals
 
@@ -116,22 +118,24 @@ def __dir__() -> list[str]:
 
 
 def main() -> None:
-    """Run one command; an error that we raised on purpose is one line on stderr and exit code 1."""
+    """Run one command; an error is one line on stderr and exit code 1.
+
+    With ``SEATRIAL_DEBUG=1`` its traceback is printed before that line.
+    """
     guard_standard_streams()
     try:
         with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else nullcontext():
             _app()()
-    except SeatrialError as error:
-        _fail(error)
-    except OSError as error:
-        where = str(error.filename or "")
-        _fail(SeatrialError("the system refused", where=where, why=error.strerror or str(error)))
     except KeyboardInterrupt:
         sys.exit(_INTERRUPTED)
+    except Exception as error:
+        _fail(error)
 
 
-def _fail(error: SeatrialError) -> NoReturn:
-    print(f"seatrial: {error}", file=sys.stderr)  # noqa: T201 - this is the terminal
+def _fail(error: Exception) -> NoReturn:
+    if os.environ.get(DEBUG_VARIABLE):
+        traceback.print_exception(error)
+    print(f"seatrial: {unexpected(error)}", file=sys.stderr)  # noqa: T201 - this is the terminal
     sys.exit(1)
 
 

@@ -17,10 +17,16 @@ from __future__ import annotations
 
 from errno import EACCES, ENOSPC, EPERM, EROFS
 from pathlib import Path
+from traceback import walk_tb
 from typing import Self
 
 from acquisition.core.text import printable
 
+DEBUG_VARIABLE = "SEATRIAL_DEBUG"
+"""The environment variable that has the command line print the traceback of an error."""
+
+_LONGEST_REASON = 300  # characters: a validator's message may quote the whole input
+_PACKAGES = ("acquisition", "analysis", "hybrid")
 _CURES = {
     ENOSPC: "make room on the disk",
     EACCES: "choose another folder, or ask for the right to write there",
@@ -94,3 +100,31 @@ def storage_error(path: Path | str, error: OSError, what: str = "cannot be writt
     elif path.is_dir():
         why, fix = "it is a folder", "name a file in it"
     return StorageError(what, where=str(path), why=why, fix=fix)
+
+
+def unexpected(error: BaseException) -> SeatrialError:
+    """The one line for an exception that was not foreseen: its type and message, and where in Seatrial it arose.
+
+    For the guards at the outermost edges: the command line, a page of the server, a worker of a batch.
+    """
+    if isinstance(error, SeatrialError):
+        return error
+    if isinstance(error, OSError):
+        where = str(error.filename or "")
+        return SeatrialError("the system refused", where=where, why=error.strerror or str(error))
+    if isinstance(error, MemoryError):
+        what, why, fix = "there is not enough memory", str(error), "give less at once, or use a larger computer"
+    else:
+        what, why = "failed unexpectedly", f"{type(error).__name__}: {error}".removesuffix(": ")
+        fix = f"check the input; for a report set {DEBUG_VARIABLE}=1, which shows the traceback"
+    return SeatrialError(what, where=_origin(error), why=why[:_LONGEST_REASON], fix=fix)
+
+
+def _origin(error: BaseException) -> str:
+    """The innermost line of Seatrial in an exception's traceback; "" without any."""
+    lines = [
+        f"{name}, line {line}"
+        for frame, line in walk_tb(error.__traceback__)
+        if (name := str(frame.f_globals.get("__name__"))).partition(".")[0] in _PACKAGES
+    ]
+    return lines[-1] if lines else ""

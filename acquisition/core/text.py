@@ -8,8 +8,8 @@ from typing import TypeVar
 Said = TypeVar("Said")
 
 # All that a terminal may obey instead of showing it: control characters of both sets, but tab and line feed, and
-# what turns the direction of writing round.
-_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+# what turns the direction of writing round; and the bytes of a file name that are no UTF-8, which nothing encodes.
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def printable(said: Said) -> Said:
