@@ -6,6 +6,8 @@ goes and says so (``closed`` is False).
 
 from __future__ import annotations
 
+import os
+import stat
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -195,11 +197,7 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
 
     ``whatever_it_is`` accepts files whose beginning says that they are none: it may be what is damaged.
     """
-    if not path.exists():
-        raise InputError("does not exist", where=str(path), fix="check the path")
-    if path.is_dir():
-        raise InputError("is a folder, not a recording", where=str(path), fix="name a .mcap file in it")
-    if path.stat().st_size == 0:
+    if recording_size(path) == 0:
         raise InputError("is empty", where=str(path), fix="give a recording with data")
     try:
         stream = path.open("rb")
@@ -210,6 +208,25 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
         fix = "give a .mcap file, or convert a table with `seatrial import`"
         raise InputError("is not an MCAP recording", where=str(path), fix=fix)
     return stream
+
+
+def recording_size(path: Path) -> int:
+    """The size of a file [bytes]. Raises :class:`InputError` for what is none: a pipe may never come to an end."""
+    where = str(path)
+    try:
+        state = path.stat()
+        if stat.S_ISDIR(state.st_mode):
+            os.scandir(path).close()  # one that is closed to us says so
+    except FileNotFoundError as error:
+        why = "it is a link to nothing" if path.is_symlink() else ""
+        raise InputError("does not exist", where=where, why=why, fix="check the path") from error
+    except OSError as error:
+        raise InputError("cannot be opened", where=where, why=error.strerror or str(error)) from error
+    if stat.S_ISDIR(state.st_mode):
+        raise InputError("is a folder, not a recording", where=where, fix="name a .mcap file in it")
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError("is not a file", where=where, fix="give a recording, not a pipe, socket or device")
+    return state.st_size
 
 
 def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:

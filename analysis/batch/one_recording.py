@@ -25,7 +25,7 @@ from acquisition.core.channels import known_channels
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
-from acquisition.recording.reader import Recording, read_parts
+from acquisition.recording.reader import Recording, read_parts, recording_size
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.manoeuvres.indices import from_order
 from analysis.products import Options, Products, analyse
@@ -90,16 +90,10 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
 
     Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
     """
-    where = str(paths[0])
-    if paths[0].is_dir():
-        raise InputError("is a folder, not a recording", where=where, fix="rename the folder")
-    try:
-        size = sum(path.stat().st_size for path in paths)
-    except OSError as error:
-        raise InputError("cannot be read", where=where, why=error.strerror or str(error)) from error
+    size = sum(map(recording_size, paths))
     digest = sha256_of(*paths)
     if digest is None:
-        raise InputError("cannot be read", where=where, fix="check its permissions")
+        raise InputError("cannot be read", where=str(paths[0]), fix="check its permissions")
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {

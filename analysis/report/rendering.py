@@ -21,6 +21,7 @@ from markupsafe import Markup
 
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import atomic_file, write_text
+from acquisition.core.text import printable
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def environment(*folders: Path) -> Environment:
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
+        trim_blocks=True, lstrip_blocks=True, finalize=_shown,
     )  # fmt: skip
     made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": report.manoeuvre_line}
     made.globals |= {
@@ -64,6 +65,11 @@ def environment(*folders: Path) -> Environment:
     }  # fmt: skip
     made.globals["ui"] = made.get_template("macros.html").module
     return made
+
+
+def _shown(value: Any) -> Any:
+    """What a template puts into a page: of strangers' text, what a browser obeys and no file takes is escaped."""
+    return value if isinstance(value, Markup) else printable(value)
 
 
 def render(template: str, block: str = "", templates: Environment | None = None, **context: Any) -> Page:

@@ -37,6 +37,7 @@ from acquisition.core.channels import (
 )
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
+from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import Recording, read_recording
 
@@ -373,7 +374,7 @@ def provenance_of(
     trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
     return {
         "software_version": software_version(),
-        "recording": path.name if path else "",
+        "recording": printable_name(path.name) if path else "",
         "recording_sha256": sha256_of(path) if path else None,
         "options": dict(options or {}),
         "history": history_of(table),

@@ -6,7 +6,6 @@ import inspect
 import os
 import socket
 import struct
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -26,6 +25,7 @@ from acquisition.logger.viewers import LiveView, StatusPage
 from acquisition.logger.web_front import RefusalError, Request, WebFront, check_sender
 from analysis.cli import serve
 from tests.acquisition.conftest import PATIENCE_S, free_port
+from tests.attacks.other_user import as_nobody, open_folder
 
 STRANGERS = 20
 """More clients than a server of the recorder keeps at once."""
@@ -239,73 +239,51 @@ def test_ports_of_the_pages_differ_by_default() -> None:
     assert len({inspect.signature(serve).parameters["port"].default, LiveSection().port, StatusSection().port}) == 3
 
 
-NOBODY = 65_534
-
-
-def as_nobody(action: Callable[[], object]) -> None:
-    """Do something in a process of another user's; needs root, without which the attack cannot be made."""
-    if os.getuid() != 0:
-        pytest.skip("another user's doings need root")
-    if process := os.fork():
-        assert os.waitpid(process, 0)[1] == 0
-        return
-    try:
-        os.setuid(NOBODY)
-        action()
-    finally:
-        os._exit(0)
-
-
 def marks_server(folder: Path, marks: list[str]) -> RequestServer:
     who = RecorderState("", "", "", False, 0, 0, 0)
     return RequestServer(lambda text, at_ns: marks.append(text), lambda: who, Predictions(Health({})), folder)
 
 
-@pytest.fixture
-def open_folder() -> Iterator[Path]:
-    """A folder in which everyone may write, as /tmp."""
-    with tempfile.TemporaryDirectory(dir="/tmp") as place:
-        Path(place).chmod(0o777)
-        yield Path(place)
+def test_marks_are_not_given_to_another_users_server() -> None:
+    with open_folder() as place:
+        received, sending = os.pipe()
 
+        def pose() -> None:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server:
+                server.bind(str(place / "1-1.sock"))
+                server.listen()
+                (place / "1-1.sock").chmod(0o777)
+                if os.fork():
+                    os._exit(0)
+                server.settimeout(PATIENCE_S)
+                os.write(sending, server.accept()[0].recv(1000) or b"nothing")
 
-def test_marks_are_not_given_to_another_users_server(open_folder: Path) -> None:
-    received, sending = os.pipe()
-
-    def pose() -> None:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server:
-            server.bind(str(open_folder / "1-1.sock"))
-            server.listen()
-            (open_folder / "1-1.sock").chmod(0o777)
-            if os.fork():
-                os._exit(0)
-            server.settimeout(PATIENCE_S)
-            os.write(sending, server.accept()[0].recv(1000) or b"nothing")
-
-    as_nobody(pose)
-    with pytest.raises(SourceError, match="no recorder is running"):
-        send_mark("secret", open_folder)
-    assert os.read(received, 1000) == b"nothing"
+        as_nobody(pose)
+        with pytest.raises(SourceError, match="no recorder is running"):
+            send_mark("secret", place)
+        assert os.read(received, 1000) == b"nothing"
 
 
 @pytest.mark.parametrize("kind", ["folder", "link"])
-def test_folder_that_another_user_made_first_is_refused(kind: str, open_folder: Path) -> None:
-    folder = open_folder / "seatrial-0"
-    as_nobody(folder.mkdir if kind == "folder" else lambda: folder.symlink_to("/root"))
-    with pytest.raises(StorageError, match="belongs to another user"):
-        marks_server(folder, []).__enter__()
+def test_folder_that_another_user_made_first_is_refused(kind: str) -> None:
+    with open_folder() as place:
+        folder = place / "seatrial-0"
+        as_nobody(folder.mkdir if kind == "folder" else lambda: folder.symlink_to("/root"))
+        with pytest.raises(StorageError, match="belongs to another user"):
+            marks_server(folder, []).__enter__()
 
 
-def test_marks_are_taken_from_no_other_user_wherever_the_socket_lies(open_folder: Path) -> None:
-    marks: list[str] = []
-    before = os.umask(0)
-    try:
-        with marks_server(open_folder, marks):
-            as_nobody(lambda: send_mark("planted", open_folder))
-            assert send_mark("ours", open_folder) == 1
-    finally:
-        os.umask(before)
-    assert marks == ["ours"]
+def test_marks_are_taken_from_no_other_user_wherever_the_socket_lies() -> None:
+    with open_folder() as place:
+        marks: list[str] = []
+        before = os.umask(0)
+        try:
+            with marks_server(place, marks):
+                as_nobody(lambda: send_mark("planted", place))
+                assert send_mark("ours", place) == 1
+        finally:
+            os.umask(before)
+        assert marks == ["ours"]
 
 
 @pytest.mark.parametrize("make", [
