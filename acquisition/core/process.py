@@ -73,6 +73,15 @@ class _Output(io.FileIO):
             return len(data)
 
 
+def started(thread: threading.Thread) -> bool:
+    """Start a thread; False where the system gives none now, which may be tried again."""
+    try:
+        thread.start()
+    except RuntimeError:
+        return False
+    return True
+
+
 @contextmanager
 def stop_on_signals() -> Iterator[threading.Event]:
     """An event set by SIGINT, SIGTERM and hangup, so that all of them end a recording cleanly.

@@ -20,6 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.frames import NANO
+from acquisition.core.process import started
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
 from acquisition.logger.requests import Mark
@@ -225,12 +226,13 @@ def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
         target=_listen, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    listener.start()
+    listening = started(listener)
     try:
         yield
     finally:
         stopping.set()
-        listener.join()
+        if listening:
+            listener.join()
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 

@@ -71,6 +71,9 @@ class FrameProcessor:
             health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
         self._addresses = {each.name: _Addresses(each.addresses) for each in config.sources
                            if isinstance(each, CanFrames) and each.addresses}  # fmt: skip
+        self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}
+        for name, failed in self._failed.items():
+            health.sources[name].refusals.append(failed)
         for name, addresses in self._addresses.items():
             health.sources[name].refusals.append(addresses.refused)
         self._derivation = Derivation(
@@ -97,6 +100,15 @@ class FrameProcessor:
     def process(self, frame: Frame) -> None:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)
+        try:
+            self._interpret(frame)
+        except Exception as error:  # the frame is kept raw, and must not end the recording
+            if not self._failed[frame.origin]["processing failed"]:
+                text = f"{frame.origin}: a frame could not be interpreted: {type(error).__name__} {error}"
+                self.note(text, frame.received_ns, "error", DECODED)
+            self._failed[frame.origin]["processing failed"] += 1
+
+    def _interpret(self, frame: Frame) -> None:
         self._end_storm(frame)
         if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
             return

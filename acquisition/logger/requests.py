@@ -151,8 +151,12 @@ class RequestServer:
                 self._part_with(client, selector)
 
     def _welcome(self, selector: selectors.BaseSelector) -> None:
-        with suppress(OSError):
+        try:
             connection, _ = self._socket.accept()
+        except OSError:
+            self._stopping.wait(_LOOK_S)  # without a descriptor it would be tried without end
+            return
+        with suppress(OSError):
             connection.setblocking(False)
             client = _Client(connection, time.monotonic() + PATIENCE_S)
             self._clients.append(client)
