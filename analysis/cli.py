@@ -21,6 +21,7 @@ RebuildPositions = Annotated[
     ),
 ]
 
+Files = Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")]
 Horizon = Annotated[int, typer.Option(min=2, help="The length of a window (the horizon) in seconds.")]
 Stride = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 
@@ -32,7 +33,7 @@ def mount(app: typer.Typer) -> None:
 
 
 def check(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
     ] = None,
@@ -48,7 +49,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check the data quality of a recording, channel by channel."""
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.quality.check import check_recording
     from analysis.tables.table import table_of
 
@@ -56,9 +57,14 @@ def check(
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
         raise typer.BadParameter("--rebuild-positions needs --repair")
-    recording = read_recording(file)
+    recording = read_together(files)
     if not recording.closed:
-        typer.echo(f"warning: {file} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+        names = ", ".join(map(str, files))
+        typer.echo(
+            f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it", err=True
+        )
+    if recording.clock:
+        typer.echo(f"note: {recording.clock}", err=True)
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
@@ -94,7 +100,7 @@ def _values(count: int) -> str:
 
 
 def export(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float | None, typer.Option(help="Resample to this rate in Hz; default: raw samples.")] = None,
     smooth: Annotated[
@@ -115,7 +121,7 @@ def export(
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
     from dataclasses import asdict
 
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.prepare import Preparation, prepare
     from analysis.tables.export import KINDS, export_table
     from analysis.tables.table import history_of
@@ -125,7 +131,7 @@ def export(
     if attributes and not netcdf:
         raise typer.BadParameter("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate, repair, remove_delays, smooth, flags or netcdf)
-    table = prepare(read_recording(file), how)
+    table = prepare(read_together(files), how)
     written, *beside = export_table(table, output, asdict(how), attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
@@ -227,13 +233,14 @@ def manoeuvres(
     from rich.console import Console
 
     from acquisition.core.progress import bar
+    from acquisition.recording.grouping import whole_recordings
     from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
     with bar("manoeuvres") as progress:
-        found = []
-        for number, file in enumerate(files, start=1):
-            found.append(manoeuvres_of(file, length, own or ()))
-            progress(number / len(files))
+        found, recordings = [], whole_recordings(files)
+        for number, parts in enumerate(recordings, start=1):
+            found.append(manoeuvres_of(parts, length, own or ()))
+            progress(number / len(recordings))
     if as_json:
         typer.echo(json.dumps(summary(found, length)))
     elif output is None:
@@ -245,7 +252,7 @@ def manoeuvres(
 
 
 def smooth(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float, typer.Option(help="Rows per second (Hz).")] = 1.0,
     as_json: AsJson = False,
@@ -256,7 +263,7 @@ def smooth(
     from analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")
-    smoothed = smooth_table(read_table(file), rate)
+    smoothed = smooth_table(read_table(files), rate)
     write_smoothed(smoothed, output)
     for remark in smoothed.remarks:
         typer.echo(remark, err=True)

@@ -10,7 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from acquisition.core.errors import SeatrialError, unexpected
-from acquisition.recording.reader import Recording, read_parts
+from acquisition.recording.grouping import read_parts
+from acquisition.recording.reader import Recording
 from analysis.estimation.smoother import smooth
 from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
 from analysis.prepare import with_motion

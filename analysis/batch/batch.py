@@ -12,7 +12,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import pandas as pd
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.progress import Progress
 from acquisition.core.text import printable_name
-from acquisition.recording.parts import whole_recordings
+from acquisition.recording.grouping import whole_recordings
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
 from analysis.batch.workers import LOCK, MARKS, Job, Task, attempt, check_address, exclusive_folder, run_jobs
 from analysis.products import Options
@@ -48,6 +48,7 @@ class Summary:
     """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
 
     ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
+    ``files`` are those of each recording, by the name of its row.
     """
 
     rows: list[Row]
@@ -55,6 +56,7 @@ class Summary:
     reused: int
     index: Path
     gone_rows: tuple[Row, ...] = ()
+    files: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
 
     @property
     def gone(self) -> tuple[str, ...]:
@@ -128,7 +130,7 @@ def run_batch(
         gone = gone_rows(set(names), out)
         index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
     done = sum(row["status"] == "done" for row in rows)
-    return Summary(rows, done, reused, index, tuple(gone))
+    return Summary(rows, done, reused, index, tuple(gone), dict(zip(names, found, strict=True)))
 
 
 def process_job(job: Job) -> Row:
@@ -159,7 +161,7 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         folders[:] = [name for name in folders if os.path.realpath(Path(place, name)) != str(out)]
         names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
         paths += (Path(place, name) for name in names)
-    return whole_recordings({*paths, *(Path(error.filename) for error in closed)})
+    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in closed)}))
 
 
 def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:

@@ -25,7 +25,8 @@ from acquisition.core.channels import known_channels
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
-from acquisition.recording.reader import Recording, read_parts, recording_size
+from acquisition.recording.grouping import read_parts
+from acquisition.recording.reader import Recording, recording_size
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.manoeuvres.indices import from_order
 from analysis.products import Options, Products, analyse
@@ -166,7 +167,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     missing = missing_channels(products.table)
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
-        "cause": "; ".join(products.shortfalls) or ("" if recording.closed else NOT_CLOSED),
+        "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
         **_said_of(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
@@ -188,6 +189,11 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "provenance": dict(provenance),
     }
     return dict(to_json(row))
+
+
+def remarks_on(recording: Recording) -> list[str]:
+    """What a reader of the results has to know of a recording of which all could be made."""
+    return [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
 
 
 def first_look(paths: Sequence[Path]) -> Row:

@@ -113,8 +113,8 @@ def folder(sound: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         path = made / os.fsdecode(name + b".mcap")
         path.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(sound, path)
-    for name, (make, _) in STRANGE.items():
-        make(made / f"{name}.mcap")
+    for kind, (make, _) in STRANGE.items():
+        make(made / f"{kind}.mcap")
     return made
 
 
