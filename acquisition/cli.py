@@ -294,13 +294,14 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
 
 
 def info(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")],
     as_json: AsJson = False,
 ) -> None:
     """Show what is in a recording."""
-    from acquisition.recording.reader import describe, read_recording
+    from acquisition.recording.grouping import read_together
+    from acquisition.recording.reader import describe
 
-    recording = read_recording(file)
+    recording = read_together(files)
     found = describe(recording)
     if as_json:
         echo(json.dumps(found))
@@ -311,7 +312,10 @@ def info(
     # A path is not broken at 80 columns.
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
-    tell(f"{file}  {'closed properly' if found['closed'] else unclosed}", style="bold")
+    tell(
+        f"{', '.join(map(str, recording.paths))}  {'closed properly' if found['closed'] else unclosed}",
+        style="bold",
+    )
     if found["messages"]:
         tell(f"{found['start']} to {found['end']}")
     tell(f"{found['duration_s']:.1f} s, {found['messages']:,} messages")
@@ -319,10 +323,12 @@ def info(
         if key != "channels":  # they are in the table
             tell(f"{key.replace('_', ' ')}: {value}", style="dim")
     part = recording.metadata.get("part", {})
-    if part.get("follows"):
+    if recording.later_parts and recording.clock:
+        tell(recording.clock)
+    elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
     Terminal().print(_channel_table(found["channels"], found["trial"]))
-    for names, reason in by_reason(missing_in(file, recording.series)).items():
+    for names, reason in by_reason(missing_in(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
     for topic, count in found["raw"].items():
         tell(f"{topic}: {count:,} raw messages")

@@ -22,6 +22,7 @@ RebuildPositions = Annotated[
     ),
 ]
 
+Files = Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")]
 Horizon = Annotated[int, typer.Option(min=2, help="The length of a window (the horizon) in seconds.")]
 Stride = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 
@@ -33,7 +34,7 @@ def mount(app: typer.Typer) -> None:
 
 
 def check(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
     ] = None,
@@ -49,7 +50,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check the data quality of a recording, channel by channel."""
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.quality.check import check_recording
     from analysis.tables.table import table_of
 
@@ -57,9 +58,12 @@ def check(
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
         raise typer.BadParameter("--rebuild-positions needs --repair")
-    recording = read_recording(file)
+    recording = read_together(files)
     if not recording.closed:
-        echo(f"warning: {file} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+        names = ", ".join(map(str, files))
+        echo(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+    if recording.clock:
+        echo(f"note: {recording.clock}", err=True)
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
@@ -95,7 +99,7 @@ def _values(count: int) -> str:
 
 
 def export(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float | None, typer.Option(help="Resample to this rate in Hz; default: raw samples.")] = None,
     smooth: Annotated[
@@ -116,7 +120,7 @@ def export(
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
     from dataclasses import asdict
 
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.prepare import Preparation, prepare
     from analysis.tables.export import KINDS, export_table
     from analysis.tables.table import history_of
@@ -126,7 +130,7 @@ def export(
     if attributes and not netcdf:
         raise typer.BadParameter("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate, repair, remove_delays, smooth, flags or netcdf)
-    table = prepare(read_recording(file), how)
+    table = prepare(read_together(files), how)
     written, *beside = export_table(table, output, asdict(how), attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
@@ -227,13 +231,14 @@ def manoeuvres(
     """Find manoeuvres and compute their indices."""
     from acquisition.core.progress import bar
     from acquisition.core.terminal import Terminal
+    from acquisition.recording.grouping import whole_recordings
     from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
     with bar("manoeuvres") as progress:
-        found = []
-        for number, file in enumerate(files, start=1):
-            found.append(manoeuvres_of(file, length, own or ()))
-            progress(number / len(files))
+        found, recordings = [], whole_recordings(files)
+        for number, parts in enumerate(recordings, start=1):
+            found.append(manoeuvres_of(parts, length, own or ()))
+            progress(number / len(recordings))
     if as_json:
         echo(json.dumps(summary(found, length)))
     elif output is None:
@@ -245,7 +250,7 @@ def manoeuvres(
 
 
 def smooth(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float, typer.Option(help="Rows per second (Hz).")] = 1.0,
     as_json: AsJson = False,
@@ -256,7 +261,7 @@ def smooth(
     from analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")
-    smoothed = smooth_table(read_table(file), rate)
+    smoothed = smooth_table(read_table(files), rate)
     write_smoothed(smoothed, output)
     for remark in smoothed.remarks:
         echo(remark, err=True)
@@ -347,7 +352,7 @@ def serve(
     ] = None,
     port: Annotated[
         int, typer.Option(min=1, max=65535, help="The port to listen on, on this computer only.")
-    ] = 8765,
+    ] = 8766,  # 8765 is the live view's, which viewers expect there
     on_demand: Annotated[
         bool,
         typer.Option("--on-demand", help="Analyse only what is opened; default: everything, one after the other."),

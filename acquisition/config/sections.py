@@ -119,6 +119,8 @@ Form = Literal[
 ]  # fmt: skip
 """The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
+PageOrigin = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9+.-]*://[^\s/@]*$")]
+"""Where a page in a browser comes from, as the browser states it: scheme, host and port."""
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 ReductionRatios = dict[Annotated[str, AfterValidator(_own_shaft)], FinitePositive]
 """Engine turns for one turn of the shaft, by actuator."""
@@ -667,10 +669,15 @@ class CopiesSection:
 
 @dataclass(frozen=True, config=STRICT)
 class LiveSection:
-    """The live view for Foxglove and Lichtblick: the address it listens on, by default this computer only."""
+    """The live view for Foxglove and Lichtblick: the address it listens on, by default this computer only.
+
+    ``origins`` names the pages that may show it in a browser, like ``https://app.foxglove.dev``; programs that send
+    no origin need none.
+    """
 
     port: Port = 8765
     address: str = "127.0.0.1"
+    origins: tuple[PageOrigin, ...] = ()
 
 
 @dataclass(frozen=True, config=STRICT)

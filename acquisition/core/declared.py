@@ -14,7 +14,7 @@ from math import isfinite
 
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.text import parse_json
+from acquisition.core.files import parse_json
 from acquisition.core.units import canonical, ending_of
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")

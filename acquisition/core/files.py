@@ -37,7 +37,7 @@ def open_regular(path: Path | str) -> BinaryIO:
 
 
 def read_regular(path: Path | str, budget: Budget, kind: type[SeatrialError] = InputError) -> bytes:
-    """The content of a regular file. Raises :class:`OSError` as :func:`open_regular`, ``kind`` beyond the budget."""
+    """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
         budget.require(size, path, size, kind)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from errno import EILSEQ, EINVAL, ENAMETOOLONG
@@ -378,7 +378,6 @@ def _remove(path: Path) -> None:
 
 _TIME_FORMAT = "%Y%m%dT%H%M%SZ"
 _TIME = r"\d{8}T\d{6}Z"
-_LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
 _MOST_LETTERS = 40  # of a trial's name in that of a file: with all that follows, some 100, of 255 bytes
 _DIGEST_LETTERS = 7
 
@@ -398,15 +397,6 @@ def parts_in(folder: Path, name: str) -> dict[Path, str]:
     pattern = re.compile(rf"({stem})(?:_part\d+)?(?:_\d+)?\.mcap")
     matches = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
     return {path: match[1] for path, match in matches if match}
-
-
-def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    """Recordings as their files, in the order of their names; the parts of one recording together, as they came."""
-    recordings: dict[Path, list[Path]] = {}
-    for path in sorted(paths):
-        match = _LATER_PART.fullmatch(path.stem)
-        recordings.setdefault(path.with_name(f"{match[1]}.mcap") if match else path, []).append(path)
-    return [tuple(files) for files in recordings.values()]
 
 
 def _stem(folder: Path, name: str, started: datetime) -> str:

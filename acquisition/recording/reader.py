@@ -7,10 +7,11 @@ goes and says so (``closed`` is False).
 from __future__ import annotations
 
 import os
+import stat
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -47,6 +48,7 @@ class Recording:
     besides the trial: which part of a recording it is, whose clock it has. ``health`` is the last word on each
     source: its state, its frames, how many were refused, why, and dropped. ``predictions`` counts what another
     program foretold beside the recorder. ``later_parts`` are the files after the first of one in parts.
+    ``clock`` says what is to be known of the times of one in parts: that the clock was set meanwhile.
     """
 
     path: Path
@@ -62,6 +64,7 @@ class Recording:
     health: dict[str, dict[str, Any]] = field(default_factory=dict)
     predictions: int = 0
     later_parts: tuple[Path, ...] = ()
+    clock: str = ""
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -230,11 +233,7 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
 
     ``whatever_it_is`` accepts files whose beginning says that they are none: it may be what is damaged.
     """
-    if not path.exists():
-        raise InputError("does not exist", where=str(path), fix="check the path")
-    if path.is_dir():
-        raise InputError("is a folder, not a recording", where=str(path), fix="name a .mcap file in it")
-    if path.stat().st_size == 0:
+    if recording_size(path) == 0:
         raise InputError("is empty", where=str(path), fix="give a recording with data")
     try:
         stream = path.open("rb")
@@ -245,6 +244,25 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
         fix = "give a .mcap file, or convert a table with `seatrial import`"
         raise InputError("is not an MCAP recording", where=str(path), fix=fix)
     return stream
+
+
+def recording_size(path: Path) -> int:
+    """The size of a file [bytes]. Raises :class:`InputError` for what is none: a pipe may never come to an end."""
+    where = str(path)
+    try:
+        state = path.stat()
+        if stat.S_ISDIR(state.st_mode):
+            os.scandir(path).close()  # one that is closed to us says so
+    except FileNotFoundError as error:
+        why = "it is a link to nothing" if path.is_symlink() else ""
+        raise InputError("does not exist", where=where, why=why, fix="check the path") from error
+    except OSError as error:
+        raise InputError("cannot be opened", where=where, why=error.strerror or str(error)) from error
+    if stat.S_ISDIR(state.st_mode):
+        raise InputError("is a folder, not a recording", where=where, fix="name a .mcap file in it")
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError("is not a file", where=where, fix="give a recording, not a pipe, socket or device")
+    return state.st_size
 
 
 def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
@@ -329,29 +347,6 @@ def read_recording(path: Path | str) -> Recording:
     )
 
 
-def read_parts(paths: Sequence[Path]) -> Recording:
-    """One recording in parts, the files in their order: samples one after the other, run sheet of the last.
-
-    Raises as :func:`read_recording`.
-    """
-    every = [read_recording(path) for path in paths]
-    samples: dict[str, list[Series]] = {}
-    for part in every:
-        for name, series in part.series.items():
-            samples.setdefault(name, []).append(series)
-    first = every[0]
-    spans = [part for part in every if part.messages] or every
-    return replace(
-        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata,
-        series={name: Series.joined(parts) for name, parts in samples.items()},
-        raw=dict(sum((Counter(part.raw) for part in every), Counter())),
-        events=[event for part in every for event in part.events],
-        messages=sum(part.messages for part in every), predictions=sum(part.predictions for part in every),
-        closed=all(part.closed for part in every),
-        start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),
-    )  # fmt: skip
-
-
 def read_trial(path: Path | str) -> Trial:
     """The run sheet that a recording begins with, before any fix could become the origin; empty without one.
 
@@ -371,6 +366,7 @@ def describe(recording: Recording) -> dict[str, Any]:
         "channels": {name: _describe_series(series) for name, series in sorted(recording.series.items())},
         "raw": recording.raw,
         "trial": recording.trial.as_metadata(),
+        **({"clock": recording.clock} if recording.clock else {}),
     }
 
 

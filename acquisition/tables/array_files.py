@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
-from acquisition.core.text import parse_json
+from acquisition.core.files import parse_json
 from acquisition.core.trial import Trial
 from acquisition.tables.table_files import FOREIGN_READER, RawTable, require_package, trial_of
 

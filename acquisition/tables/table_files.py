@@ -31,8 +31,8 @@ from acquisition.core.budget import (
 )
 from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
+from acquisition.core.files import parse_json
 from acquisition.core.frames import NANO
-from acquisition.core.text import parse_json
 from acquisition.core.trial import Trial
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {

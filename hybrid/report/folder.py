@@ -189,7 +189,7 @@ def batch_reports(
     for number, row in enumerate(done):
         share = part_of(progress, number, len(done))
         try:
-            pages.append(trial_report([recordings / row["path"]], out / row["name"], own, share))
+            pages.append(trial_report(summary.files[row["name"]], out / row["name"], own, share))
         except SeatrialError as error:
             failed[row["name"]] = str(error)
     index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)
