@@ -98,7 +98,7 @@ watch-load: $(STAMP) ## the same load for 80 s with a twin beside the recorder, 
 load-mqtt: $(STAMP) ## ten minutes of 1,000 messages a second through an MQTT broker: losses, CPU, memory
 	$(BIN)/python -m tests.benchmarks.mqtt_load 600
 
-soak: $(STAMP)   ## a week at sea through the recorder, in some ten minutes: memory and open files
+soak: $(STAMP)   ## a week at sea through the recorder, with faults, in some ten minutes: losses, memory, open files
 	$(BIN)/python tests/benchmarks/recorder_soak.py 7
 
 fuzz: $(STAMP)   ## every decoder and recovery against bytes found by coverage, ten minutes each

@@ -11,6 +11,7 @@ import typer
 
 from acquisition.cli import RECORDINGS, AsJson, Output
 from acquisition.core.files import expect_suffix
+from acquisition.core.process import echo
 
 RebuildPositions = Annotated[
     bool,
@@ -21,6 +22,7 @@ RebuildPositions = Annotated[
     ),
 ]
 
+Files = Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")]
 Horizon = Annotated[int, typer.Option(min=2, help="The length of a window (the horizon) in seconds.")]
 Stride = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 
@@ -32,7 +34,7 @@ def mount(app: typer.Typer) -> None:
 
 
 def check(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
     ] = None,
@@ -48,7 +50,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check the data quality of a recording, channel by channel."""
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.quality.check import check_recording
     from analysis.tables.table import table_of
 
@@ -56,9 +58,12 @@ def check(
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
         raise typer.BadParameter("--rebuild-positions needs --repair")
-    recording = read_recording(file)
+    recording = read_together(files)
     if not recording.closed:
-        typer.echo(f"warning: {file} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+        names = ", ".join(map(str, files))
+        echo(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+    if recording.clock:
+        echo(f"note: {recording.clock}", err=True)
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
@@ -66,7 +71,7 @@ def check(
         from analysis.tables.table import provenance_of
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     if repair is not None:
         from analysis.quality.repairs import write_repaired
         from analysis.tables.table import count_bad
@@ -75,18 +80,18 @@ def check(
             recording, table, quality.findings, repair, quality.flags, rebuild_positions=rebuild_positions
         ).repairs
         for each in repairs:
-            typer.echo(f"repaired {each.channel}: {each.text}, {_values(each.changed)}", err=True)
+            echo(f"repaired {each.channel}: {each.text}, {_values(each.changed)}", err=True)
         if not repairs:
             bad = count_bad(recording)
             without = f", without {_values(bad)} flagged bad in it" if bad else ""
-            typer.echo(f"nothing to repair: the recording is written as it is{without}", err=True)
-        typer.echo(repair, err=True)
+            echo(f"nothing to repair: the recording is written as it is{without}", err=True)
+        echo(repair, err=True)
     if as_json:
-        typer.echo(json.dumps(quality.as_json()))
+        echo(json.dumps(quality.as_json()))
         return
-    from rich.console import Console
+    from acquisition.core.terminal import Terminal
 
-    Console().print(quality)
+    Terminal().print(quality)
 
 
 def _values(count: int) -> str:
@@ -94,7 +99,7 @@ def _values(count: int) -> str:
 
 
 def export(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float | None, typer.Option(help="Resample to this rate in Hz; default: raw samples.")] = None,
     smooth: Annotated[
@@ -115,7 +120,7 @@ def export(
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
     from dataclasses import asdict
 
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.prepare import Preparation, prepare
     from analysis.tables.export import KINDS, export_table
     from analysis.tables.table import history_of
@@ -125,20 +130,20 @@ def export(
     if attributes and not netcdf:
         raise typer.BadParameter("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate, repair, remove_delays, smooth, flags or netcdf)
-    table = prepare(read_recording(file), how)
+    table = prepare(read_together(files), how)
     written, *beside = export_table(table, output, asdict(how), attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
-            typer.echo(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s", err=True)
-    typer.echo(f"{len(table):,} rows of {len(table.columns)} columns", err=True)
+            echo(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s", err=True)
+    echo(f"{len(table):,} rows of {len(table.columns)} columns", err=True)
     for path in beside:
-        typer.echo(f"units, trial and provenance: {path}", err=True)
+        echo(f"units, trial and provenance: {path}", err=True)
     if netcdf:
         from analysis.tables.netcdf import remarks
 
         for remark in remarks(table, attributes):
-            typer.echo(remark, err=True)
-    typer.echo(written)
+            echo(remark, err=True)
+    echo(written)
 
 
 def _named_values(given: list[str]) -> dict[str, str]:
@@ -192,18 +197,18 @@ def windows(
     if keep_moving:
         summary["moving"] = found.moving
     if as_json:
-        typer.echo(json.dumps(summary))
+        echo(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
     recordings = "1 recording" if len(files) == 1 else f"{len(files)} recordings"
     kept = "kept" if keep_moving else "held"
     legs = "1 leg" if found.legs == 1 else f"{found.legs} legs"
-    typer.echo(
+    echo(
         f"{found.kept} of {found.candidates} windows of {horizon} s {kept}, in {legs} of {recordings}; "
         f"dropped: {reasons}",
         err=True,
     )
-    typer.echo(output)
+    echo(output)
 
 
 def manoeuvres(
@@ -224,28 +229,28 @@ def manoeuvres(
     as_json: AsJson = False,
 ) -> None:
     """Find manoeuvres and compute their indices."""
-    from rich.console import Console
-
     from acquisition.core.progress import bar
+    from acquisition.core.terminal import Terminal
+    from acquisition.recording.grouping import whole_recordings
     from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
     with bar("manoeuvres") as progress:
-        found = []
-        for number, file in enumerate(files, start=1):
-            found.append(manoeuvres_of(file, length, own or ()))
-            progress(number / len(files))
+        found, recordings = [], whole_recordings(files)
+        for number, parts in enumerate(recordings, start=1):
+            found.append(manoeuvres_of(parts, length, own or ()))
+            progress(number / len(recordings))
     if as_json:
-        typer.echo(json.dumps(summary(found, length)))
+        echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
-            Console().print(terminal_tables(each, every=every))
+            Terminal().print(terminal_tables(each, every=every))
     if output is not None:
         for path in write_report(found, output, length):
-            typer.echo(path, err=as_json)
+            echo(path, err=as_json)
 
 
 def smooth(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float, typer.Option(help="Rows per second (Hz).")] = 1.0,
     as_json: AsJson = False,
@@ -256,22 +261,22 @@ def smooth(
     from analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")
-    smoothed = smooth_table(read_table(file), rate)
+    smoothed = smooth_table(read_table(files), rate)
     write_smoothed(smoothed, output)
     for remark in smoothed.remarks:
-        typer.echo(remark, err=True)
+        echo(remark, err=True)
     summary = summary_of(smoothed)
     if as_json:
-        typer.echo(json.dumps(summary))
+        echo(json.dumps(summary))
         return
     noise = smoothed.noise
-    typer.echo(
+    echo(
         f"{summary['rows']:,} rows, {summary['missing']:,} of them in gaps; noise {noise.position_m:.3g} m, "
         f"{noise.heading_rad * 57.29578:.3g} deg, {noise.speed_mps:.3g} m/s, "
         f"{noise.yaw_rate_radps * 57.29578:.3g} deg/s; {sum(summary['rejected'].values()):,} samples refused",
         err=True,
     )
-    typer.echo(output)
+    echo(output)
 
 
 def batch(
@@ -320,19 +325,19 @@ def batch(
     except KeyboardInterrupt as stop:
         terminated = isinstance(stop, Termination)
         how = "terminated" if terminated else "interrupted"
-        typer.echo(f"seatrial: {how}; what is done stays, the same command goes on from there", err=True)
+        echo(f"seatrial: {how}; what is done stays, the same command goes on from there", err=True)
         raise typer.Exit(143 if terminated else 130) from None  # 128 and the signal, as shells have it
     for cause, names in summary.failures:
-        typer.echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
+        echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
     if cut_off := [row["name"] for row in summary.rows if row["status"] == "done" and row.get("closed") is False]:
-        typer.echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
+        echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
     if summary.gone:
-        typer.echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
+        echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
     if as_json:
-        typer.echo(json.dumps(summary.as_json()))
+        echo(json.dumps(summary.as_json()))
     else:
-        typer.echo(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
-        typer.echo(summary.index)
+        echo(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
+        echo(summary.index)
     if summary.failed:
         raise typer.Exit(1)
 
@@ -347,7 +352,7 @@ def serve(
     ] = None,
     port: Annotated[
         int, typer.Option(min=1, max=65535, help="The port to listen on, on this computer only.")
-    ] = 8765,
+    ] = 8766,  # 8765 is the live view's, which viewers expect there
     on_demand: Annotated[
         bool,
         typer.Option("--on-demand", help="Analyse only what is opened; default: everything, one after the other."),
@@ -369,5 +374,5 @@ def serve(
 
     season = Season(folder, output or results_folder(folder), eager=not on_demand)
     with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
-        typer.echo(f"results: {season.out}", err=True)
-        run(make_app(season, upload_mb if upload else None), port, typer.echo)
+        echo(f"results: {season.out}", err=True)
+        run(make_app(season, upload_mb if upload else None), port, echo)

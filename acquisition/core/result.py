@@ -36,10 +36,10 @@ class Result:
         return shown
 
     def __str__(self) -> str:
-        from rich.console import Console
+        from acquisition.core.terminal import Terminal
 
         text = StringIO()
-        Console(file=text, width=_WIDTH).print(self)
+        Terminal(file=text, width=_WIDTH).print(self)
         return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:

@@ -28,6 +28,7 @@ from acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
 
 _REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
 _MOST_TOPICS = 10_000
+_LONGEST_TEXT = 65_536  # of sentences in one message, as in a datagram: ten megabytes would take seconds
 _TOGETHER_NS = 50_000_000  # a ship at 6 m/s makes 0.3 m in it, as much as a good fix errs
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _NO_VALUE = frozenset({"", "none", "null", "nan", "n/a", "na", "-"})
@@ -141,6 +142,9 @@ class MqttDecoder(Decoder):
         topic, text = topic_and_message(frame.payload)
         if topic in self._values:
             return self._decode_values(frame, topic, text)
+        if len(text) > _LONGEST_TEXT:
+            self.refused["longer than 64 kB"] += hash(topic) in self._of_lines
+            return []
         groups = []
         for line in text.splitlines():
             groups += self._decode_line(frame, topic, line.strip())

@@ -20,6 +20,8 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.frames import NANO
+from acquisition.core.process import started
+from acquisition.core.text import printable
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
 from acquisition.logger.requests import Mark
@@ -60,7 +62,7 @@ class Picture:
 
 
 def _one_line(*parts: str | tuple[str, str]) -> Text:
-    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+    return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
 
 
 def _header(health: Health, now_ns: int) -> Text:
@@ -165,7 +167,8 @@ def _source_table(health: Health, now_ns: int) -> Table:
 def _events(health: Health, rows: int) -> Iterator[Text]:
     for time_ns, level, text in health.events.newest(rows):
         moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
-        yield _one_line((f"{moment:%H:%M:%SZ} {text}", _LEVEL_STYLES.get(level, "")))
+        line = text.replace("\n", r"\n")
+        yield _one_line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
 def status(health: Health) -> str:
@@ -225,12 +228,13 @@ def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
         target=_listen, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    listener.start()
+    listening = started(listener)
     try:
         yield
     finally:
         stopping.set()
-        listener.join()
+        if listening:
+            listener.join()
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 

@@ -12,11 +12,11 @@ import time
 from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Frame, now_ns
 from acquisition.logger.health import SILENT_NS, Health
-from acquisition.logger.host_clock import kernel_state
+from acquisition.logger.host_clock import boot_metadata, kernel_state
+from acquisition.recording.grouping import NEW_PART_NS
 from acquisition.recording.parts import RecordingParts, Tell
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
-NEW_PART_NS = 1_000_000_000
 _FOLLOW_SHARE = 500e-6  # the fastest that a kernel's clock is slewed
 _TOLERANCE_NS = 1_000_000
 TICK_S = 0.05
@@ -67,11 +67,12 @@ class Timescale:
 
 
 def clock_metadata(scale: Timescale) -> dict[str, str]:
-    """Which clock a part's times come from."""
+    """Which clock a part's times come from, and what relates them to those of a part by another one."""
     return {
         "times": "host clock when the part began, carried on by the monotonic clock",
         "host_clock": kernel_state(),
         "utc_minus_monotonic_ns": str(scale.offset_ns),
+        **boot_metadata(),
     }
 
 

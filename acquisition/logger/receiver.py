@@ -127,6 +127,8 @@ class Receiver:
         self._senders: Senders | None = getattr(source, "senders", None)
         if self._senders is not None:
             health.refusals.append(self._senders.refused)
+        if (refused := getattr(source, "refused", None)) is not None:
+            health.refusals.append(refused)
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = 0
         self._untold: Counter[str] = Counter()

@@ -111,8 +111,8 @@ def _record_live(
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _with(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        stack.enter_context(Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")))
-        stack.enter_context(_display(picture, recorder))
+        _with(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
+        _with(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)
@@ -177,11 +177,12 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    from rich.console import Console
     from rich.live import Live
 
+    from acquisition.core.terminal import Terminal
+
     # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
-    live = Live(picture, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from errno import EILSEQ, EINVAL, ENAMETOOLONG
@@ -188,7 +188,7 @@ class RecordingParts(MessageSink):
     def discard(self) -> None:
         """Leave nothing behind: the recording never began."""
         if self._part is not None:
-            self._part.abandon()
+            _abandoned(self._part)
             self._part = None
         for path in self.paths:
             with suppress(OSError):
@@ -226,7 +226,7 @@ class RecordingParts(MessageSink):
                 part.write(*message)
             part.sync()
         except Exception:
-            part.abandon()
+            _abandoned(part)
             _remove(path)
             raise
         self.lost += self._unkept
@@ -278,7 +278,7 @@ class RecordingParts(MessageSink):
             action()
         except Exception as error:  # nothing but the user ends a recording
             ended = True
-            if self._part is not None and not self._part.abandon():
+            if self._part is not None and not _abandoned(self._part):
                 ended = False
                 self._not_ended.append(self._part)
             self._part, self._asked = None, (0, 0)
@@ -363,6 +363,14 @@ def _reason(error: Exception) -> str:
     return f"{type(error).__name__} {error}"
 
 
+def _abandoned(part: RecordingWriter) -> bool:
+    """Give up on a part; whether it could be ended well."""
+    try:
+        return part.abandon()
+    except Exception:  # such as no memory: the disk is not all that can fail
+        return False
+
+
 def _remove(path: Path) -> None:
     with suppress(OSError):
         path.unlink(missing_ok=True)
@@ -370,7 +378,6 @@ def _remove(path: Path) -> None:
 
 _TIME_FORMAT = "%Y%m%dT%H%M%SZ"
 _TIME = r"\d{8}T\d{6}Z"
-_LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
 _MOST_LETTERS = 40  # of a trial's name in that of a file: with all that follows, some 100, of 255 bytes
 _DIGEST_LETTERS = 7
 
@@ -390,15 +397,6 @@ def parts_in(folder: Path, name: str) -> dict[Path, str]:
     pattern = re.compile(rf"({stem})(?:_part\d+)?(?:_\d+)?\.mcap")
     matches = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
     return {path: match[1] for path, match in matches if match}
-
-
-def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    """Recordings as their files, in the order of their names; the parts of one recording together, as they came."""
-    recordings: dict[Path, list[Path]] = {}
-    for path in sorted(paths):
-        match = _LATER_PART.fullmatch(path.stem)
-        recordings.setdefault(path.with_name(f"{match[1]}.mcap") if match else path, []).append(path)
-    return [tuple(files) for files in recordings.values()]
 
 
 def _stem(folder: Path, name: str, started: datetime) -> str:

@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import BinaryIO, NamedTuple
 
-from acquisition.core.frames import NANO, FrameFlag, can_flags
+from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.sources.actisense import MARK, Cutter
-from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, MILLI_NS, Entry, LineReader
+from acquisition.sources.line_forms import MILLI_NS, Entry, LineReader
 
 _BLOCK_BYTES = 8192
 _LONGEST_PACKET = 65_536

@@ -14,15 +14,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from acquisition.core.frames import NANO, FrameFlag, Protocol, can_flags
+from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.nmea0183 import checksum, cut_at_sentences, has_sentence, sentences_in, split_tag
 from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, StatedTimes, day_ns, possible_ns, zoned_ns
 from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
-HIGHEST_IDENTIFIER = 0x1FFFFFFF
-"""Of a CAN frame: 29 bits."""
 _MOST_BYTES = 64  # of a frame of CAN FD
 _LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier

@@ -16,6 +16,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from acquisition.config.sections import MqttSource, covers
+from acquisition.core.budget import TEXT_BYTES
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
 from acquisition.decoders.clock import is_possible
@@ -30,6 +31,7 @@ _KEEP_ALIVE_S = 10  # a broker that is cut off without a word is found out after
 _TIMEOUT_S = 3.0  # to connect, and for the broker's answer
 _POLL_S = 0.1
 _MOST_AT_ONCE, _MOST_BYTES_AT_ONCE = 300, 1_000_000
+_TABLE = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND upper(name) = 'LOG' AND sql LIKE 'CREATE TABLE%'"
 _ROWS = "SELECT UNIX_TIME, TOPIC, MESSAGE FROM LOG ORDER BY ID"
 _HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
@@ -110,7 +112,10 @@ def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
     from paho.mqtt.client import error_string
     from paho.mqtt.enums import MQTTErrorCode
 
-    code = client.loop(timeout_s)
+    try:
+        code = client.loop(timeout_s)
+    except Exception as error:  # what paho makes of packets that break the protocol
+        raise failure(config, "is lost", f"{type(error).__name__} {error}") from error
     if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
         raise failure(config, "is lost", error_string(code).rstrip("."))
 
@@ -144,7 +149,11 @@ class MqttConnection(Source):
 
     def _take(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         flags = FrameFlag.RETAINED if message.retain else FrameFlag.NONE
-        payload = message.topic.encode() + b"\0" + bytes(message.payload)
+        try:
+            topic = message.topic.encode()
+        except UnicodeDecodeError:  # some brokers pass on what is no text
+            topic = message._topic
+        payload = topic + b"\0" + bytes(message.payload)
         self._frames.append(Frame(self.name, "mqtt", payload, *now_ns(), flags=flags))
         self._size += len(payload)
 
@@ -187,6 +196,10 @@ class MqttLog(LogReader):
             raise ValueError(f"it is not an SQLite database; it looks like {looks_like(head)}")
         try:
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
+            self._log.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, TEXT_BYTES.allowance(0))
+            self._log.execute("PRAGMA trusted_schema = OFF")
+            if not self._log.execute(_TABLE).fetchall():  # a view could compute rows without end
+                raise ValueError("it is not a log of MQTT messages: it has no table LOG")
             self._rows = self._log.execute(_ROWS)
         except sqlite3.Error as error:
             raise ValueError(f"it is not a log of MQTT messages: {error}") from error

@@ -8,6 +8,7 @@ every attempt leaves in the output folder: no scheduler can tell which of a dead
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
 import re
 import shutil
@@ -64,7 +65,7 @@ class Job:
     @property
     def mark(self) -> Path:
         """A file with one byte for each attempt at it that has not come to an end."""
-        return Path(self.out) / MARKS / self.name.replace("/", "\\")
+        return Path(self.out) / MARKS / hashlib.sha256(self.name.encode()).hexdigest()
 
 
 Task = Callable[[Job], Row]
@@ -159,7 +160,7 @@ def attempt(job: Job, work: Callable[[Job], Row]) -> Row:
         with job.mark.open("ab") as mark:
             mark.write(b".")
         with _watched(job.timeout_s):
-            return {"name": job.name, **work(job)}
+            return {**work(job), "name": job.name}  # an earlier result may say another name
     except Exception as error:  # whatever it is, it is this job's and no other's
         return failed_row(job, cause_of(error))
     finally:
@@ -196,8 +197,9 @@ def _watched(timeout_s: float | None) -> Iterator[None]:
 
 def failed_row(job: Job, cause: str) -> Row:
     """The row of a recording of which nothing could be made; what was made of it earlier is no longer true."""
-    if (job.folder / SUMMARY).is_file():
-        shutil.rmtree(job.folder, ignore_errors=True)
+    with suppress(OSError):  # a folder that is closed to us
+        if (job.folder / SUMMARY).is_file():
+            shutil.rmtree(job.folder, ignore_errors=True)
     return {"name": job.name, "status": "failed", "cause": cause}
 
 

@@ -23,6 +23,8 @@ from analysis.tables.table import provenance_of
 if TYPE_CHECKING:
     from rich.console import Group
 
+    from acquisition.recording.grouping import Files
+
 
 @dataclass(frozen=True, slots=True)
 class RecordingManoeuvres:
@@ -34,17 +36,19 @@ class RecordingManoeuvres:
     left_out: tuple[LeftOut, ...] = ()
 
 
-def manoeuvres_of(path: Path, length_m: float | None = None, own: Sequence[str] = ()) -> RecordingManoeuvres:
-    """The manoeuvres of a recording, named by its event marks, and those of a user's ``own`` kinds.
+def manoeuvres_of(files: Files, length_m: float | None = None, own: Sequence[str] = ()) -> RecordingManoeuvres:
+    """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``own`` kinds.
 
     Raises :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.tables.table import table_of
 
-    recording = read_recording(path)
+    recording = read_together(files)
     table = table_of(recording)
-    return RecordingManoeuvres(str(path), table, *manoeuvres_and_left_out(table, length_m, recording.events, own))
+    return RecordingManoeuvres(
+        str(recording.path), table, *manoeuvres_and_left_out(table, length_m, recording.events, own)
+    )
 
 
 def summary(found: Iterable[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from markupsafe import Markup
 
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import atomic_file, write_text
+from acquisition.core.text import printable
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
@@ -45,6 +46,11 @@ class Page:
         return write_text(path, self.html)
 
 
+def _escaped(value: Any) -> Any:
+    """What a template writes, control characters in texts escaped; markup is made of texts that were."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
 @cache
 def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
@@ -54,7 +60,7 @@ def environment(*folders: Path) -> Environment:
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
+        trim_blocks=True, lstrip_blocks=True, finalize=_escaped,
     )  # fmt: skip
     made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": report.manoeuvre_line}
     made.globals |= {

@@ -26,7 +26,8 @@ from werkzeug.serving import make_server
 from werkzeug.utils import secure_filename
 
 from acquisition.core.errors import InputError, SeatrialError, SourceError
-from acquisition.recording.reader import read_parts, read_recording
+from acquisition.recording.grouping import read_parts
+from acquisition.recording.reader import read_recording
 from acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from acquisition.tables.table_files import read_raw
 from analysis.batch.batch import failures_of

@@ -48,8 +48,8 @@ def write_parquet(
     own = {METADATA_PREFIX + key: text for key, text in metadata.items()}
     own[METADATA_PREFIX + "software_version"] = software_version()
     schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **own})
-    with atomic_file(path) as partial:
-        pq.write_table(arrow.cast(schema), partial)
+    with atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
+        pq.write_table(arrow.cast(schema), stream)
 
 
 def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
@@ -60,7 +60,8 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
     if not Path(path).is_file():
         raise InputError("does not exist", where=str(path), fix="check the path")
     try:
-        arrow = pq.read_table(path)
+        with Path(path).open("rb") as stream:
+            arrow = pq.read_table(stream)
         frame = arrow.to_pandas()
     except (pa.ArrowException, OSError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]

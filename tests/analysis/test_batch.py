@@ -193,7 +193,7 @@ def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_d
     causes = {row["name"]: row["cause"] for row in summary.rows}
     assert {name for name, cause in causes.items() if not cause} == {"trial_001", "trial_005", "trial_006"}
     assert f"its worker died {MOST_ATTEMPTS} times" in causes["trial_002"]
-    assert causes["trial_003"].startswith("RuntimeError: never trial_003 seen (test_batch.py:")
+    assert "RuntimeError: never trial_003 seen" in causes["trial_003"]
     assert causes["trial_004"] == "took longer than 1 s"
     assert (summary.done, summary.failed, len(summary.failures)) == (3, 3, 3)
 

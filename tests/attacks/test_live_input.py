@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import gc
 import random
 import re
+import shutil
 import socket
+import ssl
+import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import can
+import msgpack
 import pytest
 
 from acquisition.config.configuration import TrialConfig, load_config
@@ -27,9 +33,11 @@ from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
 from acquisition.sources.streams import LineAssembler
-from tests.acquisition.conftest import free_port
-from tests.acquisition.test_faults import Cable, cable, recording, source, udp
-from tests.attacks import live_floods
+from tests.acquisition.can_frames import identifier_of
+from tests.acquisition.conftest import free_port, wait_for
+from tests.acquisition.test_faults import Cable, Running, cable, recording, slcan_headings, source, udp
+from tests.acquisition.test_running import say
+from tests.attacks import hostile_broker, live_floods
 from tests.attacks.commands import PATIENCE_S, run
 
 __all__ = ["cable"]  # the fixture
@@ -448,7 +456,7 @@ REASONS = {
     "wind without a reference", "heading without a reference", "course without a reference", "no fix",
     "impossible deviation", "impossible value", "not available", "error value", "another instance",
     "another system", "bad data", "unknown message", "no number", "no JSON object", "no sentence", "came twice",
-    "outside its channel's range",
+    "outside its channel's range", "longer than 64 kB", "frame that cannot be read",
 }  # fmt: skip
 
 
@@ -492,3 +500,283 @@ def test_small_frames_are_admitted_up_to_their_number() -> None:
     frame = Frame("line", "nmea0183", heading(1), NOON_NS, NOON_NS)
     assert inbox.put("line", [frame] * 700) == 700
     assert inbox.put("line", [frame] * 700) == 300
+
+
+MULTICAST = "239.74.163.2"
+FRAME_FIELDS = {
+    "timestamp": 0.0, "arbitration_id": identifier_of(127250), "is_extended_id": True, "is_remote_frame": False,
+    "is_error_frame": False, "channel": None, "dlc": 8, "data": bytes(8), "is_fd": False, "bitrate_switch": False,
+    "error_state_indicator": False,
+}  # fmt: skip
+MALFORMED = {
+    "noise": lambda chance: chance.randbytes(chance.randrange(1, 300)),
+    "nothing": lambda chance: b"",
+    "a number": lambda chance: msgpack.packb(5),
+    "another field": lambda chance: msgpack.packb({**FRAME_FIELDS, "os": 1}),
+    "text for data": lambda chance: msgpack.packb({**FRAME_FIELDS, "data": "heading!"}),
+    "a length for data": lambda chance: msgpack.packb({**FRAME_FIELDS, "data": 2**45}),
+    "a length that lies": lambda chance: msgpack.packb({**FRAME_FIELDS, "dlc": 7}),
+    "a thousand bytes": lambda chance: msgpack.packb({**FRAME_FIELDS, "data": bytes(1000), "dlc": 1000}),
+    "a fraction for an identifier": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": 1234.5}),
+    "an identifier of 40 bits": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": 2**40}),
+    "a negative identifier": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": -1}),
+    "text for an identifier": lambda chance: msgpack.packb({**FRAME_FIELDS, "arbitration_id": "123"}),
+    "depth": lambda chance: b"\x91" * 900 + b"\xc0",
+    "4 kB": lambda chance: b"\xc4" * 4096,
+}
+
+
+@pytest.mark.parametrize("name", [*MALFORMED, "noise on a serial adapter"])
+def test_malformed_frames_close_no_bus(name: str, tmp_path: Path, cable: Cable) -> None:
+    """One datagram of a stranger closed it, and what had been read with it was lost."""
+    chance, port = random.Random(1), free_port()
+    if on_line := name not in MALFORMED:
+        options = f'interface = "slcan"\nchannel = "{cable.path}"\noptions = {{ sleep_after_open = 0.0 }}'
+    else:
+        options = (
+            f'interface = "udp_multicast"\nchannel = "{MULTICAST}"\noptions = {{ hop_limit = 0, port = {port} }}'
+        )
+    with (
+        recording(tmp_path, source("bus", f'type = "can"\n{options}', ("heading_deg",))) as running,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger,
+        can.Bus(interface="udp_multicast", channel=MULTICAST, hop_limit=0, port=port) as bus,
+    ):
+        for number in range(50):
+            if on_line:
+                noise_line = chance.choice([b"T-1234567", b"t12", b"Tzzzzzzzz8", b"r1", b"d1zz", b"\xff\xfe\0t"])
+                cable.send(noise_line + b"\r" + slcan_headings(range(number, number + 1)))
+            else:
+                stranger.sendto(MALFORMED[name](chance), (MULTICAST, port))
+                bus.send(can.Message(
+                    arbitration_id=identifier_of(127250), data=bytes([number]) + bytes.fromhex("7b2cff7fff7ffc"),
+                ))  # fmt: skip
+            running.wait_for_frames("bus", number + 1)
+    assert running.told("failed") == running.told("is back") == 0
+    assert running.recording.series["heading_deg"].value.size == 50
+    assert running.sources["bus"].reasons["frame that cannot be read"] >= 30
+
+
+def frames_of_a_flood(chance: random.Random, count: int) -> Iterator[can.Message]:
+    """Every priority, 11 and 29 bits, remote, error and FD frames, claims, parts of messages of every number."""
+    for number in range(count):
+        kind, address = number % 6, chance.randrange(36, 254)
+        identifier, data = chance.getrandbits(29), chance.randbytes(chance.choice((0, 3, 8)))
+        if kind == 1:
+            identifier, data = 0x18EEFF00 | address, chance.randbytes(8)
+        elif kind == 2:
+            identifier = identifier_of(129029, address, priority=number % 8)
+            data = bytes([chance.randrange(256)]) + chance.randbytes(7)
+        is_extended, is_fd, is_remote = kind != 3, kind == 4, kind == 5 and number % 2 == 0
+        yield can.Message(
+            arbitration_id=identifier if is_extended else identifier & 0x7FF, is_extended_id=is_extended,
+            is_fd=is_fd, data=b"" if is_remote else chance.randbytes(64) if is_fd else data,
+            is_remote_frame=is_remote, is_error_frame=kind == 5 and not is_remote,
+        )  # fmt: skip
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("interface", ["virtual", "udp_multicast"])
+def test_a_flooded_bus_costs_no_other_source_a_value(interface: str, tmp_path: Path) -> None:
+    """Thirty thousand frames as fast as they go: each is recorded or counted as lost."""
+    port, bus_port, count = free_port(), free_port(), 30_000
+    options = {"hop_limit": 0, "port": bus_port} if interface == "udp_multicast" else {}
+    channel = MULTICAST if interface == "udp_multicast" else f"flood-{bus_port}"
+    listed = ", ".join(f"{name} = {value}" for name, value in options.items())
+    section = f'type = "can"\ninterface = "{interface}"\nchannel = "{channel}"\noptions = {{ {listed} }}'
+    sources = source("bus", section, ("heading_deg", "north_m", "east_m")) + udp("beside", port, "yaw_rate_dps")
+    with (
+        can.Bus(interface=interface, channel=channel, **options) as bus,
+        recording(tmp_path, sources) as running,
+    ):
+        for number, message in enumerate(frames_of_a_flood(random.Random(1), count)):
+            bus.send(message)
+            if number % 300 == 0:
+                say(port, f"TIROT,{6 * (number // 300)},A")
+        bus.send(can.Message(arbitration_id=identifier_of(127250), data=bytes.fromhex("007b2cff7fff7ffc")))
+        seen = running.sources["bus"]
+        wait_for(lambda: seen.frames + seen.dropped + seen.over_budget >= count + 1)
+        running.wait_for_frames("beside", 100)
+    recorded_frames = running.recording.raw["/raw/can/bus"]
+    assert recorded_frames + seen.dropped >= count + 1
+    assert running.recording.series["yaw_rate_dps"].value == pytest.approx([number / 10 for number in range(100)])
+    assert running.told("decoder|unexpected|could not be interpreted") == 0
+    assert running.recording.series["heading_deg"].value.size >= (seen.dropped == 0)
+    assert set(seen.reasons) <= REASONS
+
+
+def mqtt(port: int, more: str = "") -> str:
+    section = f'type = "mqtt"\nport = {port}\ntopics = ["ship/#"]\n{more}'
+    return source("broker", section, ("heading_deg",))
+
+
+def spoken(number: int) -> bytes:
+    return hostile_broker.message(b"ship/nmea", heading(number))
+
+
+ODD = {
+    "no UTF-8": hostile_broker.message(b"ship/\xff\xfe", heading(1)[:-2]),
+    "a zero byte": hostile_broker.message(b"ship/\0/x", b"1"),
+    "64 kB": hostile_broker.message(b"ship/" + b"a" * 65_000, b"1"),
+    "control characters": hostile_broker.message("ship/\x1b[2J\u202e\n".encode(), b"\x1b[2J"),
+    "wildcards": hostile_broker.message(b"ship/#/+", b"1"),
+    "of another tree": hostile_broker.message(b"$SYS/uptime", b"1"),
+    "retained": hostile_broker.message(b"ship/nmea", heading(99), retained=True),
+    "empty": hostile_broker.message(b"ship/nmea", b""),
+    "10 MB": hostile_broker.message(b"ship/nmea", b"\xff" * 10_000_000),
+    "10 MB of lines": hostile_broker.message(b"ship/nmea", b"$HEHDT,1.0,T\n" * 700_000),
+    "a picture": hostile_broker.message(b"ship/nmea", bytes(range(256)) * 100),
+}
+
+
+@pytest.mark.parametrize("name", [name for name in ODD if "MB" not in name])
+def test_odd_messages_of_a_broker_cost_no_other(name: str, tmp_path: Path) -> None:
+    odd_between_values(ODD[name], tmp_path)
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("name", ["10 MB", "10 MB of lines"])
+def test_large_messages_of_a_broker_cost_no_other(name: str, tmp_path: Path) -> None:
+    odd_between_values(ODD[name], tmp_path)
+
+
+def odd_between_values(odd: bytes, folder: Path) -> None:
+    port = free_port(socket.SOCK_STREAM)
+
+    def behave(client: socket.socket) -> None:
+        for number in range(20):
+            client.sendall(spoken(number) + (odd if number in (3, 10) else b""))
+
+    with (
+        hostile_broker.HostileBroker(port, behave),
+        recording(folder, mqtt(port) + udp("beside", free_port())) as running,
+    ):
+        wait_for(lambda: running.recorder.health.channels["heading_deg"].count >= 20)
+    assert running.recording.series["heading_deg"].value.tolist() == HEADINGS[:20]
+    assert running.told("lost|failed|unexpected|decoder") == 0
+
+
+BREAKS = {
+    "closes": b"",
+    "sends noise": b"\xff" * 100,
+    "sends a length that lies": hostile_broker.packet(0x30, b"\0\x03abc", length=2**27),
+    "sends a length without end": b"\x30" + b"\xff" * 10,
+    "sends a topic longer than its packet": hostile_broker.packet(0x30, b"\xff\xffabc"),
+    "sends an empty topic": hostile_broker.message(b"", b"1"),
+    "sends an empty packet": hostile_broker.packet(0x30, b""),
+    "sends quality of service 3": hostile_broker.packet(0x36, b"\0\x01a\0\x01x"),
+    "connects it again": hostile_broker.packet(0x20, b"\0\0"),
+    "sends what only subscribers send": hostile_broker.packet(0x82, b"\0\x01\0\x01#\0"),
+}
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_a_broker_that_breaks_the_protocol_is_returned_to(name: str, tmp_path: Path) -> None:
+    """What came before it is recorded; the next connection goes on."""
+    port, connections = free_port(socket.SOCK_STREAM), []
+
+    def behave(client: socket.socket) -> None:
+        connections.append(client)
+        if len(connections) == 1:
+            client.sendall(spoken(1) + spoken(2) + BREAKS[name])
+            time.sleep(0.2)
+            client.shutdown(socket.SHUT_RDWR)
+        else:
+            client.sendall(spoken(3))
+
+    with (
+        hostile_broker.HostileBroker(port, behave),
+        recording(tmp_path, mqtt(port) + udp("beside", free_port())) as running,
+    ):
+        wait_for(lambda: running.recorder.health.channels["heading_deg"].count >= 3)
+    assert running.recording.series["heading_deg"].value.tolist() == [1.5, 2.5, 3.5]
+    assert running.told("source 'broker' is back") == 1
+
+
+@pytest.mark.parametrize("answer", [hostile_broker.WRONG_PASSWORD, hostile_broker.NOT_AUTHORISED])
+def test_a_broker_that_refuses_is_asked_again_and_no_password_is_told(
+    answer: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SECRET", "hunter2-hunter2")
+    port = free_port(socket.SOCK_STREAM)
+    broker = hostile_broker.HostileBroker(port, lambda client: client.sendall(spoken(3)))
+    broker.answer = answer
+    credentials = 'user = "trial"\npassword_variable = "SECRET"'
+    with broker, recording(tmp_path, mqtt(port, credentials) + udp("beside", free_port())) as running:
+        wait_for(lambda: len(broker.passwords) >= 2)
+        broker.answer = hostile_broker.ACCEPTED
+        wait_for(lambda: running.recorder.health.channels["heading_deg"].count >= 1)
+    assert running.told("refuses the connection.*correct `user` and its password") == 1
+    assert all(b"hunter2-hunter2" in sent for sent in broker.passwords)
+    assert b"hunter2" not in running.parts.path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate of this computer, signed by itself, and its key."""
+    openssl = shutil.which("openssl")
+    if openssl is None:
+        pytest.skip("needs openssl to make a certificate")
+    folder = tmp_path_factory.mktemp("certificate")
+    certificate, key = folder / "certificate.pem", folder / "key.pem"
+    subprocess.run(
+        [openssl, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
+         "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", key, "-out", certificate],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    return certificate, key
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # paho leaves its socket to Python
+@pytest.mark.parametrize("trusted", [True, False], ids=["its own authority", "an unknown authority"])
+def test_a_broker_by_tls_is_believed_by_its_certificate_alone(
+    trusted: bool, tmp_path: Path, certificate: tuple[Path, Path]
+) -> None:
+    port, context = free_port(socket.SOCK_STREAM), ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(*certificate)
+    tls = f'ca_file = "{certificate[0]}"' if trusted else "tls = true"
+    with (
+        hostile_broker.HostileBroker(port, lambda client: client.sendall(spoken(3)), context) as broker,
+        recording(tmp_path, mqtt(port, tls) + udp("beside", free_port())) as running,
+    ):
+        if trusted:
+            wait_for(lambda: running.recorder.health.channels["heading_deg"].count >= 1)
+        else:
+            running.wait_for_state("broker", "failed")
+    gc.collect()
+    assert bool(broker.passwords) == trusted
+    assert running.told("certificate verify failed.*correct `port`, `tls` and `ca_file`") == (not trusted)
+
+
+@pytest.mark.attack
+def test_a_broker_that_never_answers_keeps_nothing_waiting(tmp_path: Path) -> None:
+    port, beside = free_port(socket.SOCK_STREAM), free_port()
+    with socket.create_server(("127.0.0.1", port)):
+        running = Running(tmp_path, mqtt(port) + udp("beside", beside, "yaw_rate_dps"))
+        running.recorder.start()  # does not wait for the broker
+        running.wait_for_state("beside", "open")
+        say(beside, "TIROT,6,A")
+        running.wait_for_frames("beside", 1)
+        running.wait_for_state("broker", "failed")
+        running.recorder.stop()
+        running.parts.close()
+    assert running.recording.series["yaw_rate_dps"].value == pytest.approx([0.1])
+    assert running.told("does not answer") == 1
+
+
+@pytest.mark.attack
+def test_a_broker_that_floods_costs_no_other_source_a_value(tmp_path: Path) -> None:
+    port, beside, count = free_port(socket.SOCK_STREAM), free_port(), 30_000
+
+    def behave(client: socket.socket) -> None:
+        for start in range(0, count, 100):
+            client.sendall(b"".join(spoken(number) for number in range(start, start + 100)))
+
+    sources = mqtt(port) + udp("beside", beside, "yaw_rate_dps")
+    with hostile_broker.HostileBroker(port, behave), recording(tmp_path, sources) as running:
+        for number in range(50):
+            say(beside, f"TIROT,{6 * number},A")
+        seen = running.sources["broker"]
+        wait_for(lambda: seen.frames >= count)
+        running.wait_for_frames("beside", 50)
+    assert running.recording.raw["/raw/mqtt/broker"] + seen.dropped == count
+    assert running.recording.series["yaw_rate_dps"].value.size == 50
