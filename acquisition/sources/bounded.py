@@ -41,7 +41,7 @@ class _Bytes(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any, /) -> int:
-        data = self._stream.read(len(buffer))
+        data = self._stream.read1(len(buffer))  # what is there: the rest of a log that is cut off would raise
         self.meter.add(TABLE_TEXT_BYTES, len(data))
         buffer[: len(data)] = data
         return len(data)
