@@ -37,7 +37,7 @@ from tests.acquisition.can_frames import identifier_of
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_faults import Cable, Running, cable, recording, slcan_headings, source, udp
 from tests.acquisition.test_running import say
-from tests.attacks import hostile_broker, live_floods
+from tests.attacks import hostile_broker, live_floods, mutations
 from tests.attacks.commands import PATIENCE_S, run
 
 __all__ = ["cable"]  # the fixture
@@ -780,3 +780,24 @@ def test_a_broker_that_floods_costs_no_other_source_a_value(tmp_path: Path) -> N
         running.wait_for_frames("beside", 50)
     assert running.recording.raw["/raw/mqtt/broker"] + seen.dropped == count
     assert running.recording.series["yaw_rate_dps"].value.size == 50
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("protocol", mutations.FOLDERS)
+def test_mutated_captures_break_no_decoder(protocol: str, shared_data: Path) -> None:
+    """Bits flipped, bytes cut out, doubled, swapped: nothing fails or is out of range, the rest is as before."""
+    found = mutations.attack(protocol, 1_500, seed=1)
+    assert found["values"] > 300
+
+
+@pytest.mark.attack
+@pytest.mark.shared
+@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("protocol", mutations.FOLDERS)
+def test_captures_that_are_mutated_for_minutes_break_no_decoder(
+    protocol: str, seed: int, shared_data: Path
+) -> None:
+    """All in all some five minutes, in a process of its own: its memory does not grow with what is refused."""
+    outcome = run([sys.executable, "-m", "tests.attacks.mutations", protocol, "60000", str(seed)]).done()
+    assert "values" in outcome.out
+    assert outcome.peak_mb < 400.0
