@@ -18,6 +18,7 @@ from pathlib import Path
 import can
 import msgpack
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.channels import NAMES
@@ -39,6 +40,7 @@ from tests.acquisition.test_faults import Cable, Running, cable, recording, slca
 from tests.acquisition.test_running import say
 from tests.attacks import hostile_broker, live_floods, mutations
 from tests.attacks.commands import PATIENCE_S, run
+from tests.benchmarks import wide_load
 
 __all__ = ["cable"]  # the fixture
 NOON_NS = 1_798_718_400_000_000_000
@@ -801,3 +803,43 @@ def test_captures_that_are_mutated_for_minutes_break_no_decoder(
     outcome = run([sys.executable, "-m", "tests.attacks.mutations", protocol, "60000", str(seed)]).done()
     assert "values" in outcome.out
     assert outcome.peak_mb < 400.0
+
+
+@pytest.mark.parametrize("forged", [False, True], ids=["signed", "with a forged signature"])
+def test_a_signed_packet_is_decoded_whoever_signed_it(forged: bool, tmp_path: Path) -> None:
+    """Signatures are not verified, as the documentation says; what is damaged is refused by its checksum."""
+    link = dialect.MAVLink(None, srcSystem=1)
+    link.signing.secret_key, link.signing.sign_outgoing = bytes(32), True
+    packets = [
+        bytearray(link.attitude_encode(number, 0.0, 0.0, number / 10, 0.0, 0.0, 0.1).pack(link))
+        for number in range(20)
+    ]
+    for packet in packets if forged else ():
+        packet[-6:] = b"forged"
+    damaged = [packet[:12] + bytes([packet[12] ^ 1]) + packet[13:] for packet in packets]
+    config = configured(tmp_path, source("link", 'type = "mavlink"\nport = 1', ("heading_deg",)))
+    frames = [
+        Frame("link", "mavlink", bytes(packet), NOON_NS + number * 10**8, number * 10**8)
+        for number, packet in enumerate([*packets, *damaged])
+    ]
+    found, reasons = recorded(tmp_path, config, frames)
+    assert found.series["heading_deg"].value.size == 20
+    assert reasons["bad data"] >= 19  # the last may yet go on
+
+
+@pytest.mark.attack
+def test_five_hundred_channels_of_two_hundred_sources_are_recorded(tmp_path: Path) -> None:
+    ports: dict[int, None] = {}
+    while len(ports) < 200:
+        ports[free_port()] = None
+    text, sentences = wide_load.configuration(list(ports), 500)
+    with recording(tmp_path, text[text.index("[[channel]]") :]) as running:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+            for _ in range(20):
+                for port, data in sentences:
+                    line.sendto(data, ("127.0.0.1", port))
+                time.sleep(0.05)
+        wait_for(lambda: sum(seen.frames for seen in running.sources.values()) >= 20 * len(sentences))
+    series = running.recording.series
+    assert len(series) == 500
+    assert {one.value.size for one in series.values()} == {20}
