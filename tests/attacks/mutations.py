@@ -141,7 +141,7 @@ def attack(protocol: Protocol, count: int, seed: int) -> dict[str, int]:
     frames = captured(protocol)
     if protocol != "can":  # whose messages come in parts
         chance.shuffle(frames)
-    compared = said = 0
+    compared = total = 0
     for number, captured_frame in zip(range(count), cycle(frames), strict=False):
         at_ns = number * 20_000_000
         frame = captured_frame._replace(
@@ -154,13 +154,13 @@ def attack(protocol: Protocol, count: int, seed: int) -> dict[str, int]:
             values(disturbed, faulty._replace(received_ns=frame.received_ns, monotonic_ns=at_ns))
         watched.process(frame)
         if is_stateless(frame):
-            expected, found = values(clean, frame), values(disturbed, frame)
+            expected, read_values = values(clean, frame), values(disturbed, frame)
             # A packet that is whole in a mutated datagram may come out with this one.
-            assert found[len(found) - len(expected) :] == expected, (frame, found, expected)
-            compared, said = compared + 1, said + len(found)
+            assert read_values[len(read_values) - len(expected) :] == expected, (frame, read_values, expected)
+            compared, total = compared + 1, total + len(read_values)
     failures = {reason: n for reason, n in watched.health.sources["line"].reasons.items() if "failed" in reason}
     assert not failures, failures
-    return {"frames": compared, "values": said}
+    return {"frames": compared, "values": total}
 
 
 if __name__ == "__main__":

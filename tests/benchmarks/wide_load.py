@@ -55,8 +55,8 @@ def main(duration_s: float, channels: int, rate_hz: float, sources: int) -> None
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         assert recorder.stderr is not None
-        told = next((line for line in recorder.stderr if "recording to" in line or "seatrial:" in line), "")
-        assert "recording to" in told, told
+        answer = next((line for line in recorder.stderr if "recording to" in line or "seatrial:" in line), "")
+        assert "recording to" in answer, answer
         print(f"started after {time.monotonic() - began_s:.1f} s")
         time.sleep(2.0)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
@@ -89,5 +89,5 @@ def report(paths: list[Path], sent: int, share: float, duration_s: float) -> Non
 if __name__ == "__main__":
     numbers = [float(argument) for argument in sys.argv[1:]]
     defaults = [60.0, 500, 100.0, 10]
-    given_s, given_channels, given_hz, given_sources = [*numbers, *defaults[len(numbers) :]]
-    main(given_s, int(given_channels), given_hz, int(given_sources))
+    seconds, channel_count, hertz, source_count = [*numbers, *defaults[len(numbers) :]]
+    main(seconds, int(channel_count), hertz, int(source_count))
