@@ -129,7 +129,7 @@ def _history_in(text: str) -> list[dict[str, Any]]:
     """The steps of a history as it was written; none where somebody has written something else."""
     try:
         steps = json.loads(text) if text else []
-    except ValueError:
+    except (ValueError, RecursionError):
         return []
     return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
 
