@@ -18,7 +18,7 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
 from acquisition.config.sections import Signal
-from acquisition.core.budget import DBC_BYTES, DBC_TEXT_BYTES
+from acquisition.core.budget import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
@@ -33,6 +33,7 @@ from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
 )
+_SIZES = re.compile(rb"\|\s*(\d+)\s*@|^\s*BO_\s+\d+\s+\w+\s*:\s*(\d+)", re.MULTILINE)
 _ERROR = re.compile(r"(?i)error|fault")
 
 
@@ -51,8 +52,11 @@ def _check_size(path: Path) -> None:
     """Refuse a file of which the library would take gigabytes: of a text some 240 times its letters."""
     size_bytes = path.stat().st_size
     DBC_BYTES.require(size_bytes, path, size_bytes, ConfigurationError)
-    longest = max(map(len, path.read_bytes().replace(b'\\"', b"__").split(b'"')))
+    content = path.read_bytes()
+    longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
     DBC_TEXT_BYTES.require(longest, path, size_bytes, ConfigurationError)
+    widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
+    DBC_BITS.require(widest, path, size_bytes, ConfigurationError)
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:
