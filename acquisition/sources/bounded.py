@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.budget import TABLE_TEXT_BYTES, TEXT_BYTES, Meter
+from acquisition.core.budget import LOG_BYTES, TEXT_BYTES, Meter
 
 _BLOCK_BYTES = 64 * 1024
 
@@ -42,7 +42,7 @@ class _Bytes(io.RawIOBase):
 
     def readinto(self, buffer: Any, /) -> int:
         data = self._stream.read1(len(buffer))  # what is there: the rest of a log that is cut off would raise
-        self.meter.add(TABLE_TEXT_BYTES, len(data))
+        self.meter.add(LOG_BYTES, len(data))
         buffer[: len(data)] = data
         return len(data)
 

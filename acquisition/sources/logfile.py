@@ -25,7 +25,7 @@ import can
 from can.io import blf
 
 from acquisition.config.sections import FileSource
-from acquisition.core.budget import TABLE_TEXT_BYTES
+from acquisition.core.budget import LOG_BYTES
 from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
 from acquisition.decoders.nmea0183 import has_sentence
 from acquisition.sources import SQLITE, LogReader, looks_like
@@ -66,7 +66,7 @@ class _Blf(can.BLFReader):
             self.file.read(size % 4)
             if kind == blf.LOG_CONTAINER:
                 plain = _container(body)
-                self._meter.add(TABLE_TEXT_BYTES, len(plain))
+                self._meter.add(LOG_BYTES, len(plain))
                 yield from self._parse_container(plain)
                 if len(self._tail) > _LONGEST_OBJECT_BYTES:
                     raise ValueError("an object in it is longer than any")

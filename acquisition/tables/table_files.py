@@ -194,7 +194,8 @@ def _read_gpx(path: Path) -> RawTable:
     """The points of all tracks, with their time and what else each tells, speed and course say."""
     from xml.etree import ElementTree as ET
 
-    meter, rows, parents = Meter(path, path.stat().st_size), list[dict[str, Any]](), list[Any]()
+    meter, rows, names = Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
+    parents = list[Any]()
     for event, element in ET.iterparse(path, ("start", "end")):
         if event == "start":
             parents.append(element)
@@ -204,6 +205,8 @@ def _read_gpx(path: Path) -> RawTable:
         if _tag(element) in ("trkpt", "rtept"):
             rows.append(_point(element))
             meter.add(TABLE_CELLS, len(rows[-1]))
+            names.update(rows[-1])
+            meter.check(TABLE_COLUMNS, len(names))
         if parents and not any(_tag(parent) in ("trkpt", "rtept") for parent in parents):
             parents[-1].remove(element)  # what was read need not stay in memory
     return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
