@@ -102,8 +102,7 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
 def _check_departure(
     trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
 ) -> None:
-    from rich.console import Console
-
+    from acquisition.core.result import plain_console
     from acquisition.logger.display import preflight_table
     from acquisition.logger.preflight import check_before_departure
 
@@ -112,7 +111,7 @@ def _check_departure(
     if as_json:
         typer.echo(json.dumps(found.as_json()))
     else:
-        Console().print(preflight_table(found))
+        plain_console().print(preflight_table(found))
     if found.obstacles:
         typer.echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
         raise typer.Exit(1)
@@ -156,9 +155,9 @@ def discover(
     if as_json:
         typer.echo(json.dumps(found.as_json()))
     elif found.survey is not None:
-        from rich.console import Console
+        from acquisition.core.result import plain_console
 
-        console = Console()
+        console = plain_console()
         for table in tables(found):
             console.print(table)
     if found.survey is None:
@@ -278,9 +277,9 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
         text = f"{question.text} {'/'.join(question.options)}"
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
-    from rich.console import Console
+    from acquisition.core.result import plain_console
 
-    Console(stderr=True).print(proposal_table(proposal))
+    plain_console(stderr=True).print(proposal_table(proposal))
     for warning in proposal.warnings:
         typer.echo(f"warning: {printable(warning)}", err=True)
     if preview is not None:
@@ -307,12 +306,11 @@ def info(
     if as_json:
         typer.echo(json.dumps(found))
         return
-    from rich.console import Console
-
+    from acquisition.core.result import plain_console
     from acquisition.logger.missing import by_reason, missing_in
 
     # As it is: brackets in what comes from files are no markup, and a path is not broken at 80 columns.
-    tell = partial(Console().print, highlight=False, markup=False, soft_wrap=True)
+    tell = partial(plain_console().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
     tell(
         f"{', '.join(map(str, recording.paths))}  {'closed properly' if found['closed'] else unclosed}",
@@ -329,7 +327,7 @@ def info(
         tell(recording.clock)
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
-    Console().print(_channel_table(found["channels"], found["trial"]))
+    plain_console().print(_channel_table(found["channels"], found["trial"]))
     for names, reason in by_reason(missing_in(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
     for topic, count in found["raw"].items():

@@ -90,9 +90,9 @@ def check(
     if as_json:
         typer.echo(json.dumps(quality.as_json()))
         return
-    from rich.console import Console
+    from acquisition.core.result import plain_console
 
-    Console().print(quality)
+    plain_console().print(quality)
 
 
 def _values(count: int) -> str:
@@ -230,9 +230,8 @@ def manoeuvres(
     as_json: AsJson = False,
 ) -> None:
     """Find manoeuvres and compute their indices."""
-    from rich.console import Console
-
     from acquisition.core.progress import bar
+    from acquisition.core.result import plain_console
     from acquisition.recording.grouping import whole_recordings
     from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
@@ -245,7 +244,7 @@ def manoeuvres(
         typer.echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
-            Console().print(terminal_tables(each, every=every))
+            plain_console().print(terminal_tables(each, every=every))
     if output is not None:
         for path in write_report(found, output, length):
             typer.echo(path, err=as_json)

@@ -14,7 +14,7 @@ from acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import RenderableType
+    from rich.console import Console, RenderableType
 
 _WIDTH = 110  # columns
 
@@ -53,6 +53,13 @@ class Result:
             lambda figure: draw(figure, self), self.size_inch
         )
         return filled
+
+
+def plain_console(**settings: Any) -> Console:
+    """A console to which brackets and colons are text: names of sources and channels are strangers'."""
+    from rich.console import Console
+
+    return Console(markup=False, emoji=False, **settings)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
 from acquisition.core.frames import NANO, Frame, iso, now_ns
+from acquisition.core.result import plain_console
 from acquisition.decoders import BAD_DATA
 from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
@@ -176,11 +177,10 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    from rich.console import Console
     from rich.live import Live
 
     # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
-    live = Live(picture, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    live = Live(picture, console=plain_console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 
