@@ -469,7 +469,8 @@ LOG_SOURCES = {".tlog": ("mavlink_file", ""), ".db": ("mqtt_file", MQTT_VALUES)}
 def write_configuration(folder: Path, source: str) -> Path:
     """A configuration of one source."""
     (folder / "trial.toml").write_text(
-        f'[trial]\nname = "bomb"\nvessel = "gunnerus"\n[[source]]\nname = "line"\nchannels = ["heading_deg"]\n{source}'
+        '[trial]\nname = "bomb"\nvessel = "gunnerus"\n'
+        f'[[source]]\nname = "line"\nchannels = ["heading_deg"]\n{source}'
     )
     return folder / "trial.toml"
 
