@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.errors import InputError
+from acquisition.core.files import parse_json
 from acquisition.core.trial import Trial
 from acquisition.tables.table_files import RawTable, optional, trial_of
 
@@ -144,7 +144,7 @@ def read_netcdf(path: Path) -> RawTable:
         for name, (_, _, said) in along.items()
         if (meaning := said.get("standard_name") or said.get("long_name"))
     }
-    return RawTable(path, frame, trial_of(json.loads(attributes.get("trial", "{}"))), units, meanings)
+    return RawTable(path, frame, trial_of(parse_json(attributes.get("trial", "{}"))), units, meanings)
 
 
 def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:

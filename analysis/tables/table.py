@@ -12,7 +12,6 @@ is no time of day and no folder in it, so that the same input gives the same byt
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -36,6 +35,7 @@ from acquisition.core.channels import (
     trial_names,
 )
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.files import parse_json
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import Recording, read_recording
@@ -125,19 +125,24 @@ def attributes_of(recording: Recording) -> dict[str, Any]:
 def _history_in(text: str) -> list[dict[str, Any]]:
     """The steps of a history as it was written; none where somebody has written something else."""
     try:
-        steps = json.loads(text) if text else []
+        steps = parse_json(text) if text else []
     except ValueError:
         return []
     return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
 
 
+MOST = 1e30
+"""No channel in any unit has values as large, and the fourth powers of smaller ones are still numbers."""
+
+
 def valid_values(series: Series) -> Floats:
-    """The values of a series, NaN where they are flagged bad."""
-    return np.where(series.quality >= Quality.BAD, np.nan, series.value)
+    """The values of a series, NaN where they are flagged bad or larger than :data:`MOST`."""
+    valid = (series.quality < Quality.BAD) & (np.abs(series.value) < MOST)
+    return np.where(valid, series.value, np.nan)
 
 
 def count_bad(recording: Recording) -> int:
-    """How many values a recording flags bad itself, which tables of it lack."""
+    """How many values a recording flags bad itself, or cannot hold (:data:`MOST`); tables of it lack them."""
     lacking = (np.isfinite(each.value) & np.isnan(valid_values(each)) for each in recording.series.values())
     return sum(int(each.sum()) for each in lacking)
 
