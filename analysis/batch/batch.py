@@ -19,6 +19,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.files import read_json
 from acquisition.core.progress import Progress
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import whole_recordings
@@ -266,7 +267,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
     for path in sorted(out.rglob(SUMMARY)):
         name = path.parent.relative_to(out).as_posix()
         try:
-            row = json.loads(path.read_text(encoding="utf-8"))
+            row = read_json(path)
             ours = name not in names and row["provenance"]["recording"] == name
         except (OSError, ValueError, LookupError, TypeError):
             continue  # somebody else's file of that name

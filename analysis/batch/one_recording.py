@@ -23,6 +23,7 @@ import pandas as pd
 
 from acquisition.core.channels import known_channels
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
+from acquisition.core.files import read_json
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from acquisition.recording.grouping import read_parts
@@ -125,8 +126,8 @@ def reusable_row(
 ) -> Row | None:
     """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
     try:
-        row: Row = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        row: Row = dict(read_json(folder / SUMMARY))
+    except (OSError, ValueError, TypeError):
         return None
     origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
     return row if row.get("provenance") == origin else None

@@ -25,6 +25,7 @@ import pandas as pd
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
+from acquisition.core.files import parse_json
 from acquisition.recording.grouping import read_parts, whole_recordings
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
@@ -226,10 +227,12 @@ def read_windows(path: Path | str) -> HeldWindows:
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
     rows.attrs.update(actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
-    return HeldWindows(
-        rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path),
-        provenance=json.loads(metadata.get("provenance", "{}")),
-    )  # fmt: skip
+    try:
+        account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
+        return HeldWindows(rows[names], **account, starts=_starts_beside(rows, path), provenance=provenance)
+    except (ValueError, TypeError) as error:
+        raise InputError("was not written by this version", where=str(path), why=str(error),
+                         fix="run `seatrial windows` again") from error  # fmt: skip
 
 
 def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:

@@ -217,8 +217,8 @@ def batch_options(out: Path) -> Any:
 
     for path in sorted(out.rglob(SUMMARY)):
         try:
-            return Options(**json.loads(path.read_text(encoding="utf-8"))["provenance"]["options"])
-        except (OSError, ValueError, KeyError, TypeError):
+            return Options(**read_json(path)["provenance"]["options"])
+        except (OSError, ValueError, KeyError, TypeError):  # an InputError is a ValueError
             continue
     raise ConfigurationError(
         "contains no result with known options", where=str(out), fix="run `seatrial batch` again"

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rich.console import Group
 
 from acquisition.core.errors import InputError
-from acquisition.core.files import atomic_file, write_text
+from acquisition.core.files import atomic_file, read_json, write_text
 from analysis.report.plots import FAINT
 from analysis.report.rendering import Page, render
 from hybrid.prediction.scores import Interval
@@ -184,8 +184,8 @@ def results_of(folder: Path) -> dict[str, Any]:
                          fix="run `seatrial reproduce table3 -o` that folder")  # fmt: skip
     path = folder / TABLE
     try:
-        table = read_table3(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
-    except (OSError, InputError, ValueError, KeyError, TypeError) as error:
+        table = read_table3(read_json(path)) if path.is_file() else None
+    except Exception as error:  # what others wrote into it may fail in every possible way
         raise InputError("was not written by this version", where=str(path), why=f"{type(error).__name__} {error}",
                          fix="run `seatrial reproduce table3` again") from error  # fmt: skip
     return {"table3": sys.modules[__name__], "table": table, "folder": folder}

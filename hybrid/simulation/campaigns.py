@@ -16,7 +16,7 @@ import pandas as pd
 
 from acquisition.config.toml_file import load_toml
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import atomic_file, read_json
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from analysis.batch.one_recording import Row
@@ -191,7 +191,7 @@ def _public(job: TrialJob) -> dict[str, Any]:
 def _plan_of(truth: Path) -> str | None:
     """The plan that a trial was made by, if it is complete."""
     try:
-        plan = json.loads(truth.read_text(encoding="utf-8"))["plan"]
+        plan = read_json(truth)["plan"]
     except (OSError, ValueError, LookupError, TypeError):
         return None
     return str(plan)
