@@ -18,13 +18,12 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from contextlib import nullcontext
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import DEBUG_VARIABLE, unexpected
 from acquisition.core.named_code import imported
-from acquisition.core.process import guard_standard_streams, stop_on_signals
+from acquisition.core.process import guard_standard_streams, interrupt_on_terminate, stop_on_signals
 
 if TYPE_CHECKING:
     import typer
@@ -124,7 +123,7 @@ def main() -> None:
     """
     guard_standard_streams()
     try:
-        with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else nullcontext():
+        with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else interrupt_on_terminate():
             _app()()
     except KeyboardInterrupt:
         sys.exit(_INTERRUPTED)

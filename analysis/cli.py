@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import RECORDINGS, AsJson, Output
+from acquisition.cli import RECORDINGS, AsJson, Output, writes
 from acquisition.core.files import expect_suffix
 
 RebuildPositions = Annotated[
@@ -31,6 +31,7 @@ def mount(app: typer.Typer) -> None:
         app.command(rich_help_panel=RECORDINGS)(command)
 
 
+@writes("repair", folder="output")
 def check(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Annotated[
@@ -93,6 +94,7 @@ def _values(count: int) -> str:
     return "1 value" if count == 1 else f"{count:,} values"
 
 
+@writes("output")
 def export(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Output,
@@ -150,6 +152,7 @@ def _named_values(given: list[str]) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
+@writes("output")
 def windows(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Output,
@@ -206,6 +209,7 @@ def windows(
     typer.echo(output)
 
 
+@writes(folder="output")
 def manoeuvres(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="A folder for JSON and pictures.")] = None,
@@ -244,6 +248,7 @@ def manoeuvres(
             typer.echo(path, err=as_json)
 
 
+@writes("output")
 def smooth(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Output,
@@ -274,6 +279,7 @@ def smooth(
     typer.echo(output)
 
 
+@writes(folder="output")
 def batch(
     folder: Annotated[Path, typer.Argument(help="A folder with recordings, also in subfolders.")],
     output: Output,
@@ -304,9 +310,9 @@ def batch(
     """Analyse every recording in a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
+    from acquisition.core.process import Termination
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
-    from analysis.batch.workers import Termination
     from analysis.products import Options
 
     if rebuild_positions and no_repair:
@@ -362,7 +368,7 @@ def serve(
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
         raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
-    from analysis.batch.workers import interrupt_on_terminate
+    from acquisition.core.process import interrupt_on_terminate
     from analysis.serve.app import make_app
     from analysis.serve.app import serve as run
     from analysis.serve.season import Season, results_folder

@@ -26,6 +26,8 @@ from werkzeug.serving import make_server
 from werkzeug.utils import secure_filename
 
 from acquisition.core.errors import InputError, SeatrialError, SourceError
+from acquisition.core.files import atomic_file
+from acquisition.core.locks import locked_briefly
 from acquisition.recording.reader import read_parts, read_recording
 from acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from acquisition.tables.table_files import read_raw
@@ -325,9 +327,9 @@ def _recording_of(given: Path) -> tuple[Path, list[str]]:
 def _put(made: Path, folder: Path) -> Path:
     """Copy a file into a folder; one of that name stays as it is."""
     target = folder / f"{made.stem}.mcap"
-    try:
-        with target.open("xb") as copy, made.open("rb") as stream:
-            shutil.copyfileobj(stream, copy)
-    except FileExistsError as error:
-        raise InputError("already exists", where=target.name, fix="rename the file and upload it again") from error
+    with locked_briefly(target):
+        if target.exists():
+            raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
+        with atomic_file(target) as partial:
+            shutil.copyfile(made, partial)
     return target
