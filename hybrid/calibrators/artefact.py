@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -23,10 +22,9 @@ from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
 from acquisition.core.budget import CALIBRATOR_BYTES
 from acquisition.core.channels import trial_names
-from acquisition.core.errors import InputError, SeatrialError, storage_error
-from acquisition.core.files import read_regular
+from acquisition.core.errors import InputError, SeatrialError
+from acquisition.core.files import make_folder, read_regular, write_bytes, written_together
 from acquisition.core.named_code import absolute, digest_of, in_file
-from analysis.tables.files import make_folder
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.train import TrainedCalibrator
@@ -302,25 +300,10 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
     make_folder(folder)
-    _write_together(folder, contents | {SIDECAR: text})
+    with written_together(folder / SIDECAR):
+        for name, content in (contents | {SIDECAR: text}).items():
+            write_bytes(folder / name, content)
     return folder / SIDECAR
-
-
-def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
-    """Write a set of files, the sidecar last. Raises :class:`StorageError`."""
-    partial = {name: folder / f".{name}.part" for name in contents}
-    try:
-        for name, content in contents.items():
-            partial[name].write_bytes(content)
-        (folder / SIDECAR).unlink(missing_ok=True)
-        for name, path in partial.items():
-            path.replace(folder / name)
-    except OSError as error:
-        raise storage_error(folder / SIDECAR, error) from error
-    finally:
-        for path in partial.values():
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
 
 
 def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
