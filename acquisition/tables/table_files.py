@@ -321,7 +321,8 @@ def storable(times: pd.Series[Any]) -> pd.Series[Any]:
     """
     zone = times.dt.tz
     first, end = (pd.Timestamp(day, tz=zone) for day in STORABLE)
-    return times.where((times >= first) & (times < end)).dt.as_unit("ns")
+    kept: pd.Series[Any] = times.where((times >= first) & (times < end)).dt.as_unit("ns")
+    return kept
 
 
 def parse_times(
