@@ -18,13 +18,15 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import DEBUG_VARIABLE, unexpected
 from acquisition.core.named_code import imported
-from acquisition.core.process import guard_standard_streams, stop_on_signals
+from acquisition.core.process import echo, guard_standard_streams, stop_on_signals
+from acquisition.core.text import printable
 
 if TYPE_CHECKING:
     import typer
@@ -41,8 +43,16 @@ def _app() -> typer.Typer:
     from analysis import cli as analysis_cli
     from hybrid import cli as hybrid_cli
 
+    class Commands(typer.core.TyperGroup):
+        """All commands; a complaint about an argument, such as the name of a file, shows it escaped."""
+
+        def invoke(self, ctx: Any) -> Any:
+            with _escaped_complaints():
+                return super().invoke(ctx)
+
     app = typer.Typer(
         name="seatrial",
+        cls=Commands,
         help="Sea-trial data logger and offline analysis: from a bus to a validated manoeuvring model.",
         no_args_is_help=True,
         add_completion=False,
@@ -62,13 +72,23 @@ def _app() -> typer.Typer:
     return app
 
 
+@contextmanager
+def _escaped_complaints() -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        if isinstance(message := getattr(error, "message", None), str):  # as typer's complaints have it
+            error.message = printable(message)  # type: ignore[attr-defined]
+        raise
+
+
 def _say_version(wanted: bool) -> None:
     if wanted:
         import typer
 
         from acquisition.core.trial import software_version
 
-        typer.echo(software_version())
+        echo(software_version())
         raise typer.Exit
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acquisition.core.process import stop_on_signals
+from acquisition.core.process import echo, stop_on_signals
 from acquisition.core.text import printable
 
 if TYPE_CHECKING:
@@ -68,9 +68,9 @@ def record(
     if log == "text":
         _sum_up(trial, health, paths)
     try:
-        typer.echo(json.dumps(_as_json(health, paths)) if as_json else "\n".join(map(str, paths)))
+        echo(json.dumps(_as_json(health, paths)) if as_json else "\n".join(map(str, paths)))
     except OSError as error:  # the recording is there all the same
-        typer.echo(f"warning: {error}", err=True)
+        echo(f"warning: {error}", err=True)
 
 
 def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
@@ -87,35 +87,35 @@ def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
     from acquisition.logger.display import summary
 
-    typer.echo(summary(health, paths), err=True)
+    echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
-            typer.echo(f"error: {text}", err=True)
+            echo(f"error: {text}", err=True)
     expected = [name for name in health.names if name in trial.expected_channels]
     if silent := [name for name in expected if not health.channels[name].count]:
         from acquisition.logger.missing import by_reason, reasons_in
 
         for names, reason in by_reason(reasons_in(trial, paths, silent)).items():
-            typer.echo(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
+            echo(f"warning: nothing came of {names}{': ' if reason else ''}{reason}", err=True)
 
 
 def _check_departure(
     trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
 ) -> None:
-    from acquisition.core.result import plain_console
+    from acquisition.core.terminal import Terminal
     from acquisition.logger.display import preflight_table
     from acquisition.logger.preflight import check_before_departure
 
-    typer.echo(f"listening for {duration_s:g} s", err=True)
+    echo(f"listening for {duration_s:g} s", err=True)
     found = check_before_departure(trial, duration_s, folder, stop)
     if as_json:
-        typer.echo(json.dumps(found.as_json()))
+        echo(json.dumps(found.as_json()))
     else:
-        plain_console().print(preflight_table(found))
+        Terminal().print(preflight_table(found))
     if found.obstacles:
-        typer.echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
+        echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
         raise typer.Exit(1)
-    typer.echo(f"ready: all {len(found.channels)} channels come", err=True)
+    echo(f"ready: all {len(found.channels)} channels come", err=True)
 
 
 def discover(
@@ -148,23 +148,23 @@ def discover(
             raise StorageError("already exists", where=str(output), fix="choose another file, or delete it")
         places = parse_places(inputs) if inputs else usual_places()
         if any(place.type != "file" for place in places):
-            typer.echo(f"listening for {duration:g} s at {', '.join(each.text for each in places)}", err=True)
+            echo(f"listening for {duration:g} s at {', '.join(each.text for each in places)}", err=True)
         folder, name = (Path(), "discovered") if output is None else (output.parent, output.stem)
         with bar("listening") as progress:
             found = run(places, duration, name, vessel, dbc, folder, stop, progress)
     if as_json:
-        typer.echo(json.dumps(found.as_json()))
+        echo(json.dumps(found.as_json()))
     elif found.survey is not None:
-        from acquisition.core.result import plain_console
+        from acquisition.core.terminal import Terminal
 
-        console = plain_console()
+        console = Terminal()
         for table in tables(found):
             console.print(table)
     if found.survey is None:
         raise InputError(nothing_found(found))
     if output is not None:
         write_text(output, found.configuration)
-        typer.echo(f"wrote {output}; `seatrial record {output} --check` says whether it still comes", err=True)
+        echo(f"wrote {output}; `seatrial record {output} --check` says whether it still comes", err=True)
 
 
 def mark(
@@ -174,7 +174,7 @@ def mark(
     from acquisition.logger.requests import send_mark
 
     count = send_mark(text)
-    typer.echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
+    echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
 
 
 def redecode(
@@ -192,11 +192,11 @@ def redecode(
 
     with bar("decoding") as progress:
         result = run(recording, output, None if config is None else load_config(config), progress)
-    typer.echo(summary(result.health, [output]), err=True)
+    echo(summary(result.health, [output]), err=True)
     if result.unknown:
-        kept = ", ".join(f"{printable(name)} {count:,}" for name, count in result.unknown.items())
-        typer.echo(f"warning: kept raw, as no source of the configuration is called so: {kept}", err=True)
-    typer.echo(output)
+        kept = ", ".join(f"{name} {count:,}" for name, count in result.unknown.items())
+        echo(f"warning: kept raw, as no source of the configuration is called so: {kept}", err=True)
+    echo(output)
 
 
 def emulate(
@@ -213,10 +213,10 @@ def emulate(
         played = run(recording, load_config(config), speed, progress)
     values = f"{sum(played.counts.values()):,} values of {len(played.counts)} channels"
     time = f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late"
-    typer.echo(f"played {values} in {played.packets:,} packets, {time}", err=True)
+    echo(f"played {values} in {played.packets:,} packets, {time}", err=True)
     if played.unsent:
         unsent = ", ".join(f"{name} {count:,}" for name, count in played.unsent.items())
-        typer.echo(f"warning: no message could carry {unsent}; position, for one, needs north and east", err=True)
+        echo(f"warning: no message could carry {unsent}; position, for one, needs north and east", err=True)
 
 
 def import_(
@@ -253,9 +253,9 @@ def import_(
         written = write_map or output.with_suffix(".columns.toml")
         proposal = _agree(raw, _pairs(answer or []), vessel, yes, preview)
         summary = import_proposed(raw, proposal, output, written, vessel, force)
-        typer.echo(f"map for next time: --columns {written}", err=True)
-    typer.echo(printable(str(summary)), err=True)
-    typer.echo(output)
+        echo(f"map for next time: --columns {written}", err=True)
+    echo(summary, err=True)
+    echo(output)
 
 
 def _pairs(answers: list[str]) -> dict[str, str]:
@@ -274,21 +274,21 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
     at_terminal = sys.stdin.isatty() and sys.stderr.isatty() and not yes
     while at_terminal and proposal.questions:
         question = proposal.questions[0]
-        text = f"{question.text} {'/'.join(question.options)}"
+        text = printable(f"{question.text} {'/'.join(question.options)}")
         answers[question.key] = typer.prompt(text, default=question.default, err=True)
         proposal = propose_for(raw, answers, vessel)
-    from acquisition.core.result import plain_console
+    from acquisition.core.terminal import Terminal
 
-    plain_console(stderr=True).print(proposal_table(proposal))
+    Terminal(stderr=True).print(proposal_table(proposal))
     for warning in proposal.warnings:
-        typer.echo(f"warning: {printable(warning)}", err=True)
+        echo(f"warning: {warning}", err=True)
     if preview is not None:
         draw_preview(raw, proposal, preview)
-        typer.echo(f"preview: {preview}", err=True)
+        echo(f"preview: {preview}", err=True)
     if at_terminal and not typer.confirm("import it so?", default=True, err=True):
         raise typer.Exit(1)
     if not at_terminal and not yes and not proposal.unanswered:
-        typer.echo("nothing was written: use --yes to accept the proposal, --answer to correct it", err=True)
+        echo("nothing was written: use --yes to accept the proposal, --answer to correct it", err=True)
         raise typer.Exit(1)
     return proposal
 
@@ -304,13 +304,13 @@ def info(
     recording = read_together(files)
     found = describe(recording)
     if as_json:
-        typer.echo(json.dumps(found))
+        echo(json.dumps(found))
         return
-    from acquisition.core.result import plain_console
+    from acquisition.core.terminal import Terminal
     from acquisition.logger.missing import by_reason, missing_in
 
-    # As it is: brackets in what comes from files are no markup, and a path is not broken at 80 columns.
-    tell = partial(plain_console().print, highlight=False, soft_wrap=True)
+    # A path is not broken at 80 columns.
+    tell = partial(Terminal().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
     tell(
         f"{', '.join(map(str, recording.paths))}  {'closed properly' if found['closed'] else unclosed}",
@@ -327,7 +327,7 @@ def info(
         tell(recording.clock)
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
-    plain_console().print(_channel_table(found["channels"], found["trial"]))
+    Terminal().print(_channel_table(found["channels"], found["trial"]))
     for names, reason in by_reason(missing_in(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
     for topic, count in found["raw"].items():
@@ -348,10 +348,10 @@ def recover(
     with bar("recovering") as progress:
         recovered = run(file, output, progress)
     if as_json:
-        typer.echo(json.dumps(recovered.as_json()))
+        echo(json.dumps(recovered.as_json()))
         return
-    typer.echo(str(recovered), err=True)
-    typer.echo(output)
+    echo(str(recovered), err=True)
+    echo(output)
 
 
 def migrate(
@@ -366,18 +366,17 @@ def migrate(
     with bar("migrating") as progress:
         migrated = run(file, output, progress)
     if as_json:
-        typer.echo(json.dumps({"converted": migrated.converted, "kept": migrated.kept}))
+        echo(json.dumps({"converted": migrated.converted, "kept": migrated.kept}))
         return
-    typer.echo(f"{migrated.converted.total():,} of {migrated.found.messages:,} messages converted", err=True)
+    echo(f"{migrated.converted.total():,} of {migrated.found.messages:,} messages converted", err=True)
     if migrated.kept:
-        kept = ", ".join(f"{printable(topic)} {count:,}" for topic, count in migrated.kept.items())
-        typer.echo(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
-    typer.echo(output)
+        kept = ", ".join(f"{topic} {count:,}" for topic, count in migrated.kept.items())
+        echo(f"warning: kept as they were, as they fit no schema of today: {kept}", err=True)
+    echo(output)
 
 
 def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
-    from rich.text import Text
 
     from acquisition.core.channels import channel_unit, channels_of_table, known_channels
 
@@ -390,6 +389,6 @@ def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
             name, channel_unit(name, known), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
-            f"{each['longest_gap_s']:.2f}", Text(", ".join(each["sources"])),  # [m] is a unit there, and no markup
+            f"{each['longest_gap_s']:.2f}", ", ".join(each["sources"]),
         )  # fmt: skip
     return table

@@ -11,6 +11,7 @@ import typer
 
 from acquisition.cli import RECORDINGS, AsJson, Output
 from acquisition.core.files import expect_suffix
+from acquisition.core.process import echo
 
 RebuildPositions = Annotated[
     bool,
@@ -60,11 +61,9 @@ def check(
     recording = read_together(files)
     if not recording.closed:
         names = ", ".join(map(str, files))
-        typer.echo(
-            f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it", err=True
-        )
+        echo(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
     if recording.clock:
-        typer.echo(f"note: {recording.clock}", err=True)
+        echo(f"note: {recording.clock}", err=True)
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
@@ -72,7 +71,7 @@ def check(
         from analysis.tables.table import provenance_of
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     if repair is not None:
         from analysis.quality.repairs import write_repaired
         from analysis.tables.table import count_bad
@@ -81,18 +80,18 @@ def check(
             recording, table, quality.findings, repair, quality.flags, rebuild_positions=rebuild_positions
         ).repairs
         for each in repairs:
-            typer.echo(f"repaired {each.channel}: {each.text}, {_values(each.changed)}", err=True)
+            echo(f"repaired {each.channel}: {each.text}, {_values(each.changed)}", err=True)
         if not repairs:
             bad = count_bad(recording)
             without = f", without {_values(bad)} flagged bad in it" if bad else ""
-            typer.echo(f"nothing to repair: the recording is written as it is{without}", err=True)
-        typer.echo(repair, err=True)
+            echo(f"nothing to repair: the recording is written as it is{without}", err=True)
+        echo(repair, err=True)
     if as_json:
-        typer.echo(json.dumps(quality.as_json()))
+        echo(json.dumps(quality.as_json()))
         return
-    from acquisition.core.result import plain_console
+    from acquisition.core.terminal import Terminal
 
-    plain_console().print(quality)
+    Terminal().print(quality)
 
 
 def _values(count: int) -> str:
@@ -135,16 +134,16 @@ def export(
     written, *beside = export_table(table, output, asdict(how), attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
-            typer.echo(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s", err=True)
-    typer.echo(f"{len(table):,} rows of {len(table.columns)} columns", err=True)
+            echo(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s", err=True)
+    echo(f"{len(table):,} rows of {len(table.columns)} columns", err=True)
     for path in beside:
-        typer.echo(f"units, trial and provenance: {path}", err=True)
+        echo(f"units, trial and provenance: {path}", err=True)
     if netcdf:
         from analysis.tables.netcdf import remarks
 
         for remark in remarks(table, attributes):
-            typer.echo(remark, err=True)
-    typer.echo(written)
+            echo(remark, err=True)
+    echo(written)
 
 
 def _named_values(given: list[str]) -> dict[str, str]:
@@ -198,18 +197,18 @@ def windows(
     if keep_moving:
         summary["moving"] = found.moving
     if as_json:
-        typer.echo(json.dumps(summary))
+        echo(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
     recordings = "1 recording" if len(files) == 1 else f"{len(files)} recordings"
     kept = "kept" if keep_moving else "held"
     legs = "1 leg" if found.legs == 1 else f"{found.legs} legs"
-    typer.echo(
+    echo(
         f"{found.kept} of {found.candidates} windows of {horizon} s {kept}, in {legs} of {recordings}; "
         f"dropped: {reasons}",
         err=True,
     )
-    typer.echo(output)
+    echo(output)
 
 
 def manoeuvres(
@@ -231,7 +230,7 @@ def manoeuvres(
 ) -> None:
     """Find manoeuvres and compute their indices."""
     from acquisition.core.progress import bar
-    from acquisition.core.result import plain_console
+    from acquisition.core.terminal import Terminal
     from acquisition.recording.grouping import whole_recordings
     from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
@@ -241,13 +240,13 @@ def manoeuvres(
             found.append(manoeuvres_of(parts, length, own or ()))
             progress(number / len(recordings))
     if as_json:
-        typer.echo(json.dumps(summary(found, length)))
+        echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
-            plain_console().print(terminal_tables(each, every=every))
+            Terminal().print(terminal_tables(each, every=every))
     if output is not None:
         for path in write_report(found, output, length):
-            typer.echo(path, err=as_json)
+            echo(path, err=as_json)
 
 
 def smooth(
@@ -265,19 +264,19 @@ def smooth(
     smoothed = smooth_table(read_table(files), rate)
     write_smoothed(smoothed, output)
     for remark in smoothed.remarks:
-        typer.echo(remark, err=True)
+        echo(remark, err=True)
     summary = summary_of(smoothed)
     if as_json:
-        typer.echo(json.dumps(summary))
+        echo(json.dumps(summary))
         return
     noise = smoothed.noise
-    typer.echo(
+    echo(
         f"{summary['rows']:,} rows, {summary['missing']:,} of them in gaps; noise {noise.position_m:.3g} m, "
         f"{noise.heading_rad * 57.29578:.3g} deg, {noise.speed_mps:.3g} m/s, "
         f"{noise.yaw_rate_radps * 57.29578:.3g} deg/s; {sum(summary['rejected'].values()):,} samples refused",
         err=True,
     )
-    typer.echo(output)
+    echo(output)
 
 
 def batch(
@@ -326,19 +325,19 @@ def batch(
     except KeyboardInterrupt as stop:
         terminated = isinstance(stop, Termination)
         how = "terminated" if terminated else "interrupted"
-        typer.echo(f"seatrial: {how}; what is done stays, the same command goes on from there", err=True)
+        echo(f"seatrial: {how}; what is done stays, the same command goes on from there", err=True)
         raise typer.Exit(143 if terminated else 130) from None  # 128 and the signal, as shells have it
     for cause, names in summary.failures:
-        typer.echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
+        echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
     if cut_off := [row["name"] for row in summary.rows if row["status"] == "done" and row.get("closed") is False]:
-        typer.echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
+        echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
     if summary.gone:
-        typer.echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
+        echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
     if as_json:
-        typer.echo(json.dumps(summary.as_json()))
+        echo(json.dumps(summary.as_json()))
     else:
-        typer.echo(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
-        typer.echo(summary.index)
+        echo(f"{summary.done} done, {summary.reused} of them before, {summary.failed} failed", err=True)
+        echo(summary.index)
     if summary.failed:
         raise typer.Exit(1)
 
@@ -375,5 +374,5 @@ def serve(
 
     season = Season(folder, output or results_folder(folder), eager=not on_demand)
     with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
-        typer.echo(f"results: {season.out}", err=True)
-        run(make_app(season, upload_mb if upload else None), port, typer.echo)
+        echo(f"results: {season.out}", err=True)
+        run(make_app(season, upload_mb if upload else None), port, echo)

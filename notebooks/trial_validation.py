@@ -19,6 +19,7 @@
 # %% tags=["parameters"]
 recordings: list[str] = []  # MCAP files
 calibrator: str | None = None  # the folder that `seatrial train` wrote
+method: str | None = None  # the code of a calibrator of your own, FILE.py:CLASS
 vessel: str | None = None  # a vessel or its file; without it the calibrator's, else the recordings'
 horizon_s: int | None = None  # how far is predicted; without it what the calibrator does, or 15 s
 part = "0..100"  # of each recording's time in percent, where predictions are judged
@@ -32,7 +33,15 @@ figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 import seatrial as st
 
 case = st.load_case(
-    recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen, length_m=length_m
+    recordings,
+    calibrator,
+    vessel,
+    horizon_s,
+    part=part,
+    repair=repair,
+    allow_seen=allow_seen,
+    length_m=length_m,
+    method=method,
 )
 show = st.sections("trial.html", figures_folder, case=case, remark="", folder=diagnosis, pages={})
 show("cover")

@@ -115,22 +115,25 @@ def test_a_strangers_calibrator_is_benchmarked_in_one_table(own: Path, unseen: P
 
 @pytest.mark.usefixtures("quick")
 def test_a_saved_calibrator_knows_the_code_that_made_it(own: Path, earlier: list[Path], unseen: Path) -> None:
-    """It predicts as before it was saved; without its file it is refused, with another version too."""
+    """It predicts as before it was saved, if its file is named; without it, or in another version, refused."""
     file, folder = own / "mine.py", own / "trained"
-    trained = st.train(earlier, "gunnerus_short", f"{file}:MeanMiss")
+    name = f"{file}:MeanMiss"
+    trained = st.train(earlier, "gunnerus_short", name)
     save(trained, folder)
-    before, after = (st.predict(unseen, "+60", each) for each in (trained, folder))
+    with pytest.raises(InputError, match=r"needs code of your own.*mine\.py:MeanMiss.*--method FILE\.py:CLASS"):
+        load_calibrator(folder)
+    before, after = (st.predict(unseen, "+60", each) for each in (trained, load_calibrator(folder, name)))
     np.testing.assert_allclose(after.track, before.track)
     assert after.region_m is not None
     assert (after.region_m[1:] > 0.0).all()
     moved = file.rename(own / "moved.py")
     with pytest.raises(InputError, match=r"no longer exists.*mine\.py:MeanMiss.*--method FILE\.py:CLASS"):
-        load_calibrator(folder)
+        load_calibrator(folder, name)
     again = st.predict(unseen, "+60", load_calibrator(folder, f"{moved}:MeanMiss"))
     np.testing.assert_allclose(again.track, before.track)
     file.write_text(CALIBRATOR + "# improved\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"another version.*SHA-256"):
-        load_calibrator(folder)
+        load_calibrator(folder, name)
 
 
 def test_what_a_calibrator_keeps_is_saved_or_refused(own: Path) -> None:

@@ -240,8 +240,9 @@ def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
 def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
     for source in (each for each in sources if isinstance(each, CanFrames)):
         where = f"{path}, source {source.name!r}"
-        if source.dbc is not None and not source.dbc.exists():
-            raise ConfigurationError(f"DBC file {source.dbc} does not exist", where=where)
+        if source.dbc is not None and not source.dbc.is_file():
+            what = "is not a file" if source.dbc.exists() else "does not exist"
+            raise ConfigurationError(f"DBC file {source.dbc} {what}", where=where)
         if source.dbc is None and source.signals:
             raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 

@@ -27,6 +27,9 @@ from acquisition.core.units import Linear, to_house
 PACKS = Path(__file__).parents[2] / "trials" / "packs"
 """The folder of the packs that come with Seatrial."""
 
+GIVE_CONFIG = "give a configuration of yours with --config"
+"""What to do where a recording's own configuration names a file that is not attached."""
+
 STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 PERCENT = "percent"
@@ -205,23 +208,31 @@ def find_pack(name: str, folder: Path) -> Path:
 
 
 def read_packs(
-    packs: Iterable[PackSection], folder: Path, carried: Mapping[str, str], text: str, path: Path | str
+    packs: Iterable[PackSection], folder: Path, carried: Mapping[str, str] | None, text: str, path: Path | str
 ) -> tuple[PackFile, ...]:
-    """The packs' files; texts ``carried`` by a recording, by name, replace them.
+    """The packs' files; for a recording's configuration the texts ``carried`` by it, by name, and no other.
 
     ``text`` and ``path`` are of the file that names them. Raises :class:`ConfigurationError`.
     """
     files = []
     for number, pack in enumerate(packs):
-        if pack.name in carried:
-            files.append(PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each))
-            continue
         try:
-            found = find_pack(pack.name, folder)
+            files.append(_read_pack(pack, folder) if carried is None else _carried_pack(pack, carried))
         except ConfigurationError as error:
             raise error.at(f"{path}, line {line_of(text, ['pack', number, 'name'])}") from error
-        files.append(PackFile(pack.name, found, read_text(found), pack.each))
     return tuple(files)
+
+
+def _read_pack(pack: PackSection, folder: Path) -> PackFile:
+    file = find_pack(pack.name, folder)
+    return PackFile(pack.name, file, read_text(file), pack.each)
+
+
+def _carried_pack(pack: PackSection, carried: Mapping[str, str]) -> PackFile:
+    if pack.name not in carried:
+        what = f"the recording has no attachment for the pack {pack.name!r}, and no other file is read for it"
+        raise ConfigurationError(what, fix=GIVE_CONFIG)
+    return PackFile(pack.name, Path(pack.name), carried[pack.name], pack.each)
 
 
 def declarations_of(

@@ -30,6 +30,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 
 from acquisition.config.declarations import (
+    GIVE_CONFIG,
     STRICT,
     ChannelSection,
     Conversion,
@@ -98,10 +99,15 @@ def _own_rotor(name: str, info: ValidationInfo) -> str:
 
 
 def _absolute(path: Path, info: ValidationInfo) -> Path:
-    """A path relative to the file being read, or the replacement of a source's DBC file."""
-    context = info.context or {"folder": Path(), "dbc_files": {}}
-    standing_in = context["dbc_files"].get(info.data["name"]) if info.field_name == "dbc" else None
-    return Path(standing_in or context["folder"] / path)
+    """A path relative to the file being read; of a DBC file that a recording's configuration names its copy."""
+    context = info.context or {"folder": Path(), "dbc_files": None}
+    attached: Mapping[str, Path] | None = context["dbc_files"]
+    if info.field_name != "dbc" or attached is None:
+        return Path(context["folder"] / path)
+    name = str(info.data.get("name"))
+    if name not in attached:
+        raise ValueError(f"the recording has no attachment {name}.dbc, and no other file is read; {GIVE_CONFIG}")
+    return attached[name]
 
 
 ChannelName = Annotated[str, AfterValidator(_own_channel)]
@@ -155,7 +161,10 @@ class Ship(NamedTuple):
 
 @dataclass(frozen=True)
 class Carried:
-    """What a recording carries besides its configuration: DBC files by source, packs by name, the actuators."""
+    """What a recording carries besides its configuration: DBC files by source, packs by name, the actuators.
+
+    Nothing else that its configuration names is opened: it may be a stranger's.
+    """
 
     dbc_files: Mapping[str, Path] = field(default_factory=dict)
     packs: Mapping[str, str] = field(default_factory=dict)
@@ -167,22 +176,23 @@ def parse_for_ship(
 ) -> tuple[Model, Ship]:
     """A TOML text as ``model``, with the channels of the ship that it lists as ``[[actuator]]`` or declares.
 
-    Without such a list the actuators are those ``carried`` by a recording, as are the files that it names; else
-    those of the ship named in ``[trial]``, else R/V Gunnerus'. Paths are relative to the file's folder. Raises
-    :class:`ConfigurationError` naming the line.
+    Without such a list the actuators are those ``carried`` by a recording, as are the DBC files and packs that it
+    names; else those of the ship named in ``[trial]``, else R/V Gunnerus'. Paths are relative to the file's folder.
+    Raises :class:`ConfigurationError` naming the line.
     """
-    raw, carried, folder = parse_toml(text, path), carried or Carried(), Path(path).resolve().parent
+    raw, folder = parse_toml(text, path), Path(path).resolve().parent
     given = validate({each.name: raw[each.name] for each in fields(_Ship) if each.name in raw}, text, path, _Ship)
     listed = check_listed(given.actuator, text, path)
-    actuators = listed or carried.actuators or actuators_of_ship(str(given.trial.vessel), folder) or DEFAULT
-    packs = read_packs(given.pack, folder, carried.packs, text, path)
+    attached = None if carried is None else carried.actuators
+    actuators = listed or attached or actuators_of_ship(str(given.trial.vessel), folder) or DEFAULT
+    packs = read_packs(given.pack, folder, None if carried is None else carried.packs, text, path)
     hers = {name: BY_NAME[name] for name in channel_names(actuators)}
     declared = declarations_of(given.channel, packs, hers, text, path)
     context = {
         "actuators": actuators,
         "declared": tuple(each.channel for each in declared if each.channel.name not in hers),
         "folder": folder,
-        "dbc_files": carried.dbc_files,
+        "dbc_files": None if carried is None else carried.dbc_files,
     }
     return validate(raw, text, path, model, context), Ship(actuators, declared, packs)
 

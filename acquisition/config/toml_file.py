@@ -11,23 +11,31 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import read_regular
 
 Model = TypeVar("Model")
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
+_MOST_LEVELS = 16  # tables and lists in each other; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 """Reported first: a misspelt key is often the reason why another is missing."""
+_ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
 _KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
 
 
 def read_text(path: Path | str) -> str:
     """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
     try:
-        return Path(path).read_text(encoding="utf-8")
+        text = read_regular(path, CONFIGURATION_BYTES, ConfigurationError).decode("utf-8")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
+    except ConfigurationError:
+        raise
     except FileNotFoundError as error:
         raise ConfigurationError("does not exist", where=str(path), fix="check the path") from error
-    except (OSError, UnicodeDecodeError) as error:
-        why = "it is no text" if isinstance(error, UnicodeDecodeError) else error.strerror or str(error)
+    except (OSError, ValueError) as error:
+        why = "it is no text" if isinstance(error, UnicodeDecodeError) else str(error)
+        why = error.strerror or why if isinstance(error, OSError) else why
         raise ConfigurationError("cannot be read", where=str(path), why=why, fix="give a TOML file") from error
 
 
@@ -42,12 +50,30 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    if _ENDLESS_KEY.search(text):  # of which the library takes memory by the square
         raise ConfigurationError(
-            "is not valid TOML", where=str(path), why=str(error), fix="correct it there"
-        ) from error
+            "is not valid TOML", where=str(path), why="a key has more than 100 parts", fix="correct it there"
+        )
+    try:
+        tree = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError
+        why = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise ConfigurationError("is not valid TOML", where=str(path), why=why, fix="correct it there") from error
+    _refuse_nested(tree, path)
+    return tree
+
+
+def _refuse_nested(tree: dict[str, Any], path: Path | str) -> None:
+    """Raise :class:`ConfigurationError` for tables and lists so deep in each other that no walk ends."""
+    level: list[Any] = [tree]
+    for _ in range(_MOST_LEVELS):
+        members = (value.values() if isinstance(value, dict) else value for value in level)
+        level = [value for values in members for value in values if isinstance(value, dict | list)]
+        if not level:
+            return
+    raise ConfigurationError(
+        f"has tables or lists in more than {_MOST_LEVELS} levels", where=str(path), fix="correct it there"
+    )
 
 
 def validate(

@@ -14,6 +14,7 @@ from math import isfinite
 
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import parse_json
 from acquisition.core.units import canonical, ending_of
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
@@ -59,6 +60,6 @@ def as_text(channels: Iterable[Channel]) -> str:
 def declared_from_text(text: str) -> Declared:
     """The inverse of :func:`as_text`; text that is no list of channels (another program's) declares none."""
     try:
-        return tuple(declare(**each) for each in json.loads(text)) if text else ()
+        return tuple(declare(**each) for each in parse_json(text)) if text else ()
     except (ValueError, TypeError):
         return ()

@@ -17,6 +17,7 @@ from types import FrameType
 from typing import Any, TextIO
 
 from acquisition.core.errors import StorageError
+from acquisition.core.text import printable
 
 _STDOUT = 1
 _NAMES = ("stdin", "stdout", "stderr")
@@ -39,6 +40,11 @@ def guard_standard_streams() -> None:
             setattr(sys, name, _guarded(stream))
 
 
+def echo(line: object, *, err: bool = False) -> None:
+    """Print a line of a command, in which control characters and the bytes of odd file names are escaped."""
+    print(printable(str(line)), file=sys.stderr if err else sys.stdout, flush=True)
+
+
 def _guarded(stream: TextIO) -> TextIO:
     if not isinstance(stream, io.TextIOWrapper):
         return stream
@@ -46,7 +52,7 @@ def _guarded(stream: TextIO) -> TextIO:
     return io.TextIOWrapper(
         io.BufferedWriter(_Output(stream.fileno())),
         encoding=stream.encoding,
-        errors=stream.errors,
+        errors="backslashreplace",  # a symbol that the terminal's encoding lacks is no reason to fail
         line_buffering=stream.line_buffering,
         write_through=stream.write_through,
     )

@@ -25,9 +25,10 @@ def bar(what: str) -> Iterator[Progress]:
     if not sys.stderr.isatty():
         yield lambda share: None
         return
-    from rich.console import Console
     from rich.progress import Progress as Bars
 
-    with Bars(console=Console(stderr=True), transient=True) as progress:
+    from acquisition.core.terminal import Terminal
+
+    with Bars(console=Terminal(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=1.0)
         yield lambda share: progress.update(task, completed=share)

@@ -14,7 +14,7 @@ from acquisition.core.named_code import imported
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.console import Console, RenderableType
+    from rich.console import RenderableType
 
 _WIDTH = 110  # columns
 
@@ -36,10 +36,10 @@ class Result:
         return shown
 
     def __str__(self) -> str:
-        from rich.console import Console
+        from acquisition.core.terminal import Terminal
 
         text = StringIO()
-        Console(file=text, width=_WIDTH).print(self)
+        Terminal(file=text, width=_WIDTH).print(self)
         return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
@@ -53,13 +53,6 @@ class Result:
             lambda figure: draw(figure, self), self.size_inch
         )
         return filled
-
-
-def plain_console(**settings: Any) -> Console:
-    """A console to which brackets and colons are text: names of sources and channels are strangers'."""
-    from rich.console import Console
-
-    return Console(markup=False, emoji=False, **settings)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,17 @@ from dataclasses import dataclass, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+SOFTWARE = "seatrial"
+"""What the version of all files that Seatrial writes begins with."""
+
 
 @cache
 def software_version() -> str:
     """The installed version of Seatrial, which is written into every output."""
     try:
-        return f"seatrial {version('seatrial')}"
+        return f"{SOFTWARE} {version(SOFTWARE)}"
     except PackageNotFoundError:
-        return "seatrial (not installed)"
+        return f"{SOFTWARE} (not installed)"
 
 
 @dataclass(frozen=True, slots=True)

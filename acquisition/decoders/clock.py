@@ -12,6 +12,8 @@ from acquisition.decoders import Notices
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next
+_APART_NS, _SETTLED_NS = 1_000_000_000, 10_000_000_000
+"""Least between two reports of a clock: of a step, and of what has crept, as while a gateway sends what it kept."""
 _FAR_S = 2.0
 _EPOCH = dt.date(1970, 1, 1)
 # A receiver that does not know the time yet tells 1980, one whose weeks rolled over tells 20 years ago; times
@@ -62,6 +64,7 @@ class SourceClock:
         self._notices: Notices = deque() if notices is None else notices
         self._announced: tuple[int, int] | None = None
         self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last told
+        self._last_offset_ns = self._told_ns = 0  # the same of the last announcement; when it was told
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source said that it is ``source_ns`` UTC."""
@@ -73,9 +76,13 @@ class SourceClock:
     def _compare(self, source_ns: int, frame: Frame) -> None:
         """Tell at first how far the clock is from ours, and whenever it has been set since."""
         offset_ns, before_ns = source_ns - frame.monotonic_ns, self._offset_ns
+        is_step = abs(offset_ns - self._last_offset_ns) >= _SET_NS
+        self._last_offset_ns = offset_ns
         if before_ns is not None and abs(offset_ns - before_ns) < _SET_NS:
             return
-        self._offset_ns = offset_ns
+        if before_ns is not None and frame.monotonic_ns - self._told_ns < (_APART_NS if is_step else _SETTLED_NS):
+            return
+        self._offset_ns, self._told_ns = offset_ns, frame.monotonic_ns
         if before_ns is not None:
             self._notices.append(
                 ("warning", f"clock {self.name} was set by {(offset_ns - before_ns) / 1e9:+.3f} s")

@@ -7,10 +7,8 @@ from typing import Any
 
 from rich.console import RenderableType
 from rich.table import Table
-from rich.text import Text
 
 from acquisition.core.channels import channel_unit
-from acquisition.core.text import printable
 from acquisition.discovery.discover import Discovery
 from acquisition.discovery.places import KNOWN_FORMS
 from acquisition.logger.missing import by_reason
@@ -94,6 +92,6 @@ def _table(titles: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
         right = title in ("frames", "rate Hz", "value")
         table.add_column(title, justify="right" if right else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))
+        table.add_row(*row)
     table.add_section()
     return table

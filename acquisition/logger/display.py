@@ -21,6 +21,7 @@ from rich.text import Text
 
 from acquisition.core.frames import NANO
 from acquisition.core.process import started
+from acquisition.core.text import printable
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
 from acquisition.logger.requests import Mark
@@ -61,7 +62,7 @@ class Picture:
 
 
 def _one_line(*parts: str | tuple[str, str]) -> Text:
-    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+    return Text.assemble(*printable(parts), no_wrap=True, overflow="ellipsis")
 
 
 def _header(health: Health, now_ns: int) -> Text:
@@ -143,7 +144,7 @@ def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tupl
         text, style = ("waiting", "yellow") if is_expected else ("no source configured", "dim")
         return "–", "–", "–", "–", _one_line((text, style))
     grade = channel.grade(now_ns)
-    wanted_hz = channel.wanted_hz(now_ns)
+    wanted_hz = channel.wanted_hz
     rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
     shown = Text(grade, _GRADE_STYLES[grade])
     return f"{channel.value:.3f}", rates, f"{channel.age_s(now_ns):.1f}", shown, _one_line(channel.source)
@@ -164,9 +165,10 @@ def _source_table(health: Health, now_ns: int) -> Table:
 
 
 def _events(health: Health, rows: int) -> Iterator[Text]:
-    for time_ns, level, text in tuple(health.events)[-rows:] if rows > 0 else ():
+    for time_ns, level, text in health.events.newest(rows):
         moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
-        yield _one_line((f"{moment:%H:%M:%SZ} {text}", _LEVEL_STYLES.get(level, "")))
+        line = text.replace("\n", r"\n")
+        yield _one_line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
 
 
 def status(health: Health) -> str:

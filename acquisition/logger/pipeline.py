@@ -136,9 +136,9 @@ class Recorder:
         if self._failure is not None:
             raise self._failure
 
-    def tell(self, level: str, text: str) -> None:
+    def tell(self, level: str, text: str, name: str = "seatrial") -> None:
         """Put an event into the recording, with the time of this call, from any thread."""
-        self._texts.put((time.monotonic_ns(), level, text, "seatrial"))
+        self._texts.put((time.monotonic_ns(), level, text, name))
 
     def mark(self, text: str, monotonic_ns: int | None = None) -> None:
         """Put a person's mark into the recording, from any thread."""
@@ -185,6 +185,8 @@ class Recorder:
             except Exception as error:  # the others go on; how many are lost is said at the end
                 self._parts.lost += 1
                 self._report(f"a frame of {frame.origin}", error)
+        if not len(self._inbox):  # then all that came before now has been processed
+            self._processing.report_handovers(time.monotonic_ns())
         self._note_texts()
         self._note_predictions()
         maintenance.tick()
@@ -192,6 +194,7 @@ class Recorder:
         self.health.worked_ns = time.monotonic_ns()
         if finished and not frames:
             self._parts.lost += len(self._inbox)
+            self._processing.report_handovers()
             maintenance.report_sources()
             return True
         if self._parts.paused or not len(self._inbox):

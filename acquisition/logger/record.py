@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
 from acquisition.core.frames import NANO, Frame, iso, now_ns
-from acquisition.core.result import plain_console
 from acquisition.decoders import BAD_DATA
 from acquisition.logger.alarms import Alarms, check_alarms
 from acquisition.logger.copies import Copies, require_other_folder
@@ -111,7 +111,7 @@ def _record_live(
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _with(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        _with(stack, Alarms(config.alarms, recorder.health, recorder.tell), recorder)
+        _with(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
         _with(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
@@ -179,8 +179,10 @@ def _display(picture: Picture, recorder: Recorder) -> Iterator[None]:
         return
     from rich.live import Live
 
+    from acquisition.core.terminal import Terminal
+
     # screen: a window that is resized leaves no ruins, and the terminal comes back as it was
-    live = Live(picture, console=plain_console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+    live = Live(picture, console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
     with mark_on_keys(recorder.mark, picture.marks or {}), live:
         yield
 
@@ -255,6 +257,7 @@ class _Reading:
                 self.report_sources()
             if number % _TICK_EVERY == _TICK_EVERY - 1:
                 self._tick(number + 1)
+        self._processing.report_handovers()
 
     def report_sources(self) -> None:
         """Record the state of each source, at the time that the logs have come to."""

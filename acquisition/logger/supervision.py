@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import queue
@@ -12,9 +13,8 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Literal, TextIO
 
-import orjson
-
 from acquisition.core.process import started
+from acquisition.core.text import printable
 
 LOG = logging.getLogger("seatrial")
 _MOST_WAITING = 10_000
@@ -32,14 +32,17 @@ class JsonLines(logging.Formatter):
             "text": record.getMessage(),
             **getattr(record, "more", {}),
         }
-        return orjson.dumps(line).decode()
+        return json.dumps(line)  # in ASCII: also of what nothing encodes, and of what a terminal obeys
 
 
 class _Text(logging.Formatter):
-    """For a person: the text, with its level where that is more than information."""
+    """For a person: the text, with its level where that is more than information.
+
+    Further lines of a text are indented, so that none passes for an entry of its own.
+    """
 
     def format(self, record: logging.LogRecord) -> str:
-        text = record.getMessage()
+        text = printable(record.getMessage()).replace("\n", "\n    ")
         return text if record.levelno <= logging.INFO else f"{record.levelname.lower()}: {text}"
 
 

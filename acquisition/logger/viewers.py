@@ -30,7 +30,6 @@ from acquisition.config.sections import LiveSection, StatusSection
 from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.frames import iso
-from acquisition.core.result import plain_console
 from acquisition.core.trial import Trial
 from acquisition.logger.display import Picture
 from acquisition.logger.health import Health
@@ -147,7 +146,9 @@ def relay(viewer: socket.socket, server: socket.socket) -> None:
 
 def page(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
-    console = plain_console(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
+    from acquisition.core.terminal import Terminal
+
+    console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)
     body = console.export_html(inline_styles=True, code_format="{code}")
     return _PAGE.format(title=html.escape(title), body=body)

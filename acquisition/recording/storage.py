@@ -117,7 +117,8 @@ class SyncThread:
             return self._executor.submit(call, descriptor)
         future: Future[None] = Future()
         try:
-            future.set_result(call(descriptor))
+            call(descriptor)
+            future.set_result(None)
         except OSError as error:
             future.set_exception(error)
         return future

@@ -9,7 +9,7 @@ from statistics import median_low
 
 from acquisition.core.frames import NANO, FrameFlag
 from acquisition.decoders.clock import DAY_NS, is_possible, utc_ns
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import (
     FIELDS,
@@ -19,7 +19,7 @@ from acquisition.decoders.parameter_groups import (
     Message,
     group_time,
 )
-from acquisition.decoders.sentences import Fields, readers
+from acquisition.decoders.sentences import Fields, Reading, readers
 from acquisition.sources.line_forms import Entry
 
 EARLIEST_UTC_NS = 1_000_000_000 * NANO
@@ -132,21 +132,25 @@ def _whole_days(time_ns: int) -> int:
 def told_utc_ns(entry: Entry) -> int | None:
     """The UTC that a message or a sentence tells [ns since 1970]; None for all others."""
     if entry.protocol == "nmea0183":
-        parts = split_sentence(split_tag(entry.payload).sentence)
-        read = _TELL_TIME.get(parts[0][-3:]) if parts else None
-        if read is None or parts is None:
-            return None
-        reading = read(Fields(parts[1]))
-        if reading.date is None or reading.seconds_of_day is None:
-            return None
-        told_ns = utc_ns(reading.date, reading.seconds_of_day)
-        return told_ns if is_possible(told_ns) else None
+        stated = map(_sentence_utc_ns, sentences_in(entry.payload))
+        return next((utc for utc in stated if utc is not None), None)
     group = parameter_group(entry.identifier)[0]
     whole = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
     if not whole and (group not in (SYSTEM_TIME, TIME_AND_DATE) or entry.flags & ~FrameFlag.WHOLE):
         return None
     told = group_time(Message(FIELDS[group], entry.payload))
     return told if told is not None and is_possible(told) else None
+
+
+def _sentence_utc_ns(line: bytes) -> int | None:
+    """The UTC that a sentence tells [ns since 1970]; None for all others."""
+    tag, fields = split_sentence(split_tag(line).sentence) or ("", [])
+    read = _TELL_TIME.get(tag[-3:])
+    reading = Reading() if read is None else read(Fields(fields))
+    if reading.date is None or reading.seconds_of_day is None:
+        return None
+    time_ns = utc_ns(reading.date, reading.seconds_of_day)
+    return time_ns if is_possible(time_ns) else None
 
 
 def _are_differences(times_ns: list[int | None]) -> bool:

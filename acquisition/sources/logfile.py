@@ -10,29 +10,32 @@ nobody does, it is received as fast as it is read.
 
 from __future__ import annotations
 
-import gzip
 import logging
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
-from io import BytesIO, TextIOWrapper
+from io import BytesIO
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import can
+from can.io import blf
 
 from acquisition.config.sections import FileSource
-from acquisition.core.frames import Frame, iso, now_ns
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.core.budget import LOG_BYTES
+from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
+from acquisition.decoders.nmea0183 import has_sentence
 from acquisition.sources import SQLITE, LogReader, looks_like
+from acquisition.sources.bounded import BoundedLog, Lines
 from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
-from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, LINE_FORMS, Entry, LineReader
+from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
 from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
 
+_LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
@@ -43,7 +46,49 @@ UNDERSTOOD = (
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
 Make = Callable[[BinaryIO], Iterable[can.Message]]
-_BLF: Make = can.BLFReader
+_LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a text that somebody typed 64 kB
+
+
+class _Blf(can.BLFReader):
+    """Python-can's, but that a container unpacks to no more than a multiple of what containers hold."""
+
+    def __init__(self, file: BoundedLog) -> None:
+        super().__init__(file)
+        self._meter = file.meter
+
+    def __iter__(self) -> Generator[can.Message, None, None]:
+        head = blf.OBJ_HEADER_BASE_STRUCT
+        while data := self.file.read(head.size):
+            signature, _, _, size, kind = head.unpack(data)
+            if signature != b"LOBJ" or size < head.size:
+                raise blf.BLFParseError
+            body = self.file.read(size - head.size)
+            self.file.read(size % 4)
+            if kind == blf.LOG_CONTAINER:
+                plain = _container(body)
+                self._meter.add(LOG_BYTES, len(plain))
+                yield from self._parse_container(plain)
+                if len(self._tail) > _LONGEST_OBJECT_BYTES:
+                    raise ValueError("an object in it is longer than any")
+        self.stop()
+
+
+def _container(body: bytes) -> bytes:
+    """What is in a container; empty for a compression that nobody uses."""
+    (method, _), packed = blf.LOG_CONTAINER_STRUCT.unpack_from(body), body[blf.LOG_CONTAINER_STRUCT.size :]
+    if method == blf.NO_COMPRESSION:
+        return packed
+    if method != blf.ZLIB_DEFLATE:
+        blf.LOG.warning("Unknown compression method (%d)", method)
+        return b""
+    unpacking = zlib.decompressobj()
+    plain = unpacking.decompress(packed, _LARGEST_CONTAINER_BYTES)
+    if unpacking.unconsumed_tail:
+        raise ValueError(f"a container in it unpacks to more than {_LARGEST_CONTAINER_BYTES:,} bytes")
+    return plain
+
+
+_BLF: Make = _Blf
 
 
 class LogFile(LogReader):
@@ -84,7 +129,7 @@ class LogFile(LogReader):
         if head.startswith(SQLITE):  # sentences in it would be found, without their topics and times
             raise ValueError(f"it looks like {looks_like(head)}")
         path: Path = self._config.path
-        make = _maker(head, self._config.form, partial(_opened, path, packed))
+        make = _maker(head, self._config.form, partial(BoundedLog, path, packed=packed))
         log = self._log = make()
         entries = iter(log)
         beginning = list(islice(entries, _HEAD_ENTRIES))
@@ -130,10 +175,6 @@ def _inflated(beginning: bytes) -> bytes:
         raise ValueError(f"it cannot be unpacked: {error}") from error
 
 
-def _opened(path: Path, packed: bool) -> BinaryIO:
-    return cast(BinaryIO, gzip.GzipFile(path)) if packed else path.open("rb")
-
-
 class _Log:
     """A log by a function that reads it; what is broken where it ends before its time is its ``damage``."""
 
@@ -167,8 +208,8 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
 
 
 def _is_sound(entry: Entry) -> bool:
-    """Whether it is a frame, a message, or a sentence with the right checksum."""
-    return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None
+    """Whether it is a frame, a message, or a line with an intact sentence."""
+    return entry.protocol == "can" or has_sentence(entry.payload)
 
 
 def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
@@ -241,5 +282,5 @@ def _library_form(head: bytes) -> Make | None:
     return None
 
 
-def _text(file: BinaryIO) -> TextIOWrapper:
-    return TextIOWrapper(file, encoding="utf-8", errors="replace")
+def _text(file: BinaryIO) -> Lines:
+    return Lines(file, encoding="utf-8", errors="replace")

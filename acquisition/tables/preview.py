@@ -12,7 +12,6 @@ from acquisition.core.angles import unwrap, wraps_of
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit, is_circular, known_channels
 from acquisition.core.errors import storage_error
-from acquisition.core.text import printable
 from acquisition.tables.column_map import apply_column_map, column_map_of
 from acquisition.tables.propose import Proposal
 from acquisition.tables.table_files import RawTable
@@ -27,16 +26,15 @@ _TRACK = ("north_m", "east_m", "latitude_deg", "longitude_deg")
 def proposal_table(proposal: Proposal) -> Table:
     """The columns, what each was taken for, its unit and the reasons."""
     from rich.table import Table
-    from rich.text import Text
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title in ("column", "taken for", "unit", "because"):
         table.add_column(title, overflow="fold")
     for each in proposal.readings:
         cells = (each.column, each.taken_for, each.unit, "; ".join(each.reasons))
-        table.add_row(*(Text(printable(cell)) for cell in cells), style="dim" if each.taken_for == "-" else "")
+        table.add_row(*cells, style="dim" if each.taken_for == "-" else "")
     for name in proposal.passed_over:
-        table.add_row(Text(printable(name)), Text("-"), Text(""), Text("not known, ignored"), style="dim")
+        table.add_row(name, "-", "", "not known, ignored", style="dim")
     return table
 
 

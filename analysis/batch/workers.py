@@ -160,7 +160,7 @@ def attempt(job: Job, work: Callable[[Job], Row]) -> Row:
         with job.mark.open("ab") as mark:
             mark.write(b".")
         with _watched(job.timeout_s):
-            return {"name": job.name, **work(job)}
+            return {**work(job), "name": job.name}  # an earlier result may say another name
     except Exception as error:  # whatever it is, it is this job's and no other's
         return failed_row(job, cause_of(error))
     finally:

@@ -46,6 +46,11 @@ class Page:
         return write_text(path, self.html)
 
 
+def _escaped(value: Any) -> Any:
+    """What a template writes, control characters in texts escaped; markup is made of texts that were."""
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
 @cache
 def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
@@ -55,7 +60,7 @@ def environment(*folders: Path) -> Environment:
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, finalize=_shown,
+        trim_blocks=True, lstrip_blocks=True, finalize=_escaped,
     )  # fmt: skip
     made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": report.manoeuvre_line}
     made.globals |= {
@@ -65,11 +70,6 @@ def environment(*folders: Path) -> Environment:
     }  # fmt: skip
     made.globals["ui"] = made.get_template("macros.html").module
     return made
-
-
-def _shown(value: Any) -> Any:
-    """What a template puts into a page: of strangers' text, what a browser obeys and no file takes is escaped."""
-    return value if isinstance(value, Markup) else printable(value)
 
 
 def render(template: str, block: str = "", templates: Environment | None = None, **context: Any) -> Page:

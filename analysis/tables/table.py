@@ -12,7 +12,6 @@ is no time of day and no folder in it, so that the same input gives the same byt
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators, as_text, control_names
 from acquisition.core.arrays import Floats, Ints, Series
+from acquisition.core.budget import RECORDING_CELLS
 from acquisition.core.channel import Channel
 from acquisition.core.channels import (
     BY_NAME,
@@ -36,6 +36,7 @@ from acquisition.core.channels import (
     trial_names,
 )
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.files import parse_json
 from acquisition.core.frames import Quality
 from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
@@ -50,7 +51,8 @@ def read_table(files: Files) -> pd.DataFrame:
 
     The index is UTC in ns, named ``time`` and sorted; a time that one channel has twice stands in two rows.
     Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the sources by channel. Raises
-    :class:`InputError` for what is no recording and :class:`DataShortageError` for one without channels.
+    :class:`InputError` for what is no recording or more than its budget, :class:`DataShortageError` for one without
+    channels.
     """
     return table_of(read_together(files))
 
@@ -58,6 +60,9 @@ def read_table(files: Files) -> pd.DataFrame:
 def table_of(recording: Recording) -> pd.DataFrame:
     """As :func:`read_table`, of a recording that is already read."""
     series = {name: recording.series[name] for name in channels_of(recording)}
+    size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
+    cells = len(series) * sum(each.measured_ns.size for each in series.values())  # if no two have a time in common
+    RECORDING_CELLS.require(cells, recording.path, size_bytes)
     table = join_channels({name: (each.measured_ns, valid_values(each)) for name, each in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
@@ -128,8 +133,8 @@ def attributes_of(recording: Recording) -> dict[str, Any]:
 def _history_in(text: str) -> list[dict[str, Any]]:
     """The steps of a history as it was written; none where somebody has written something else."""
     try:
-        steps = json.loads(text) if text else []
-    except (ValueError, RecursionError):
+        steps = parse_json(text) if text else []
+    except ValueError:
         return []
     return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
 

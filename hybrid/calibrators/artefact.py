@@ -22,9 +22,11 @@ from safetensors import SafetensorError
 
 from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
+from acquisition.core.budget import CALIBRATOR_BYTES
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, SeatrialError, storage_error
-from acquisition.core.named_code import absolute, digest_of
+from acquisition.core.files import read_regular
+from acquisition.core.named_code import absolute, digest_of, in_file
 from analysis.tables.files import make_folder
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator
@@ -164,7 +166,8 @@ def unit_of(name: str) -> str:
 def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plant]:
     """Read the sidecar of an artefact and its reference model, checked as far as possible without the weights.
 
-    Raises :class:`InputError` naming the key that is missing or wrong.
+    ``method`` is the code that the user names for it: a file named in the sidecar alone is not executed. Raises
+    :class:`InputError` naming the key that is missing or wrong.
     """
     path = folder / SIDECAR
     raw = read_bytes(path)
@@ -176,16 +179,27 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
         sidecar = _SIDECAR.validate_json(raw, strict=True)
     except ValidationError as error:
         raise damage_error(path, _explain(error)) from error
-    if method is not None:
-        sidecar = replace(sidecar, calibrator=_moved(sidecar.calibrator, method, path))
+    sidecar = replace(sidecar, calibrator=_with_code(sidecar.calibrator, method, path))
     _check(sidecar, path)
     return sidecar, _plant(sidecar, path)
 
 
-def _moved(model: Model, method: str, path: Path) -> Model:
-    """A model whose code has moved, unchanged. Raises :class:`InputError` if it has changed."""
+def _with_code(model: Model, method: str | None, path: Path) -> Model:
+    """A model with the code that a user named for it. Raises :class:`InputError` for a file that nobody named.
+
+    A calibrator from elsewhere could otherwise run what it brings along.
+    """
+    if method is None:
+        if in_file(model.method) is None:
+            return model
+        raise InputError(
+            "needs code of your own, which runs only if you name it", where=str(path),
+            why=f"it was trained with {_short(model.method)}",
+            fix="if you trust that file, give it with --method FILE.py:CLASS, in Python with"
+            " load_calibrator(FOLDER, method=...)",
+        )  # fmt: skip
     if not model.code_sha256 and method != model.method:
-        raise InputError(f"is of the method {model.method}, not {method}", where=str(path),
+        raise InputError(f"is of the method {_short(model.method)}, not {method}", where=str(path),
                          fix="leave --method out, or give the folder of that calibrator")  # fmt: skip
     return replace(model, method=absolute(method))
 
@@ -193,7 +207,7 @@ def _moved(model: Model, method: str, path: Path) -> Model:
 def read_bytes(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return path.read_bytes()
+        return read_regular(path, CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
@@ -224,12 +238,13 @@ def _check(sidecar: Sidecar, path: Path) -> None:
             raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
-    for model in filter(None, (sidecar.calibrator, sidecar.data_driven)):
-        if model.code_sha256:
-            _check_code(model, path)
-        elif model.method not in METHODS:
-            raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
-                             where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
+    if sidecar.calibrator.code_sha256:
+        _check_code(sidecar.calibrator, path)
+    elif sidecar.calibrator.method not in METHODS:
+        raise InputError(f"is of the method {_short(sidecar.calibrator.method)}, which this version does not have",
+                         where=str(path), fix=f"train again with one of {', '.join(METHODS)}")  # fmt: skip
+    if sidecar.data_driven is not None and sidecar.data_driven.method != PARTS[1]:
+        raise damage_error(path, f"data_driven.method is {_short(sidecar.data_driven.method)}, not {PARTS[1]}")
 
 
 def _check_code(model: Model, path: Path) -> None:
@@ -331,9 +346,9 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
 
 
 def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
-    """Read an artefact; ``method`` is the present place of a user's own code, ``FILE.py:CLASS``.
+    """Read an artefact; ``method`` is a user's own code that made it, ``FILE.py:CLASS``, which is executed.
 
-    Raises :class:`InputError` naming what is missing or wrong.
+    Raises :class:`InputError` naming what is missing or wrong, and for code of a user's own without ``method``.
     """
     sidecar, plant = read_sidecar(folder, method)
     beside = sidecar.data_driven

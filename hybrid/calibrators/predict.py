@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acquisition.config.vessel_file import vessel_names, vessel_of_ship
 from acquisition.core.actuators import control_names
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
@@ -76,11 +77,17 @@ def predictor_of(
 
 
 def _said_of(trained: TrainedCalibrator, trials: Trials) -> ChosenModel:
-    """Remarks on a calibrator's model, whose file may no longer exist: the calibrator holds all its numbers."""
+    """Remarks on a calibrator's model, whose numbers it holds itself.
+
+    The path of the vessel file in a calibrator, which may be another person's, is not opened: the file is looked
+    for where those of recordings are.
+    """
+    name = Path(trained.vessel).stem
     try:
-        return reference_model(trials, trained.vessel).said
+        files = (vessel_of_ship(name, path.parent) for path in trials)
+        file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
+        return chosen(name, {name}, trials) if file is None else reference_model(trials, file).said
     except ConfigurationError:
-        name = Path(trained.vessel).stem
         return chosen(name, {name}, trials)
 
 

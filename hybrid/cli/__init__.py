@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acquisition.cli import ABOARD, DIAGNOSIS, PREDICTIONS, RECORDINGS, TRIALS
+from acquisition.core.process import echo
 
 if TYPE_CHECKING:
     from acquisition.core.result import Result
@@ -28,7 +29,9 @@ CalibratorOption = Annotated[
 ]
 CodeOption = Annotated[
     str | None,
-    typer.Option("--method", help="FILE.py:CLASS: the new place of your own calibrator's code, if it has moved."),
+    typer.Option(
+        "--method", help="FILE.py:CLASS: the code of a calibrator of your own, which runs only if it is given here."
+    ),
 ]
 HorizonOption = Annotated[
     int | None,
@@ -67,16 +70,15 @@ def chosen_calibrator(folder: Path | None, method: str | None) -> TrainedCalibra
 def print_result(values: Any, result: Result, *, as_json: bool) -> None:
     """A result on standard output: its ``values`` as JSON, or as a terminal shows it."""
     if as_json:
-        typer.echo(json.dumps(values))
+        echo(json.dumps(values))
         return
-    from rich.console import Console
-
     from acquisition.core.result import ModelResult
+    from acquisition.core.terminal import Terminal
 
     if isinstance(result, ModelResult):
         for line in result.first_lines:
-            typer.echo(line)
-    Console().print(result)
+            echo(line)
+    Terminal().print(result)
 
 
 def say_what_needs_networks(what: str) -> None:
@@ -84,7 +86,7 @@ def say_what_needs_networks(what: str) -> None:
     from hybrid.calibrators import INSTALL, can_train
 
     if not can_train("data_driven"):
-        typer.echo(f"left out, as PyTorch is not installed, which trains networks: {what}; {INSTALL}", err=True)
+        echo(f"left out, as PyTorch is not installed, which trains networks: {what}; {INSTALL}", err=True)
 
 
 def mount(app: typer.Typer) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
-from acquisition.core.process import stop_on_signals
+from acquisition.core.process import echo, stop_on_signals
 from analysis.cli import RebuildPositions
 from analysis.tables.files import make_folder
 from hybrid.cli import (
@@ -65,14 +65,14 @@ def train(
     )  # fmt: skip
     path = save(trained, output)
     if as_json:
-        typer.echo(json.dumps({**trained.remarks, "calibrator": str(path.parent), **trained.metrics}))
+        echo(json.dumps({**trained.remarks, "calibrator": str(path.parent), **trained.metrics}))
         return
-    typer.echo(str(trained), err=True)
+    echo(str(trained), err=True)
     say_what_needs_networks("the one without a model beside it")
     metrics = trained.metrics
     if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:
-        typer.echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
-    typer.echo(path.parent)
+        echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
+    echo(path.parent)
 
 
 def validate(
@@ -154,7 +154,7 @@ def evaluate(
         from hybrid.report.evaluation_page import write_evaluation
 
         for path in write_evaluation(evaluation, json.dumps(values), about, output):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     print_result(values, evaluation, as_json=as_json)
 
 
@@ -219,8 +219,8 @@ def watch(
         trial = load_config(config)
         trained = chosen_calibrator(calibrator, method)
         predictor = predictor_of({config: trial.trial}, trained, vessel, horizon, WATCH_HORIZON_S)
-        typer.echo(str(predictor.said), err=True)
+        echo(str(predictor.said), err=True)
         summary = run(trial, predictor, stop, duration, log_format=log, commands=commands)  # type: ignore[arg-type]
-    typer.echo(str(summary), err=True)
+    echo(str(summary), err=True)
     if as_json:
-        typer.echo(json.dumps(described(summary, predictor)))
+        echo(json.dumps(described(summary, predictor)))

@@ -9,10 +9,12 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from acquisition.core.process import echo
 from acquisition.core.progress import bar, part_of
 from analysis.tables.files import make_folder
 from hybrid.cli import (
     AllowSeenOption,
+    CodeOption,
     EffectsOption,
     HorizonOption,
     PartOption,
@@ -59,13 +61,13 @@ def speed_power(
         from analysis.speed_power.report import write_speed_power
 
         for path in write_speed_power(found, output):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     from analysis.speed_power.report import as_dict, speed_text
 
     print_result(as_dict(found, asked), found, as_json=as_json)
     for each in asked if not as_json else ():
         speed, interval = speed_text(each)
-        typer.echo(f"at {each.power_kw:g} kW: {speed}, {interval}")
+        echo(f"at {each.power_kw:g} kW: {speed}, {interval}")
 
 
 def diagnose(
@@ -127,18 +129,17 @@ def diagnose(
     page = write_diagnosis(diagnosed, ship, output)
     diagnosis = diagnosed.diagnosis
     if as_json:
-        typer.echo(json.dumps(diagnosis.as_dict()))
+        echo(json.dumps(diagnosis.as_dict()))
         return
-    from rich.console import Console
-
+    from acquisition.core.terminal import Terminal
     from hybrid.report.diagnosis_words import model_line, summary
 
-    typer.echo(model_line(diagnosis))
+    echo(model_line(diagnosis))
     for name in ("repaired", "left_out", "wind"):
         if name in diagnosis.provenance:
-            typer.echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
-    Console().print(summary(diagnosis, diagnosed.extras.ladder))
-    typer.echo(str(page))
+            echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
+    Terminal().print(summary(diagnosis, diagnosed.extras.ladder))
+    echo(str(page))
 
 
 def identify(
@@ -175,7 +176,7 @@ def identify(
         from analysis.report.figures import write_figure
 
         for path in write_figure(found.plot(), picture.parent, picture.stem, [picture.suffix.lstrip(".") or "png"]):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     print_result(found.as_dict(), found, as_json=as_json)
 
 
@@ -203,7 +204,7 @@ def table3(
 
         write_figures([sea for sea in seas if sea.job.seed == seed], output)
         for path in (*write_table3(table, output), write_page(output)):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     print_result(table.as_dict(), table, as_json=as_json)
 
 
@@ -223,10 +224,10 @@ def figures(
     with bar("figures") as progress:
         paths = write_figures(seas_of(papers_jobs(seed, 1), progress=progress), output)
     if as_json:
-        typer.echo(json.dumps({"figures": [str(path) for path in paths]}))
+        echo(json.dumps({"figures": [str(path) for path in paths]}))
         return
     for path in paths:
-        typer.echo(path)
+        echo(path)
 
 
 def fidelity(
@@ -254,13 +255,13 @@ def fidelity(
     if output is not None:
         page = code.page_of(found, f"{method}, {sea_state} sea").write(output / "fidelity_map.html")
         for path in (*code.write_map(found, output), page):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     numbers = code.with_reading(found)
     if as_json:
-        typer.echo(json.dumps(numbers))
+        echo(json.dumps(numbers))
         return
     for sentence in numbers["reading"]:
-        typer.echo(sentence)
+        echo(sentence)
 
 
 def report(
@@ -274,6 +275,7 @@ def report(
         Path | None,
         typer.Option(help="A calibrator: the folder written by `seatrial train`; default: the one in FOLDER."),
     ] = None,
+    method: CodeOption = None,
     vessel: VesselOption = None,
     horizon: HorizonOption = None,
     part: PartOption = "0..100",
@@ -303,7 +305,7 @@ def report(
     from hybrid.report.folder import report as run
     from hybrid.report.sections import FAILED
 
-    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length)
+    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length, method)
     with bar("report") as progress:
         pages = run(folder, choices, recordings, part_of(progress, 0, 2) if pdf else progress)
         printed, warnings = list[Path](), list[str]()
@@ -317,8 +319,8 @@ def report(
                  if FAILED in page.read_text(encoding="utf-8")]  # fmt: skip
     if as_json:
         named = {"pages": [str(page) for page in pages], "pdf": [str(each) for each in printed]}
-        typer.echo(json.dumps({"report": str(pages[0]), **named}))
+        echo(json.dumps({"report": str(pages[0]), **named}))
     for path in () if as_json else (*pages, *printed):
-        typer.echo(path)
+        echo(path)
     for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
+        echo(f"warning: {warning}", err=True)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from acquisition.core.process import echo
 from acquisition.core.progress import bar
 from hybrid.cli import (
     EffectsOption,
@@ -32,9 +33,9 @@ def init(
     """Set up a folder for trials: configuration, vessel file, column map, example table."""
     from hybrid.workflows.start import start_folder
 
-    typer.echo("simulating an example, the first time with half a minute of compilation", err=True)
+    echo("simulating an example, the first time with half a minute of compilation", err=True)
     for path in start_folder(folder, name or "", force=force):
-        typer.echo(path)
+        echo(path)
 
 
 def demo(
@@ -44,15 +45,13 @@ def demo(
     """Run the whole chain: from simulated buses to a report."""
     from hybrid.workflows.demo import demonstrate
 
-    done = demonstrate(output, seed, say=lambda line: typer.echo(line, err=True))
-    from rich.console import Console
+    done = demonstrate(output, seed, say=lambda line: echo(line, err=True))
+    from acquisition.core.terminal import Terminal
 
-    typer.echo(done.validation.model, err=True)
-    Console(stderr=True).print(done.validation)
+    echo(done.validation.model, err=True)
+    Terminal(stderr=True).print(done.validation)
     reduction = done.validation.reduction or 0.0
-    typer.echo(
-        f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"
-    )
+    echo(f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference")
 
 
 def simulate(
@@ -81,7 +80,7 @@ def simulate(
     hidden = parse_effects(hide or (), catalogue)
     table = run(output, vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
     samples, truth = int(table.notna().to_numpy().sum()), output.with_suffix(".truth.json")
-    typer.echo(f"{samples:,} samples of {duration:g} s in {output}; the truth is in {truth}", err=True)
+    echo(f"{samples:,} samples of {duration:g} s in {output}; the truth is in {truth}", err=True)
 
 
 def campaign(
@@ -100,14 +99,14 @@ def campaign(
     with bar("campaign") as progress:
         made = run_campaign(planned, output, workers, scheduler, progress)
     for row in made.failed:
-        typer.echo(f"{row['name']} failed: {row['cause']}", err=True)
+        echo(f"{row['name']} failed: {row['cause']}", err=True)
     done = len(made.rows) - len(made.failed)
     if as_json:
         counts = {"trials": len(made.rows), "done": done, "reused": made.reused, "failed": len(made.failed)}
-        typer.echo(json.dumps({**counts, "index": str(made.index)}))
+        echo(json.dumps({**counts, "index": str(made.index)}))
     else:
-        typer.echo(f"{done} done, {made.reused} of them before, {len(made.failed)} failed", err=True)
-        typer.echo(made.index)
+        echo(f"{done} done, {made.reused} of them before, {len(made.failed)} failed", err=True)
+        echo(made.index)
     if made.failed:
         raise typer.Exit(1)
 
@@ -120,13 +119,12 @@ def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_
     catalogue = catalogue_with(effects_file or (), vessel=load_vessel(vessel))
     if as_json:
         listed = [effect.as_dict() for effect in catalogue.values()]
-        typer.echo(json.dumps({"version": VERSION, "effects": listed}))
+        echo(json.dumps({"version": VERSION, "effects": listed}))
         return
-    from rich.console import Console
-
+    from acquisition.core.terminal import Terminal
     from hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
 
-    console = Console()
+    console = Terminal()
     console.width = max(console.width, CATALOGUE_WIDTH)
     console.print(catalogue_tables(catalogue))
 
@@ -161,5 +159,5 @@ def plan(
         from hybrid.report.plan_page import write_plan
 
         for path in write_plan(planned, output):
-            typer.echo(path, err=True)
+            echo(path, err=True)
     print_result(planned.as_dict(), planned, as_json=as_json)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from acquisition.core.process import echo
 from hybrid.cli import print_result
 
 _ASKED = {
@@ -70,10 +71,10 @@ def new(
         frontal_area_m2=frontal_area, lateral_area_m2=lateral_area, water_density_kgpm3=water_density,
     )  # fmt: skip
     for warning in made.warnings:
-        typer.echo(f"note: {warning}", err=True)
+        echo(f"note: {warning}", err=True)
     rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in made.service_rpm.items())
-    typer.echo(f"{numbers['service_speed']:g} m/s takes {rpm}", err=True)
-    typer.echo(output)
+    echo(f"{numbers['service_speed']:g} m/s takes {rpm}", err=True)
+    echo(output)
 
 
 def check(
@@ -93,7 +94,7 @@ def check(
     if output is not None:
         from hybrid.report.vessel_check import write_vessel_check
 
-        typer.echo(write_vessel_check(checked, output), err=True)
+        echo(write_vessel_check(checked, output), err=True)
     print_result(checked.as_dict(), checked, as_json=as_json)
 
 

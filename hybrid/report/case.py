@@ -303,16 +303,18 @@ def load_case(
     repair: bool = True,
     allow_seen: bool = False,
     length_m: float | None = None,
+    method: str | None = None,
 ) -> Case:
     """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
-    each recording's time in percent; ``length_m`` is the ship's where no vessel file says it.
+    each recording's time in percent; ``length_m`` is the ship's where no vessel file says it; ``method`` is the
+    code of a calibrator of your own, ``FILE.py:CLASS``.
 
     Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
     """
     paths = tuple(map(Path, recordings))
     refuse_duplicates(paths)
-    trained = load(Path(calibrator)) if calibrator else None
+    trained = load(Path(calibrator), method) if calibrator else None
     seconds = horizon_s or HORIZON_S
     if trained is not None or vessel is not None:
         seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s

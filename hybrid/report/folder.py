@@ -38,7 +38,8 @@ BLOCKS = ("cover", "indices", "speed_power", "figures", "model", "diagnosis", "d
 class Choices:
     """What a trial's report is made with; without a calibrator that of the folder, if there is one in it.
 
-    ``length_m`` is the ship's length between perpendiculars, where no vessel file says it.
+    ``length_m`` is the ship's length between perpendiculars, where no vessel file says it; ``method`` is the code
+    of a calibrator of your own, ``FILE.py:CLASS``.
     """
 
     calibrator: Path | None = None
@@ -49,6 +50,7 @@ class Choices:
     allow_seen: bool = False
     interactive: bool = True
     length_m: float | None = None
+    method: str | None = None
 
 
 def kind_of(folder: Path) -> Kind:
@@ -148,6 +150,7 @@ def trial_report(
     case = load_case(
         recordings, choices.calibrator, choices.vessel, choices.horizon_s,
         part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
+        method=choices.method,
     )  # fmt: skip
     made = case.products  # what is wrong is said before anything is written
     make_folder(folder)

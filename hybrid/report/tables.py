@@ -38,7 +38,7 @@ _PREDICTION_COLUMNS = {
 def text_table(
     title: str,
     columns: Sequence[str],
-    rows: Iterable[Sequence[str]],
+    rows: Iterable[Sequence[str | Text]],
     best: int | None = None,
     words: int = 1,
     *,
@@ -211,11 +211,13 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
-    rows = []
+    rows = list[list[str | Text]]()
     for name, summary in (each for classes in split.shown.values() for each in classes.items()):
-        figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
-        figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
-        rows.append([name, f"{summary.windows}/{summary.legs}", *figures.values()])
+        figures = [
+            Text(f"{each.mean_distance_m.value:.2f}", "bold" if method == summary.best else "")
+            for method, each in summary.methods.items()
+        ]
+        rows.append([name, f"{summary.windows}/{summary.legs}", *figures])
     methods = map(_head, split.whole.methods)
     return text_table(f"{split.kind}: mean distance m by class, with windows/legs", ("", "", *methods), rows)
 

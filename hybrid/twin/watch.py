@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.angles import wrap_360
+from acquisition.core.terminal import Terminal
 from acquisition.logger.supervision import LOG, LogFormat, log_to
 from analysis.kinematics import to_ship
 from hybrid.calibrators.predict import Prediction, Predictor
@@ -116,7 +117,7 @@ def watch(
         twin = Twin(config.trial.name, config.path, predictor, notify, folder, plan)
         stack.callback(twin.close)
         display = Live(
-            Display(twin, messages), console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True
+            Display(twin, messages), console=Terminal(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True
         )  # drawn by a thread of its own
         stack.enter_context(display if on_terminal else log_to(sys.stderr, log_format))
         warm_up(predictor)
