@@ -66,7 +66,7 @@ class _Bytes(io.RawIOBase):
 class Lines(io.TextIOWrapper):
     """The lines of a log as text; one without an end raises ValueError, not the memory that it takes."""
 
-    def __next__(self) -> str:
+    def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper's is in truth
         line = self.readline(TEXT_BYTES.least)
         if not line:
             raise StopIteration

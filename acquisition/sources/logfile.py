@@ -45,11 +45,11 @@ UNDERSTOOD = (
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
-Make = Callable[[BinaryIO], Iterable[can.Message]]
+Make = Callable[[Any], Iterable[can.Message]]
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a text that somebody typed 64 kB
 
 
-class _Blf(can.BLFReader):
+class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
     """Python-can's, but that a container unpacks to no more than a multiple of what containers hold."""
 
     def __init__(self, file: BoundedLog) -> None:

@@ -19,11 +19,13 @@ from typing import Any
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.files import read_json, written_together
+from acquisition.core.locks import LOCK
 from acquisition.core.progress import Progress
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import whole_recordings
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
-from analysis.batch.workers import LOCK, MARKS, Job, Task, attempt, check_address, exclusive_folder, run_jobs
+from analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
 from analysis.products import Options
 from analysis.report.pages import index_page
 from analysis.tables.files import read_parquet, write_parquet
@@ -122,7 +124,7 @@ def run_batch(
         )
         for name, paths in zip(names, found, strict=True)
     ]
-    with exclusive_folder(out):
+    with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, paths in zip(rows, found, strict=True):
             row["path"] = printable_name(paths[0].relative_to(folder))
@@ -268,7 +270,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
     for path in sorted(out.rglob(SUMMARY)):
         name = path.parent.relative_to(out).as_posix()
         try:
-            row = json.loads(path.read_text(encoding="utf-8"))
+            row = read_json(path)
             ours = name not in names and row["provenance"]["recording"] == name
         except (OSError, ValueError, LookupError, TypeError):
             continue  # somebody else's file of that name
@@ -283,8 +285,9 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     Raises :class:`acquisition.core.errors.StorageError` when they cannot be written.
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
-    write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-    return index_page(rows, failures_of(rows), title).write(out / "index.html")
+    with written_together(out / "index.parquet"):
+        write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
+        return index_page(rows, failures_of(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

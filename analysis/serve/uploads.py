@@ -12,6 +12,7 @@ from werkzeug.utils import secure_filename
 
 from acquisition.core.errors import InputError, SeatrialError
 from acquisition.core.files import atomic_file
+from acquisition.core.locks import locked_briefly
 from acquisition.recording.reader import read_recording
 from acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
 from acquisition.tables.table_files import read_raw
@@ -68,8 +69,9 @@ def _recording_path(source: Path) -> Path:
 def _put(recording: Path, folder: Path) -> Path:
     """Copy a file into a folder, complete or not at all; one of that name stays as it is."""
     target = folder / f"{recording.stem}.mcap"
-    if os.path.lexists(target):
-        raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
-    with atomic_file(target) as partial:
-        shutil.copyfile(recording, partial)
+    with locked_briefly(target):
+        if os.path.lexists(target):
+            raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
+        with atomic_file(target) as partial:
+            shutil.copyfile(recording, partial)
     return target

@@ -468,10 +468,9 @@ LOG_SOURCES = {".tlog": ("mavlink_file", ""), ".db": ("mqtt_file", MQTT_VALUES)}
 
 def write_configuration(folder: Path, source: str) -> Path:
     """A configuration of one source."""
-    (folder / "trial.toml").write_text(
-        '[trial]\nname = "bomb"\nvessel = "gunnerus"\n'
-        f'[[source]]\nname = "line"\nchannels = ["heading_deg"]\n{source}'
-    )
+    trial = '[trial]\nname = "bomb"\nvessel = "gunnerus"\n'
+    line = '[[source]]\nname = "line"\nchannels = ["heading_deg"]\n'
+    (folder / "trial.toml").write_text(f"{trial}{line}{source}")
     return folder / "trial.toml"
 
 
