@@ -25,7 +25,7 @@ import pandas as pd
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
-from acquisition.core.files import parse_json, remove_file, written_together
+from acquisition.core.files import parse_json, written_together
 from acquisition.recording.grouping import read_parts, whole_recordings
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
@@ -199,7 +199,7 @@ def windows_of_recordings(
 def write_windows(windows: HeldWindows, path: Path | str) -> None:
     """Write the windows as Parquet, the account of the candidates and their provenance in the file's metadata.
 
-    Their starts, if they have them, go into ``<name>.starts.parquet`` beside; earlier ones do not stay. Raises
+    Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
     :class:`acquisition.core.errors.StorageError` when a file cannot be written.
     """
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
@@ -208,9 +208,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
     with written_together(Path(path)):
-        if windows.starts is None:
-            remove_file(starts_path(path))
-        else:
+        if windows.starts is not None:
             about = {"covariance": "SI, angles in radians", **provenance}
             write_parquet(windows.starts, starts_path(path), states, about)
         write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})

@@ -506,9 +506,6 @@ def _cases() -> dict[str, tuple[Act | None, Act, str]]:
                                                     "--preview", "out.png"), "out.mcap"),
         "windows": (CommandLine("windows", TRIAL, "-o", "out.parquet", "--horizon", "8"),
                     CommandLine("windows", TRIAL, "-o", "out.parquet", "--horizon", "5"), "out.parquet"),
-        "windows without starts": (CommandLine("windows", TRIAL, "-o", "out.parquet", "--horizon", "5"),
-                                   CommandLine("windows", TRIAL, "-o", "out.parquet", "--horizon", "5",
-                                               "--no-starts"), "out.parquet"),
         "smooth": (None, CommandLine("smooth", TRIAL, "-o", "out.parquet"), "out.parquet"),
         "check --repair": (CommandLine("recover", TRIAL, "-o", "out.mcap"),
                            CommandLine("check", TRIAL, "--repair", "out.mcap"), "out.mcap"),
@@ -610,7 +607,7 @@ def test_refused_by_the_disk_at_any_change_it_is_one_line(
 
 @pytest.mark.attack
 @pytest.mark.parametrize("killed", [True, False], ids=["killed", "refused"])
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("import", "windows without starts")])
+@pytest.mark.parametrize("name", [name for name in CASES if name != "import"])
 def test_cut_off_within_a_file_it_leaves_whole_files_and_is_resumed(
     name: str, killed: bool, begin: Path, tmp_path: Path
 ) -> None:
