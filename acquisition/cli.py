@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from functools import partial
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,12 +26,42 @@ if TYPE_CHECKING:
     from acquisition.tables.table_files import RawTable
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="The file or folder to write.")]
+Command = Callable[..., None]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
 
 ABOARD, RECORDINGS, TRIALS, PREDICTIONS, DIAGNOSIS = (
     "Aboard", "Recordings", "Trials", "Predictions", "What the model lacks"
 )  # fmt: skip
 """The groups of commands in ``seatrial --help``."""
+
+
+def writes(*files: str, folder: str = "") -> Callable[[Command], Command]:
+    """Lock what a command writes while it runs, and protect what it reads.
+
+    ``files`` and ``folder`` are the options or arguments that name outputs; every other one that names a file is an
+    input, which no output may replace.
+    """
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def run(**values: Any) -> None:
+            from acquisition.core.files import inputs_protected, refuse_input
+            from acquisition.core.locks import locked_file, locked_folder
+
+            named = [value for name, value in values.items() if name not in (*files, folder)]
+            inputs = [part for value in named for part in (value if isinstance(value, list) else [value])]
+            with ExitStack() as stack:
+                stack.enter_context(inputs_protected(Path(part) for part in inputs if isinstance(part, str | Path)))
+                for path in [Path(values[name]) for name in files if values[name] is not None]:
+                    refuse_input(path)
+                    stack.enter_context(locked_file(path))
+                if values.get(folder) is not None:
+                    stack.enter_context(locked_folder(Path(values[folder])))
+                command(**values)
+
+        return run
+
+    return decorate
 
 
 def mount(app: typer.Typer) -> None:
@@ -118,6 +150,7 @@ def _check_departure(
     echo(f"ready: all {len(found.channels)} channels come", err=True)
 
 
+@writes("output")
 def discover(
     inputs: Annotated[
         list[str] | None,
@@ -177,6 +210,7 @@ def mark(
     echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
 
 
+@writes("output")
 def redecode(
     recording: Annotated[list[Path], typer.Argument(help="A recording; its parts in order.")],
     output: Output,
@@ -219,6 +253,7 @@ def emulate(
         echo(f"warning: no message could carry {unsent}; position, for one, needs north and east", err=True)
 
 
+@writes("output", "write_map", "preview")
 def import_(
     table: Annotated[Path, typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")],
     output: Output,
@@ -336,6 +371,7 @@ def info(
         tell(f"/prediction: {recording.predictions:,} predictions made beside the recorder")
 
 
+@writes("output")
 def recover(
     file: Annotated[Path, typer.Argument(help="A recording that is damaged or was not closed; it is not changed.")],
     output: Output,
@@ -354,6 +390,7 @@ def recover(
     echo(output)
 
 
+@writes("output")
 def migrate(
     file: Annotated[Path, typer.Argument(help="A recording with JSON messages; it is not changed.")],
     output: Output,

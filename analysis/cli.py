@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import RECORDINGS, AsJson, Output
+from acquisition.cli import RECORDINGS, AsJson, Output, writes
 from acquisition.core.files import expect_suffix
 from acquisition.core.process import echo
 
@@ -33,6 +33,7 @@ def mount(app: typer.Typer) -> None:
         app.command(rich_help_panel=RECORDINGS)(command)
 
 
+@writes("repair", folder="output")
 def check(
     files: Files,
     output: Annotated[
@@ -98,6 +99,7 @@ def _values(count: int) -> str:
     return "1 value" if count == 1 else f"{count:,} values"
 
 
+@writes("output")
 def export(
     files: Files,
     output: Output,
@@ -155,6 +157,7 @@ def _named_values(given: list[str]) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
+@writes("output")
 def windows(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Output,
@@ -211,6 +214,7 @@ def windows(
     echo(output)
 
 
+@writes(folder="output")
 def manoeuvres(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="A folder for JSON and pictures.")] = None,
@@ -249,6 +253,7 @@ def manoeuvres(
             echo(path, err=as_json)
 
 
+@writes("output")
 def smooth(
     files: Files,
     output: Output,
@@ -279,6 +284,7 @@ def smooth(
     echo(output)
 
 
+@writes(folder="output")
 def batch(
     folder: Annotated[Path, typer.Argument(help="A folder with recordings, also in subfolders.")],
     output: Output,
@@ -309,9 +315,9 @@ def batch(
     """Analyse every recording in a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
+    from acquisition.core.process import Termination
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
-    from analysis.batch.workers import Termination
     from analysis.products import Options
 
     if rebuild_positions and no_repair:
@@ -367,7 +373,7 @@ def serve(
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
         raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
-    from analysis.batch.workers import interrupt_on_terminate
+    from acquisition.core.process import interrupt_on_terminate
     from analysis.serve.app import make_app
     from analysis.serve.app import serve as run
     from analysis.serve.season import Season, results_folder

@@ -20,6 +20,7 @@ _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
 _MOST_LEVELS = 16  # tables and lists in each other; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 """Reported first: a misspelt key is often the reason why another is missing."""
+_ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
 _KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
 
 
@@ -49,6 +50,10 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
+    if _ENDLESS_KEY.search(text):  # of which the library takes memory by the square
+        raise ConfigurationError(
+            "is not valid TOML", where=str(path), why="a key has more than 100 parts", fix="correct it there"
+        )
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError

@@ -105,6 +105,7 @@ def actuators_of_ship(ship: str, folder: Path) -> Actuators:
 
 def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
     tree = parse_toml(read_text(path), path)
+    _check_names(tree, path)
     base = tree.get("base", "")
     if not base:
         return {key: value for key, value in tree.items() if key != "base"}
@@ -116,6 +117,15 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
         fix = "let it build on another vessel, or on none"
         raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
     return _merged({key: value for key, value in _with_base(below, seen).items() if key != "name"}, tree)
+
+
+def _check_names(tree: Tree, path: Path) -> None:
+    """Actuators are merged by name. Raises :class:`ConfigurationError` for a name that is no text."""
+    listed = tree.get("actuator", [])
+    names = [each.get("name", "") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
+    if not all(isinstance(name, str) for name in names):
+        fix = 'write name = "NAME" in each [[actuator]]'
+        raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
 
 
 def _merged(below: Tree, above: Tree) -> Tree:

@@ -18,7 +18,7 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
 from acquisition.config.sections import Signal
-from acquisition.core.budget import DBC_BYTES, DBC_TEXT_BYTES
+from acquisition.core.budget import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
@@ -34,6 +34,7 @@ from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
 )
+_SIZES = re.compile(rb"\|\s*(\d+)\s*@|^\s*BO_\s+\d+\s+\w+\s*:\s*(\d+)", re.MULTILINE)
 _ERROR = re.compile(r"(?i)error|fault")
 
 
@@ -43,6 +44,8 @@ def load_dbc(path: Path) -> cantools.db.Database:
         content = read_regular(path, DBC_BYTES, ConfigurationError)
         longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
         DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
+        widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
+        DBC_BITS.require(widest, path, len(content), ConfigurationError)
         text = content.decode("cp1252", "replace")  # as editors of DBC write
         return cantools.database.load_string(text, database_format="dbc")
     except ConfigurationError:

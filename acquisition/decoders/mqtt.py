@@ -143,7 +143,8 @@ class MqttDecoder(Decoder):
         if topic in self._values:
             return self._decode_values(frame, topic, text)
         if len(text) > _LONGEST_TEXT:
-            self.refused["longer than 64 kB"] += hash(topic) in self._of_lines
+            if hash(topic) in self._of_lines:
+                self.refused["longer than 64 kB"] += 1
             return []
         groups = []
         for line in text.splitlines():

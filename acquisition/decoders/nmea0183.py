@@ -261,13 +261,14 @@ class Nmea0183Decoder(Decoder):
         if not tagged.sound:
             self.refused["TAG block with a wrong checksum"] += 1
         if sentence is None:
-            # What is left of a TAG block alone is one fault, not two.
-            self.refused["no sound checksum"] += tagged.sound or tagged.sentence.startswith((b"$", b"!"))
+            if tagged.sound or tagged.sentence.startswith((b"$", b"!")):  # a TAG block alone is one fault, not two
+                self.refused["no sound checksum"] += 1
             return []
         if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
             self.clock.announce(tagged.time_ns, frame)
         tag, fields = sentence
         if not tag.isalnum() or len(tag) > _LONGEST_TAG:
+            self.refused["no talker and kind"] += 1
             return []
         talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: a maker's own
         groups: list[Group] = []

@@ -137,7 +137,7 @@ def _of_section(section: dict[str, Any], path: Path) -> Place | None:
         return None
     settings = {key: section[key] for key in keys if key in section}
     files = ("path", "dbc", "ca_file", "password_file")
-    settings |= {key: str(path.absolute().parent / settings[key]) for key in files if key in settings}
+    settings |= {key: str(path.absolute().parent / str(settings[key])) for key in files if key in settings}
     settings |= {"topics": ["#"]} if kind == "mqtt" else {}
     if kind in ("udp", "tcp"):
         settings = {"address": "127.0.0.1"} | settings

@@ -170,7 +170,7 @@ class Events:
             for rank, (number, event) in enumerate(reversed(tuple(kept)))  # another thread puts more in
         ]
         chosen = sorted(ranked)[: max(most, 0)]
-        return [event for *_, event in sorted(chosen, key=lambda each: each[2])]
+        return [event for *_, event in sorted(chosen, key=lambda ranking: ranking[2])]
 
 
 @dataclass(slots=True)

@@ -146,9 +146,9 @@ def relay(viewer: socket.socket, server: socket.socket) -> None:
 
 def page(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
-    from rich.console import Console
+    from acquisition.core.terminal import Terminal
 
-    console = Console(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
+    console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)
     body = console.export_html(inline_styles=True, code_format="{code}")
     return _PAGE.format(title=html.escape(title), body=body)

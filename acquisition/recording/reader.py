@@ -210,8 +210,10 @@ class MessageStream:
 
 def count_definition(record: mcap.Channel | mcap.Schema, meter: Meter, *, is_new: bool) -> None:
     """Count what a file defines; what was defined before takes no more memory. Raises :class:`InputError`."""
-    is_channel = isinstance(record, mcap.Channel)
-    name, size = (record.topic, len(str(record.metadata))) if is_channel else (record.name, len(record.data))
+    if isinstance(record, mcap.Channel):
+        name, size = record.topic, len(str(record.metadata))
+    else:
+        name, size = record.name, len(record.data)
     meter.add(DEFINITIONS, 1)
     meter.check(NAME_BYTES, len(name))
     meter.add(DESCRIPTION_BYTES, len(name) + size if is_new else 0)

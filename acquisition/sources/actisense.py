@@ -110,8 +110,8 @@ class Cutter:
         while (at := data.find(MARK, at)) >= 0:
             body = at + len(MARK)
             if body >= end:  # what seems a mark inside, behind an escaped byte, would end at the same place
-                found = _BODY.match(data, body)
-                end = len(data) + 1 if found is None else found.end()
+                frame = _BODY.match(data, body)
+                end = len(data) + 1 if frame is None else frame.end()
             if (message := _message(data, body, end)) is not None:
                 pieces += [*_lines(data[start:at]), MARK + message]
                 start = at = end

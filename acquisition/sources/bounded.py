@@ -8,9 +8,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from acquisition.core.budget import TABLE_TEXT_BYTES, TEXT_BYTES, Meter
+from acquisition.core.budget import LOG_BYTES, TEXT_BYTES, Meter
 
-_BLOCK_BYTES = 64 * 1024
+_BLOCK_BYTES = 8192  # as readers ask for: of a packed log that is cut off no more is lost than its last block
 
 
 class BoundedLog(io.BufferedReader):
@@ -30,7 +30,7 @@ class _Bytes(io.RawIOBase):
     """The bytes of a log, counted since the last time that it was read from its beginning."""
 
     def __init__(self, path: Path, packed: bool) -> None:
-        self._path, self._size_bytes = path, path.stat().st_size
+        self._path, self._size_bytes, self._packed = path, path.stat().st_size, packed
         self._stream: Any = gzip.GzipFile(path) if packed else path.open("rb")
         self.meter = Meter(path, self._size_bytes)
 
@@ -42,12 +42,12 @@ class _Bytes(io.RawIOBase):
 
     def readinto(self, buffer: Any, /) -> int:
         data = self._stream.read1(len(buffer))  # what is there: the rest of a log that is cut off would raise
-        self.meter.add(TABLE_TEXT_BYTES, len(data))
+        self.meter.add(LOG_BYTES, len(data))
         buffer[: len(data)] = data
         return len(data)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
-        if whence == os.SEEK_END:
+        if whence == os.SEEK_END and self._packed:
             while self.read(_BLOCK_BYTES):
                 pass
             return int(self._stream.tell())
@@ -66,7 +66,7 @@ class _Bytes(io.RawIOBase):
 class Lines(io.TextIOWrapper):
     """The lines of a log as text; one without an end raises ValueError, not the memory that it takes."""
 
-    def __next__(self) -> str:
+    def __next__(self) -> str:  # type: ignore[override]  # as TextIOWrapper's is in truth
         line = self.readline(TEXT_BYTES.least)
         if not line:
             raise StopIteration

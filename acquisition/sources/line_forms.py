@@ -297,8 +297,7 @@ _COMMENTS = frozenset("#;")
 _COLOUR = _pattern(r"\x1b\[[0-9;]*m")
 _BEGINNINGS = ("$", "!", "\\", "UdPbC")  # of a sentence, a TAG block, a datagram's prefix
 _ENDING = _pattern(r"(?P<inner>.*\*[0-9A-Fa-f]{2})[\s,;]++(?P<after>[^*$!]*)")
-_PACKED = re.compile(rb"[^\\][$!](?:PCDIN|PDGY|[A-Z]{2}PGN),")
-"""A gateway's message that something else stands before."""
+_PACKED = re.compile(rb"[$!](?:PCDIN|PDGY|[A-Z]{2}PGN),")  # a gateway's message
 _ENVELOPES = (
     _pattern(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
     # OpenCPN's voyage data recorder: the time, the protocol, one or two columns of its own, what came.

@@ -26,7 +26,7 @@ import can
 from can.io import blf
 
 from acquisition.config.sections import FileSource
-from acquisition.core.budget import TABLE_TEXT_BYTES
+from acquisition.core.budget import LOG_BYTES
 from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
 from acquisition.core.times import Order, Stamp, date_order
 from acquisition.decoders.nmea0183 import has_sentence
@@ -48,11 +48,11 @@ UNDERSTOOD = (
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
-Make = Callable[[BinaryIO], Iterable[can.Message]]
+Make = Callable[[Any], Iterable[can.Message]]
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a text that somebody typed 64 kB
 
 
-class _Blf(can.BLFReader):
+class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
     """Python-can's, but that a container unpacks to no more than a multiple of what containers hold."""
 
     def __init__(self, file: BoundedLog) -> None:
@@ -69,7 +69,7 @@ class _Blf(can.BLFReader):
             self.file.read(size % 4)
             if kind == blf.LOG_CONTAINER:
                 plain = _container(body)
-                self._meter.add(TABLE_TEXT_BYTES, len(plain))
+                self._meter.add(LOG_BYTES, len(plain))
                 yield from self._parse_container(plain)
                 if len(self._tail) > _LONGEST_OBJECT_BYTES:
                     raise ValueError("an object in it is longer than any")

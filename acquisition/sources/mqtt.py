@@ -31,7 +31,7 @@ _KEEP_ALIVE_S = 10  # a broker that is cut off without a word is found out after
 _TIMEOUT_S = 3.0  # to connect, and for the broker's answer
 _POLL_S = 0.1
 _MOST_AT_ONCE, _MOST_BYTES_AT_ONCE = 300, 1_000_000
-_TABLE = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND upper(name) = 'LOG' AND sql LIKE 'CREATE TABLE%'"
+_COMPUTED = "SELECT 1 FROM sqlite_master WHERE upper(name) = 'LOG' AND sql NOT LIKE 'CREATE TABLE%'"
 _ROWS = "SELECT UNIX_TIME, TOPIC, MESSAGE FROM LOG ORDER BY ID"
 _HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
@@ -198,8 +198,8 @@ class MqttLog(LogReader):
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
             self._log.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, TEXT_BYTES.allowance(0))
             self._log.execute("PRAGMA trusted_schema = OFF")
-            if not self._log.execute(_TABLE).fetchall():  # a view could compute rows without end
-                raise ValueError("it is not a log of MQTT messages: it has no table LOG")
+            if self._log.execute(_COMPUTED).fetchall():
+                raise ValueError("it is not a log of MQTT messages: its LOG is computed, perhaps without end")
             self._rows = self._log.execute(_ROWS)
         except sqlite3.Error as error:
             raise ValueError(f"it is not a log of MQTT messages: {error}") from error

@@ -349,12 +349,12 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     found = re.search("".join(parts), raw.path.name)
     try:
         local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
-    except ValueError as error:
+        seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
+        counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
+        return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
+    except (ValueError, OverflowError) as error:
         where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
         raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
-    seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
-    counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
-    return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
 
 
 def _turned_back(channel: Channel, values: Floats) -> Floats:

@@ -45,11 +45,17 @@ def read_sheets(path: str, cells: _Cells) -> dict[str, list[list[Any]]]:
 
 def read_parquet(path: str, cells: _Cells) -> Any:
     """The table, as Arrow has it."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     metadata = pq.read_metadata(path)
     cells.take(max(metadata.num_rows, 1) * max(metadata.num_columns, 1))
-    return pq.read_table(path)
+    table = pq.read_table(path)
+    for number, field in enumerate(table.schema):
+        if pa.types.is_dictionary(field.type):  # a long text of many rows would take its room later, without limits
+            plain = field.with_type(field.type.value_type)
+            table = table.set_column(number, plain, table.column(number).cast(plain.type))
+    return table
 
 
 def read_mat(path: str, cells: _Cells) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +22,6 @@ import pandas as pd
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.budget import (
-    CONFIGURATION_BYTES,
     TABLE_CELLS,
     TABLE_COLUMNS,
     TABLE_TEXT_BYTES,
@@ -31,7 +31,7 @@ from acquisition.core.budget import (
 )
 from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
-from acquisition.core.files import parse_json
+from acquisition.core.files import parse_json, read_json
 from acquisition.core.frames import NANO
 from acquisition.core.trial import Trial
 
@@ -45,6 +45,8 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat")
 _MICRO = 1_000_000
+STORABLE = "1970-01-01", "2262-01-01"
+"""The first day that the times of a recording reach, and the first beyond: they are nanoseconds since 1970."""
 _ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 
 
@@ -194,7 +196,8 @@ def _read_gpx(path: Path) -> RawTable:
     """The points of all tracks, with their time and what else each tells, speed and course say."""
     from xml.etree import ElementTree as ET
 
-    meter, rows, parents = Meter(path, path.stat().st_size), list[dict[str, Any]](), list[Any]()
+    meter, rows, names = Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
+    parents = list[Any]()
     for event, element in ET.iterparse(path, ("start", "end")):
         if event == "start":
             parents.append(element)
@@ -204,6 +207,8 @@ def _read_gpx(path: Path) -> RawTable:
         if _tag(element) in ("trkpt", "rtept"):
             rows.append(_point(element))
             meter.add(TABLE_CELLS, len(rows[-1]))
+            names.update(rows[-1])
+            meter.check(TABLE_COLUMNS, len(names))
         if parents and not any(_tag(parent) in ("trkpt", "rtept") for parent in parents):
             parents[-1].remove(element)  # what was read need not stay in memory
     return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
@@ -240,10 +245,8 @@ def _trial_beside(path: Path) -> Trial:
     """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
     beside = path.with_name(f"{path.name}.json")
     try:
-        size_bytes = beside.stat().st_size
-        CONFIGURATION_BYTES.require(size_bytes, beside, size_bytes)
-        return trial_of(parse_json(beside.read_text(encoding="utf-8"))["trial"])
-    except (OSError, ValueError, KeyError, TypeError):
+        return trial_of(read_json(beside)["trial"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return Trial()
 
 
@@ -311,6 +314,17 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
     return values.to_numpy(dtype=float)
 
 
+def storable(times: pd.Series[Any]) -> pd.Series[Any]:
+    """Times as nanoseconds, NaT where a recording cannot hold them: before 1970 and from 2262 on.
+
+    Years such as 0001 and 9999 are what programs write that know no time.
+    """
+    zone = times.dt.tz
+    first, end = (pd.Timestamp(day, tz=zone) for day in STORABLE)
+    kept: pd.Series[Any] = times.where((times >= first) & (times < end)).dt.as_unit("ns")
+    return kept
+
+
 def parse_times(
     raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
 ) -> pd.DatetimeIndex:
@@ -322,16 +336,18 @@ def parse_times(
     empty = np.flatnonzero(index.isna())
     if empty.size:
         given = column.iloc[empty[0]]
-        what = "has no time" if pd.isna(given) else f"holds {given!r}, which is not an ISO 8601 time"
+        what = "has no time" if pd.isna(given) else f"holds {str(given)!r}, which is not an ISO 8601 time"
         what, why = f"row {empty[0] + 1} of column {name!r} {what}", f"{empty.size} such rows"
-        raise InputError(what, where=str(raw.path), why=why, fix="give every row a time like 2026-05-17T12:00:00Z")
+        fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
+        raise InputError(what, where=str(raw.path), why=why, fix=fix)
     return index
 
 
 def read_times(
     raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
 ) -> pd.DatetimeIndex:
-    """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or ``start``; NaT for what is neither.
+    """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or ``start``; NaT for what is neither, and
+    for what is not :func:`storable`.
 
     Text without a zone is in ``zone``, or an :class:`InputError` where that is None: local time is ambiguous
     twice a year. Numbers are seconds; ``seconds`` says that nothing else will do.
@@ -340,7 +356,7 @@ def read_times(
     if seconds or pd.api.types.is_numeric_dtype(column):
         index = _from_seconds(pd.to_numeric(column, errors="coerce").to_numpy(dtype=float), start)
     elif isinstance(column.dtype, pd.DatetimeTZDtype):
-        index = pd.DatetimeIndex(column)
+        index = pd.DatetimeIndex(storable(column))
     else:
         index = _from_text(raw, column, zone)
     return index.tz_convert("UTC").as_unit("ns").rename("time")
@@ -350,9 +366,10 @@ def _from_text(raw: RawTable, column: pd.Series[Any], zone: str | None) -> pd.Da
     """ISO 8601 text, or times without a zone from Parquet; NaT for what cannot be read."""
     text = column.astype("str")
     zoned = text.str.contains(_ZONED, regex=True, na=False)
-    times = pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce")
+    times = storable(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
     naive = pd.to_datetime(text.mask(zoned), format="ISO8601", errors="coerce")
     if zone is not None:
+        naive = storable(naive)
         local = naive.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
         return pd.DatetimeIndex(times.fillna(local.dt.tz_convert("UTC")))
     if naive.notna().any():
@@ -366,9 +383,11 @@ def _from_text(raw: RawTable, column: pd.Series[Any], zone: str | None) -> pd.Da
 def _from_seconds(seconds: Floats, start: str | None) -> pd.DatetimeIndex:
     """Seconds as UTC. A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one."""
     begin = pd.Timestamp(start) if start else pd.Timestamp(0, tz="UTC")
-    valid = np.isfinite(seconds) & (np.abs(seconds) < 9e9)
+    first_s, end_s = ((pd.Timestamp(day, tz="UTC") - begin).total_seconds() for day in STORABLE)
+    valid = (seconds >= first_s) & (seconds < end_s)
     whole = np.floor(np.where(valid, seconds, 0.0))
     unit = _MICRO if start is None else NANO
     part = np.rint((np.where(valid, seconds, 0.0) - whole) * unit).astype(np.int64) * (NANO // unit)
-    time_ns = whole.astype(np.int64) * NANO + part + begin.as_unit("ns").value
+    begin_s, begin_ns = math.floor(begin.timestamp()), 1000 * begin.microsecond + begin.nanosecond
+    time_ns = (whole.astype(np.int64) + begin_s) * NANO + begin_ns + part
     return pd.DatetimeIndex(np.where(valid, time_ns.astype("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")

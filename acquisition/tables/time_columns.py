@@ -18,7 +18,7 @@ from pydantic.dataclasses import dataclass
 
 from acquisition.core.arrays import Ints
 from acquisition.core.errors import InputError
-from acquisition.tables.table_files import RawTable
+from acquisition.tables.table_files import STORABLE, RawTable, storable
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
@@ -26,6 +26,8 @@ SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)
 NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9, "d": 86_400 * 10**9}
 """How many nanoseconds each unit of counted time has."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
+_LAST_NS = pd.Timestamp(STORABLE[1]).value
+_MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
 _HALF_DAY = pd.Timedelta(hours=12)
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 
@@ -126,14 +128,15 @@ def _with(raw: RawTable, time: TimeColumn, times: pd.Series[Any]) -> tuple[RawTa
 def _counted(column: pd.Series[Any], unit: str) -> pd.Series[Any]:
     """Counts since 1970 as UTC, whole numbers without a detour over floats."""
     numbers = pd.to_numeric(column, errors="coerce")
+    values = numbers.to_numpy(dtype=float)
+    valid = (values >= 0.0) & (values < _LAST_NS / NS_IN[unit])
     if numbers.dtype.kind in "iu":
         ns: Ints = numbers.to_numpy().astype(np.int64) * NS_IN[unit]
     else:
-        values = numbers.to_numpy(dtype=float)
-        whole = np.floor(np.where(np.isfinite(values), values, 0.0))
-        part = np.rint((values - whole) * NS_IN[unit])
-        ns = whole.astype(np.int64) * NS_IN[unit] + np.where(np.isfinite(part), part, 0.0).astype(np.int64)
-        ns = np.where(np.isfinite(values), ns, np.iinfo(np.int64).min)
+        whole = np.floor(np.where(valid, values, 0.0))
+        part = np.rint((np.where(valid, values, 0.0) - whole) * NS_IN[unit])
+        ns = whole.astype(np.int64) * NS_IN[unit] + part.astype(np.int64)
+    ns = np.where(valid, ns, np.iinfo(np.int64).min)  # NaT
     return pd.Series(pd.DatetimeIndex(ns.astype("datetime64[ns]"), tz="UTC"), index=column.index)
 
 
@@ -141,16 +144,17 @@ def _from_serial_days(column: pd.Series[Any], system: str) -> pd.Series[Any]:
     """Local times of serial days, rounded to the microseconds that a float of them is good for."""
     since, number = SERIAL_DAYS[system]
     days = pd.to_numeric(column, errors="coerce") - number
+    days = days.where(days.abs() < _LAST_NS / NS_IN["d"])
     return pd.Timestamp(since) + pd.to_timedelta((days * 86_400e6).round(), unit="us")
 
 
 def _zoned(raw: RawTable, local: pd.Series[Any], time: TimeColumn) -> pd.Series[Any]:
     if isinstance(local.dtype, pd.DatetimeTZDtype):
-        return local
+        return storable(local)
     if time.zone is None:
         fix = 'give zone = "UTC", or a name like "Europe/Oslo", under [time] in the map'
         raise InputError(f"times of column {time.column!r} have no zone", where=str(raw.path), fix=fix)
-    naive = local.dt.as_unit("ns").dt
+    naive = storable(local).dt
     zoned: pd.Series[Any] = naive.tz_localize(time.zone, ambiguous="NaT", nonexistent="NaT").dt.tz_convert("UTC")
     return zoned
 
@@ -180,7 +184,7 @@ def cells_as_text(column: pd.Series[Any], form: str) -> pd.Series[Any]:
         since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
         return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
     digits = _DIGITS.get(form, 1)
-    micros = (column * 1e6).round()
+    micros = (column.where(column.abs() < _MOST_DIGITS) * 1e6).round()
     text = [
         f"{int(each // 1_000_000):0{digits}d}" + (f".{int(each % 1_000_000):06d}" if each % 1_000_000 else "")
         for each in micros.fillna(0.0)
@@ -194,11 +198,11 @@ def parse_form(text: pd.Series[Any], form: str) -> pd.Series[Any]:
     Fractions of a second may follow the seconds after a point or a comma, in some rows or in all.
     """
     if form == "iso":
-        return pd.to_datetime(text, format="ISO8601", errors="coerce")
+        return storable(pd.to_datetime(text, format="ISO8601", errors="coerce"))
     text = text.str.strip().str.replace(r"\s*(?:UTC|GMT|Z)$", "", regex=True)
     fraction = text.str.extract(_FRACTION, expand=True)[1]
     base = text.str.replace(_FRACTION, r"\1", regex=True) if fraction.notna().any() else text
     times = pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form)
     nanoseconds = pd.to_numeric(fraction.str.ljust(9, "0").str[:9]).fillna(0.0)
-    exact: pd.Series[Any] = times.dt.as_unit("ns") + pd.to_timedelta(nanoseconds, unit="ns")
+    exact: pd.Series[Any] = storable(times) + pd.to_timedelta(nanoseconds, unit="ns")
     return exact

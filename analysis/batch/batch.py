@@ -19,11 +19,13 @@ from typing import Any
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.files import read_json, written_together
+from acquisition.core.locks import LOCK
 from acquisition.core.progress import Progress
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import whole_recordings
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
-from analysis.batch.workers import LOCK, MARKS, Job, Task, attempt, check_address, exclusive_folder, run_jobs
+from analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
 from analysis.products import Options
 from analysis.report.pages import index_page
 from analysis.tables.files import read_parquet, write_parquet
@@ -122,7 +124,7 @@ def run_batch(
         )
         for name, paths in zip(names, found, strict=True)
     ]
-    with exclusive_folder(out):
+    with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, paths in zip(rows, found, strict=True):
             row["path"] = printable_name(paths[0].relative_to(folder))
@@ -156,12 +158,12 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
                          fix="give the folder of the recordings")  # fmt: skip
     paths: list[Path] = []
-    closed: list[OSError] = []
-    for place, folders, files in os.walk(folder, onerror=closed.append):
-        folders[:] = [name for name in folders if os.path.realpath(Path(place, name)) != str(out)]
+    unreadable: list[OSError] = []
+    for root, folders, files in os.walk(folder, onerror=unreadable.append):
+        folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
         names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
-        paths += (Path(place, name) for name in names)
-    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in closed)}))
+        paths += (Path(root, name) for name in names)
+    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:
@@ -179,12 +181,14 @@ def result_names(paths: list[str]) -> list[str]:
     ['a_', 'a/b', 'index.html_', '_c/B', '_c/b_']
     """
     texts = ["/".join(map(_folder_name, path.removesuffix(".mcap").split("/"))) for path in paths]
-    taken = set(map(_same, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents}))
+    taken = set(
+        map(_comparable, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents})
+    )
     names = []
     for name in texts:
-        while _same(name) in taken:
+        while _comparable(name) in taken:
             name += "_"
-        taken.add(_same(name))
+        taken.add(_comparable(name))
         names.append(name)
     return names
 
@@ -200,7 +204,7 @@ def _folder_name(text: str) -> str:
     return name
 
 
-def _same(name: str) -> str:
+def _comparable(name: str) -> str:
     """What is equal for names that some file systems take for one."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
@@ -266,7 +270,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
     for path in sorted(out.rglob(SUMMARY)):
         name = path.parent.relative_to(out).as_posix()
         try:
-            row = json.loads(path.read_text(encoding="utf-8"))
+            row = read_json(path)
             ours = name not in names and row["provenance"]["recording"] == name
         except (OSError, ValueError, LookupError, TypeError):
             continue  # somebody else's file of that name
@@ -281,8 +285,9 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     Raises :class:`acquisition.core.errors.StorageError` when they cannot be written.
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
-    write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-    return index_page(rows, failures_of(rows), title).write(out / "index.html")
+    with written_together(out / "index.parquet"):
+        write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
+        return index_page(rows, failures_of(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

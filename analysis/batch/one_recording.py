@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -23,6 +22,7 @@ import pandas as pd
 
 from acquisition.core.channels import known_channels
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
+from acquisition.core.files import read_json, temporary_folder, write_text
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from acquisition.recording.grouping import read_parts
@@ -75,8 +75,8 @@ def process_recording(
     row = row_of(products, provenance)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".part-", dir=folder.parent) as place:
-            partial = Path(place) / folder.name
+        with temporary_folder(folder) as place:
+            partial = place / folder.name
             partial.mkdir()
             _write(products, row, provenance, partial)
             _put(partial, folder)
@@ -125,8 +125,8 @@ def reusable_row(
 ) -> Row | None:
     """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
     try:
-        row: Row = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        row: Row = dict(read_json(folder / SUMMARY))
+    except (OSError, ValueError, TypeError):
         return None
     origin = json.loads(json.dumps(origin_of((path, *later), options, name)))
     return row if row.get("provenance") == origin else None
@@ -158,7 +158,7 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as JSON for people and programs."""
-    path.write_text(json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:

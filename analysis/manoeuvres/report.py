@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.find import manoeuvres_and_left_out
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
@@ -221,9 +221,11 @@ def write_report(
     for each, entry in zip(found, content["recordings"], strict=True):
         provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
         entry |= {"recording": provenance["recording"], "provenance": provenance}
-    plain = write_text(folder / "manoeuvres.json", json.dumps(content, indent=2) + "\n")
     page = render(
         "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
         subtitle="Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information",
     )  # fmt: skip
-    return plain, page.write(folder / "manoeuvres.html")
+    plain = folder / "manoeuvres.json"
+    with written_together(plain):
+        write_text(plain, json.dumps(content, indent=2) + "\n")
+        return plain, page.write(folder / "manoeuvres.html")

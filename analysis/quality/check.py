@@ -41,6 +41,7 @@ from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import check_wind
 from analysis.tables.table import (
+    MOST,
     index_of,
     main_stretch,
     table_of,
@@ -175,7 +176,7 @@ def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
             continue
         angle, size = faults[direction].samples, faults[speed].samples
         if np.array_equal(angle.measured_ns, size.measured_ns):
-            wind = size.value * np.exp(1j * np.deg2rad(angle.value))
+            wind = valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
             parts = (replace(size, value=each) for each in (wind.real, wind.imag))
             jumps = np.any([find_spikes(each, BY_NAME[speed]) for each in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
@@ -195,6 +196,7 @@ def _with_other_unit(
         return joined
     outside, value = fault.masks["out_of_range"], joined["yaw_rate_dps"].to_numpy(copy=True)
     value[rows["yaw_rate_dps"][outside]] = fault.samples.value[outside]
+    value[np.abs(value) >= MOST] = np.nan
     recorded = joined.assign(yaw_rate_dps=value)
     with suppress(DataShortageError, InputError):
         if abs(60.0 * abs(coarse_fit(recorded).yaw_rate_factor) - 1.0) < _NEAR_A_UNIT:

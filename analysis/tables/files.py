@@ -6,22 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.errors import InputError
 from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
-    if folder.is_file():
-        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise storage_error(folder, error) from error
 
 
 METADATA_PREFIX = "seatrial."

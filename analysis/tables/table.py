@@ -139,13 +139,18 @@ def _history_in(text: str) -> list[dict[str, Any]]:
     return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
 
 
+MOST = 1e30
+"""No channel in any unit has values as large, and the fourth powers of smaller ones are still numbers."""
+
+
 def valid_values(series: Series) -> Floats:
-    """The values of a series, NaN where they are flagged bad."""
-    return np.where(series.quality >= Quality.BAD, np.nan, series.value)
+    """The values of a series, NaN where they are flagged bad or larger than :data:`MOST`."""
+    valid = (series.quality < Quality.BAD) & (np.abs(series.value) < MOST)
+    return np.where(valid, series.value, np.nan)
 
 
 def count_bad(recording: Recording) -> int:
-    """How many values a recording flags bad itself, which tables of it lack."""
+    """How many values a recording flags bad itself, or cannot hold (:data:`MOST`); tables of it lack them."""
     lacking = (np.isfinite(each.value) & np.isnan(valid_values(each)) for each in recording.series.values())
     return sum(int(each.sum()) for each in lacking)
 

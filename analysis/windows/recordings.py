@@ -25,6 +25,7 @@ import pandas as pd
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
+from acquisition.core.files import parse_json, written_together
 from acquisition.recording.grouping import read_parts, whole_recordings
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
@@ -205,11 +206,12 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
     said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
-    write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
-    if windows.starts is not None:
-        states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
-        about = {"covariance": "SI, angles in radians", **provenance}
-        write_parquet(windows.starts, starts_path(path), states, about)
+    states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
+    with written_together(Path(path)):
+        if windows.starts is not None:
+            about = {"covariance": "SI, angles in radians", **provenance}
+            write_parquet(windows.starts, starts_path(path), states, about)
+        write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
 
 
 def starts_path(path: Path | str) -> Path:
@@ -226,10 +228,12 @@ def read_windows(path: Path | str) -> HeldWindows:
         raise InputError("contains no windows", where=str(path), fix="make one with `seatrial windows`")
     rows.attrs.update(actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
-    return HeldWindows(
-        rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path),
-        provenance=json.loads(metadata.get("provenance", "{}")),
-    )  # fmt: skip
+    try:
+        account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
+        return HeldWindows(rows[names], **account, starts=_starts_beside(rows, path), provenance=provenance)
+    except (ValueError, TypeError) as error:
+        raise InputError("was not written by this version", where=str(path), why=str(error),
+                         fix="run `seatrial windows` again") from error  # fmt: skip
 
 
 def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:

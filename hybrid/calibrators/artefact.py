@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -18,16 +17,14 @@ from typing import Annotated, Literal
 import numpy as np
 import safetensors.numpy
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
-from safetensors import SafetensorError
 
 from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
 from acquisition.core.budget import CALIBRATOR_BYTES
 from acquisition.core.channels import trial_names
-from acquisition.core.errors import InputError, SeatrialError, storage_error
-from acquisition.core.files import read_regular
+from acquisition.core.errors import InputError, SeatrialError
+from acquisition.core.files import make_folder, read_regular, write_bytes, written_together
 from acquisition.core.named_code import absolute, digest_of, in_file
-from analysis.tables.files import make_folder
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.train import TrainedCalibrator
@@ -303,25 +300,10 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
     make_folder(folder)
-    _write_together(folder, contents | {SIDECAR: text})
+    with written_together(folder / SIDECAR):
+        for name, content in (contents | {SIDECAR: text}).items():
+            write_bytes(folder / name, content)
     return folder / SIDECAR
-
-
-def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
-    """Write a set of files, the sidecar last. Raises :class:`StorageError`."""
-    partial = {name: folder / f".{name}.part" for name in contents}
-    try:
-        for name, content in contents.items():
-            partial[name].write_bytes(content)
-        (folder / SIDECAR).unlink(missing_ok=True)
-        for name, path in partial.items():
-            path.replace(folder / name)
-    except OSError as error:
-        raise storage_error(folder / SIDECAR, error) from error
-    finally:
-        for path in partial.values():
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
 
 
 def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
@@ -397,7 +379,7 @@ def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: P
     try:
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
-    except (SeatrialError, KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
+    except Exception as error:  # weights that others made may fail in every possible way
         raise damage_error(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
     if described != model:
         raise damage_error(
@@ -422,7 +404,7 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
         )
     try:
         tensors: Tensors = safetensors.numpy.load(content)
-    except (SafetensorError, ValueError, KeyError, RuntimeError, TypeError) as error:
+    except Exception as error:  # the library fails in every possible way
         raise damage_error(path, _reason(error)) from error
     _refuse_not_numbers(tensors, path)
     return tensors

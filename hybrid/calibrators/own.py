@@ -17,6 +17,7 @@ import pandas as pd
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import parse_json
 from acquisition.core.named_code import OwnCodeError, file_of, own_code, require_call
 from acquisition.core.progress import Progress
 from hybrid.calibrators.adaptive.calibrator import start_domain, start_names, start_range
@@ -160,7 +161,7 @@ class OwnCalibrator(Calibrator):
 
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
         found = dict(tensors)
-        self.range_, others = found.pop("range"), json.loads(found.pop("others").tobytes())
+        self.range_, others = found.pop("range"), parse_json(found.pop("others").tobytes())
         state = {name.removeprefix("own."): value for name, value in found.items()} | others
         with own_code(f"{self._name}.__setstate__", self._file):
             if hasattr(self.own, "__setstate__"):

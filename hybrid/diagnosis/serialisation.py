@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.errors import InputError, SeatrialError
-from acquisition.core.files import write_text
+from acquisition.core import files
+from acquisition.core.errors import InputError
+from acquisition.core.files import remove_file, write_text, written_together
 from acquisition.core.serialisation import Number, from_json, to_json
 from analysis.tables.files import read_parquet, write_parquet
 from hybrid.diagnosis.result import (
@@ -82,16 +83,19 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         correlation=extras.correlation,
         remainder_looks_like="" if diagnosis.remainder is None else diagnosis.remainder.looks_like,
     )
-    for name, result, indent in ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2)):
-        if result is None:
-            (folder / name).unlink(missing_ok=True)
-        else:
-            write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
-    for name, table in ((MAP, _map_table(extras)), (TRACKS, _tracks_table(diagnosis.tracks))):
-        if table is None:
-            (folder / name).unlink(missing_ok=True)
-        else:
-            write_parquet(table, folder / name, _units(table), {})
+    results = ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2))
+    tables = ((MAP, _map_table(extras)), (TRACKS, _tracks_table(diagnosis.tracks)))
+    with written_together(folder / DIAGNOSIS):
+        for name, result, indent in results:
+            if result is None:
+                remove_file(folder / name)
+            else:
+                write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
+        for name, table in tables:
+            if table is None:
+                remove_file(folder / name)
+            else:
+                write_parquet(table, folder / name, _units(table), {})
 
 
 def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
@@ -115,7 +119,7 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
         ladder = from_json(Ladder, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
         before, after = _maps_of(folder, data.cells)
         return diagnosis, Extras(before, after, data.consistency, ladder, data.correlation)
-    except (KeyError, TypeError, ValueError, SeatrialError) as error:
+    except Exception as error:  # what others wrote into it may fail in every possible way
         raise InputError("was not written by this version", where=str(folder), why=str(error),
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
 
@@ -183,10 +187,10 @@ def _units(table: pd.DataFrame) -> dict[str, str]:
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object. Raises :class:`InputError` for anything else."""
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
+        return dict(files.read_json(path))
     except FileNotFoundError as error:
         raise InputError(
             "does not exist", where=str(path), fix="give the output folder of `seatrial diagnose`"
         ) from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise InputError("cannot be read", where=str(path), why=str(error)) from error

@@ -14,11 +14,11 @@ ACCEPTED, WRONG_PASSWORD, NOT_AUTHORISED = 0, 4, 5
 
 def packet(kind: int, body: bytes, length: int | None = None) -> bytes:
     """A packet of MQTT; ``length`` is what it says of itself where that is not true."""
-    left, digits = len(body) if length is None else length, bytearray()
+    remaining, digits = len(body) if length is None else length, bytearray()
     while True:
-        left, digit = divmod(left, 128)
-        digits.append(digit | (0x80 if left else 0))
-        if not left:
+        remaining, digit = divmod(remaining, 128)
+        digits.append(digit | (0x80 if remaining else 0))
+        if not remaining:
             return bytes([kind]) + bytes(digits) + body
 
 

@@ -1,7 +1,7 @@
 """Floods of strangers: frames of every protocol, each under a name of its own, and what the recorder makes of them.
 
 Run in a process of its own, ``python -m tests.attacks.live_floods NAME``: it prints how many values of the one
-intact device, which speaks now and then, were decoded, and how many it has said.
+intact device, which speaks now and then, were decoded, and how often it has spoken.
 """
 
 from __future__ import annotations
@@ -174,24 +174,24 @@ GYRO_EVERY = 2_000
 
 
 def decoded(name: str, count: int | None = None, seed: int = 1) -> tuple[int, int, dict[str, int]]:
-    """How often the gyro's heading was decoded and said while a flood came, and what was refused by reason."""
+    """How often the gyro's heading was decoded and sent while a flood came, and what was refused by reason."""
     protocol, flood = FLOODS[name]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.toml"
         path.write_text(f'[trial]\nname = "flood"\n[[source]]\nname = "line"\n{SECTIONS[protocol]}\n')
         survey = Survey(load_config(path))
-    said, number = 0, 0
+    sent, number = 0, 0
     for number, payload in enumerate(islice(flood(random.Random(seed)), count)):
         payloads = [payload]
         if number % GYRO_EVERY == GYRO_EVERY - 1:
-            said += 1
+            sent += 1
             payloads = own_gyro(number)[protocol] + payloads
         for data, identifier, flags in payloads:
             at_ns = number * 1_000_000
             survey.process(Frame("line", protocol, data, START_NS + at_ns, at_ns, identifier, flags))  # type: ignore[arg-type]
     labels = survey.quantities.get("heading_deg", {})
     gyro = {"can": "line/gyro:127250", "mavlink": "line/1:ATTITUDE"}.get(protocol, "line/HE:HDT")
-    return labels[gyro].count if gyro in labels else 0, said, survey.health.sources["line"].reasons
+    return labels[gyro].count if gyro in labels else 0, sent, survey.health.sources["line"].reasons
 
 
 if __name__ == "__main__":

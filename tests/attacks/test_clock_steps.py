@@ -23,10 +23,11 @@ from acquisition.logger.maintenance import Timescale, clock_metadata
 from acquisition.recording.grouping import NEW_PART_NS, read_parts, read_together, whole_recordings
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.writer import RecordingWriter
-from analysis.batch.batch import process_job, recordings_below, run_batch
+from analysis.batch.batch import process_job, recordings_below
 from analysis.batch.workers import MARKS, Job
 from analysis.tables.table import times_ns
 from tests.analysis.small_batch import QUICK, sailed
+from tests.attacks.test_seasons import batch_here
 from tests.conftest import Command
 
 TRUE_NS = int(datetime(2026, 11, 28, 8, tzinfo=UTC).timestamp()) * NANO
@@ -135,7 +136,7 @@ def test_parts_are_recordings_of_their_own_where_it_is_not(
 
 def test_batch_page_info_check_and_export_agree(tmp_path: Path, command: Command) -> None:
     paths = write(tmp_path / "season", MAPPED["begun in 1970"])
-    summary = run_batch(tmp_path / "season", tmp_path / "out", workers=1, options=QUICK)
+    summary = batch_here(tmp_path / "season", tmp_path / "out")
     (row,) = summary.rows
     assert (row["status"], row["start"][:19], row["duration_s"]) == ("done", "2026-11-28T08:00:00", 119.0)
     remark = "the computer's clock was set meanwhile: times are moved, of 1 of its 2 parts by +1,795,737,600.000 s"

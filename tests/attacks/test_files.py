@@ -2,35 +2,45 @@
 
 from __future__ import annotations
 
-import json
 import random
-import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import lz4.frame  # type: ignore[import-untyped]
 import pytest
 import zstandard
 from mcap import records as mcap
 
-from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, Sample
 from acquisition.core.trial import Trial
-from acquisition.recording.mcap_file import end_without_index, serialise
-from acquisition.recording.messages import encode, encode_sample
+from acquisition.recording.mcap_file import serialise
 from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.records import MESSAGE
 from acquisition.recording.recover import recover
-from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import kind_of
 from acquisition.recording.writer import RecordingWriter
+from tests.attacks.bombs import (
+    CHUNK_BYTES,
+    LOG_BOMBS,
+    MCAP_BOMBS,
+    SAMPLE_DATA,
+    START_NS,
+    TABLE_BOMBS,
+    TEXT_BOMBS,
+    chunk,
+    chunk_of,
+    defined,
+    link_to_another,
+    message,
+    text_field,
+    write_bomb,
+    write_hdf5,
+    write_mcap,
+)
 from tests.attacks.commands import run_seatrial
 from tests.conftest import Command, Done
 
-START_NS = 1_780_000_000_000_000_000
 SECTOR_BYTES, BLOCK_BYTES = 512, 4096
 
 
@@ -251,140 +261,6 @@ def test_truncation_at_every_byte_is_reported(small: bytes, tmp_path: Path, form
 # Recordings that expand
 
 MEMORY_MB = 1000.0
-CHUNK_BYTES = 64 * 1024 * 1024  # the largest that is read
-
-
-def record_of(opcode: int, body: bytes) -> bytes:
-    """A record of any kind, of whatever content."""
-    return bytes([opcode]) + len(body).to_bytes(8, "little") + body
-
-
-def message(channel: int, data: bytes, log_ns: int = START_NS) -> bytes:
-    """A message as it stands in a chunk."""
-    return record_of(5, MESSAGE.pack(channel, 0, log_ns, log_ns) + data)
-
-
-def chunk(plain: bytes, size_bytes: int | None = None, compression: str = "zstd", level: int = 19) -> bytes:
-    """A compressed chunk that says that it unpacks to ``size_bytes``: the truth, unless told otherwise."""
-    data = zstandard.compress(plain, level) if compression == "zstd" else lz4.frame.compress(plain)
-    return chunk_of(data, len(plain) if size_bytes is None else size_bytes, compression, zlib.crc32(plain))
-
-
-def chunk_of(data: bytes, size_bytes: int, compression: str, checksum: int = 0) -> bytes:
-    """A chunk of these compressed bytes."""
-    return serialise(
-        mcap.Chunk(
-            compression=compression, data=data, message_start_time=0, message_end_time=2**63,
-            uncompressed_crc=checksum, uncompressed_size=size_bytes,
-        )
-    )  # fmt: skip
-
-
-def defined(*topics: str) -> bytes:
-    """Definitions of our topics, by their own schemas."""
-    records = b""
-    for number, topic in enumerate(topics, start=1):
-        kind = kind_of(topic)
-        records += serialise(mcap.Schema(number, kind.descriptors, "protobuf", kind.title))
-        records += serialise(mcap.Channel(number, topic, "protobuf", {}, number))
-    return records
-
-
-def write_mcap(path: Path, *records: bytes, end: bytes = b"") -> Path:
-    """A recording of a stranger with these records."""
-    header = serialise(mcap.Header("", "stranger"))
-    path.write_bytes(MCAP_MAGIC + header + b"".join(records) + (end or end_without_index()))
-    return path
-
-
-def full_of(record: bytes) -> bytes:
-    """A chunk as large as is read, full of one record."""
-    return chunk(record * (CHUNK_BYTES // len(record)))
-
-
-SAMPLE_DATA = encode_sample(Sample("surge_mps", 1.0, "line", START_NS, 1, START_NS, START_NS))
-EVENT_DATA = encode("/event", {"timestamp": {"seconds": 1, "nanos": 0}, "level": 1, "message": "m", "name": "n"})
-MCAP_BOMBS: dict[str, Callable[[Path], Path]] = {
-    "samples": lambda path: write_mcap(
-        path, defined("/channel/surge_mps"), *[full_of(message(1, SAMPLE_DATA))] * 20
-    ),
-    "samples of one time": lambda path: write_mcap(
-        path, defined("/channel/surge_mps"), chunk(message(1, SAMPLE_DATA, 0) * 300_000)
-    ),
-    "events": lambda path: write_mcap(path, defined("/event"), *[full_of(message(1, EVENT_DATA))] * 18),
-    "raw messages without data": lambda path: write_mcap(
-        path, defined("/raw/can/bus"), *[full_of(message(1, b""))] * 10
-    ),
-    "a chunk of zeros, often": lambda path: write_mcap(path, *[full_of(record_of(8, bytes(1_000_000)))] * 100),
-    "records without content": lambda path: write_mcap(path, *[full_of(record_of(0x90, b""))] * 4),
-    "definitions, often": lambda path: write_mcap(path, *[full_of(defined("/event"))] * 4),
-    "a million topics": lambda path: write_mcap(
-        path,
-        *(
-            chunk(
-                b"".join(
-                    serialise(mcap.Channel(number % 65_536, f"/t{number}", "json", {}, 0))
-                    for number in range(start, start + 250_000)
-                )
-            )
-            for start in range(0, 1_000_000, 250_000)
-        ),
-    ),
-    "schemas of 60 MB": lambda path: write_mcap(
-        path, *(chunk(serialise(mcap.Schema(number, bytes(60_000_000), "x", "x"))) for number in range(1, 30))
-    ),
-    "a topic of 60 MB": lambda path: write_mcap(
-        path, chunk(serialise(mcap.Channel(1, "/raw/can/" + "n" * 60_000_000, "json", {}, 0)) + message(1, b""))
-    ),
-    "events of 60 MB": lambda path: write_mcap(
-        path, defined("/event"), *[chunk(message(1, text_field(3, bytes(60_000_000))))] * 10
-    ),
-    "sources of 60 MB": lambda path: write_mcap(
-        path, defined("/channel/surge_mps"),
-        *(chunk(message(1, SAMPLE_DATA + text_field(5, bytes([number]) * 60_000_000))) for number in range(65, 80)),
-    ),
-    "14,000 channels declared": lambda path: write_declared(path, 14_000),
-    "65,000 channels declared": lambda path: write_declared(path, 65_000),
-    "two samples a month apart": lambda path: write_apart(path, START_NS + 30 * 86_400 * 10**9),
-    "a sample at the end of time": lambda path: write_apart(path, 2**63 - 1),
-    "a sample beyond the end of time": lambda path: write_apart(path, 2**64 - 1),
-    "a sample in 1970": lambda path: write_apart(path, 0),
-}  # fmt: skip
-
-
-def text_field(number: int, text: bytes) -> bytes:
-    """A field of a protobuf message that holds a text."""
-    length, size = b"", len(text)
-    while size:
-        length, size = length + bytes([size & 0x7F | (0x80 if size > 0x7F else 0)]), size >> 7
-    return bytes([number << 3 | 2]) + length + text
-
-
-def write_declared(path: Path, channels: int) -> Path:
-    """A recording whose run sheet declares many channels, with a sample of each at a time of its own."""
-    names = [f"extra_{number}_m" for number in range(channels)]
-    declared = json.dumps(
-        [{"name": name, "unit": "m", "meaning": "x", "low": 0, "high": 1} for name in names], separators=(",", ":")
-    )
-    kind = kind_of("/channel/x")
-    records = serialise(mcap.Schema(1, kind.descriptors, "protobuf", kind.title)) + b"".join(
-        serialise(mcap.Channel(number, f"/channel/{name}", "protobuf", {}, 1))
-        + message(number, SAMPLE_DATA, START_NS + number)
-        for number, name in enumerate(names, start=1)
-    )
-    return write_mcap(path, serialise(mcap.Metadata("trial", {"trial": "x", "channels": declared})), chunk(records))
-
-
-def write_apart(path: Path, time_ns: int) -> Path:
-    """A recording with samples of all channels today and at another time, and raw input beyond all time."""
-    topics = [f"/channel/{name}" for name in NAMES]
-    times = [
-        message(number, SAMPLE_DATA, each) for number in range(1, len(topics) + 1) for each in (START_NS, time_ns)
-    ]
-    raw = message(len(topics) + 1, b"", 2**64 - 1)
-    return write_mcap(path, defined(*topics, "/raw/can/bus"), chunk(b"".join(times) + raw))
-
-
 COMMANDS: dict[str, Callable[[Path, Path], list[str | Path]]] = {
     "info": lambda path, folder: ["info", path],
     "check": lambda path, folder: ["check", path],
@@ -395,7 +271,7 @@ COMMANDS: dict[str, Callable[[Path, Path], list[str | Path]]] = {
 @pytest.fixture(scope="module")
 def mcap_bomb(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One of the recordings that expand, made once."""
-    path = MCAP_BOMBS[request.param](tmp_path_factory.mktemp("bomb") / "bomb.mcap")
+    path = write_bomb(f"recording: {request.param}", tmp_path_factory.mktemp("bomb") / "bomb.mcap")
     assert path.stat().st_size < 6_000_000
     return path
 
@@ -570,3 +446,76 @@ def test_budget_that_is_no_factor_is_an_error(
     (tmp_path / "small.mcap").write_bytes(small)
     monkeypatch.setenv("SEATRIAL_BUDGET", factor)
     assert "SEATRIAL_BUDGET" in assert_survives(command("info", tmp_path / "small.mcap")).err
+
+
+# Tables, logs and descriptions that expand
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("bomb", TABLE_BOMBS)
+def test_small_table_never_takes_the_memory(tmp_path: Path, bomb: str) -> None:
+    path = write_bomb(f"table: {bomb}", tmp_path / f"table{TABLE_BOMBS[bomb][0]}")
+    outcome = run_seatrial("import", path, "-o", tmp_path / "out.mcap", "--yes").survived()
+    path.unlink()
+    assert outcome.peak_mb < MEMORY_MB
+    if outcome.code:
+        outcome.refused()
+
+
+MQTT_VALUES = 'topics = ["a/#"]\nvalues.heading_deg = { topic = "a/b" }'
+LOG_SOURCES = {".tlog": ("mavlink_file", ""), ".db": ("mqtt_file", MQTT_VALUES)}
+
+
+def write_configuration(folder: Path, source: str) -> Path:
+    """A configuration of one source."""
+    trial = '[trial]\nname = "bomb"\nvessel = "gunnerus"\n'
+    line = '[[source]]\nname = "line"\nchannels = ["heading_deg"]\n'
+    (folder / "trial.toml").write_text(f"{trial}{line}{source}")
+    return folder / "trial.toml"
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("bomb", LOG_BOMBS)
+def test_small_log_never_takes_the_memory(tmp_path: Path, bomb: str) -> None:
+    suffix = LOG_BOMBS[bomb][0]
+    path = write_bomb(f"log: {bomb}", tmp_path / f"log{suffix}")
+    kind, more = LOG_SOURCES.get(suffix, ("file", ""))
+    configuration = write_configuration(tmp_path, f'type = "{kind}"\npath = "{path}"\n{more}\n')
+    for arguments in (["record", configuration, "-o", tmp_path / "out"], ["discover", path]):
+        outcome = run_seatrial(*arguments).survived()
+        assert outcome.peak_mb < MEMORY_MB
+    path.unlink()
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("bomb", TEXT_BOMBS)
+def test_small_description_never_takes_the_memory(tmp_path: Path, bomb: str) -> None:
+    """A DBC file in a configuration, or a TOML file as a configuration, a vessel and a column map."""
+    suffix = TEXT_BOMBS[bomb][0]
+    path = write_bomb(f"text: {bomb}", tmp_path / f"text{suffix}")
+    commands: list[list[str | Path]] = [["record", path, "-o", tmp_path / "out", "--check"]]
+    if suffix == ".dbc":
+        signals = 'signals.heading_deg = { message = "M", signal = "S", unit = "deg" }\n'
+        (tmp_path / "bus.log").write_text("(1780000000.0) can0 064#0102030405060708\n")
+        source = f'type = "can_file"\npath = "{tmp_path / "bus.log"}"\ndbc = "{path}"\n{signals}'
+        commands = [
+            ["record", write_configuration(tmp_path, source), "-o", tmp_path / "out"],
+            ["discover", "--dbc", path],
+        ]
+    else:
+        (tmp_path / "table.csv").write_text("time,a\n1,2\n")
+        commands += [
+            ["vessel", "check", path],
+            ["import", tmp_path / "table.csv", "-o", tmp_path / "out.mcap", "--columns", path],
+        ]
+    for arguments in commands:
+        outcome = run_seatrial(*arguments).survived()
+        assert outcome.peak_mb < MEMORY_MB
+
+
+@pytest.mark.parametrize("kind", ["link", "storage", "virtual"])
+@pytest.mark.parametrize("name", ["t.nc", "t.mat"])
+def test_file_that_refers_to_another_is_refused(command: Command, tmp_path: Path, name: str, kind: str) -> None:
+    write_hdf5(tmp_path / name, lambda file: link_to_another(file, kind))
+    done = assert_survives(command("import", tmp_path / name, "-o", tmp_path / "out.mcap", "--yes"))
+    assert "another file" in done.err

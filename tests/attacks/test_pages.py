@@ -273,13 +273,19 @@ def test_folder_that_another_user_made_first_is_refused(kind: str) -> None:
             marks_server(folder, []).__enter__()
 
 
+def refused(place: Path) -> None:
+    """A mark that nobody takes."""
+    with pytest.raises(SourceError):
+        send_mark("planted", place)
+
+
 def test_marks_are_taken_from_no_other_user_wherever_the_socket_lies() -> None:
     with open_folder() as place:
         marks: list[str] = []
         before = os.umask(0)
         try:
             with marks_server(place, marks):
-                as_nobody(lambda: send_mark("planted", place))
+                as_nobody(lambda: refused(place))
                 assert send_mark("ours", place) == 1
         finally:
             os.umask(before)
