@@ -90,7 +90,7 @@ def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     by_stem: dict[Path, Path] = {}
     for path in _in_chain_order(paths, by_place):
         match = _LATER_PART.fullmatch(path.stem)
-        stem = path.with_name(match[1]) if match else path.with_suffix("")
+        stem = path.parent / (match[1] if match else path.stem)
         follows = by_place.get((path.parent, _follows(path)), by_stem.get(stem) if match else None)
         before = first_of.get(follows) if follows is not None else None
         is_free = before is not None and recordings[before][-1] == follows  # no other part follows it already

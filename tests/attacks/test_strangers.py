@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
 import re
 import shutil
-from collections.abc import Callable
+import signal
+import socket
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from safetensors.numpy import load_file
+from safetensors.numpy import save as save_tensors
 
 import seatrial as st
-from acquisition.core.errors import InputError, unexpected
+from acquisition.core.errors import InputError, SeatrialError, unexpected
 from tests.conftest import Command, Done, Simulated
 
 
@@ -58,14 +63,14 @@ def test_any_exception_is_one_line(
     def fail(path: Path) -> None:
         raise error
 
-    monkeypatch.setattr("acquisition.recording.reader.read_recording", fail)
+    monkeypatch.setattr("acquisition.recording.grouping.read_together", fail)
     line = refused(command("info", "trial.mcap"))
     assert words in line
     assert len(line) < 600
 
 
 def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.recording.reader.read_recording", lambda path: 1 // 0)
+    monkeypatch.setattr("acquisition.recording.grouping.read_together", lambda paths: 1 // 0)
     monkeypatch.setenv("SEATRIAL_DEBUG", "1")
     done = command("info", "trial.mcap")
     assert done.code == 1
@@ -455,7 +460,320 @@ def test_complaint_about_a_file_shows_its_name(name: str, text: str, tmp_path: P
 
 @hostile
 def test_wrong_usage_shows_escaped_arguments(text: str, command: Command) -> None:
-    for arguments in (("info", "a.mcap", text), (text,), ("info", f"--{text}"), ("simulate", "--seed", text)):
+    for arguments in (("recover", "a.mcap", text), (text,), ("info", f"--{text}"), ("simulate", "--seed", text)):
         done = command(*arguments)
         assert done.code == 2
         unobeyed(done.out + done.err)
+
+
+# Inputs that are no files
+
+
+INPUTS: dict[str, tuple[str, ...]] = {
+    "info": ("info", "INPUT"), "check": ("check", "INPUT"), "export": ("export", "INPUT", "-o", "t.csv"),
+    "smooth": ("smooth", "INPUT", "-o", "s.parquet"), "windows": ("windows", "INPUT", "-o", "w.parquet"),
+    "manoeuvres": ("manoeuvres", "INPUT"), "recover": ("recover", "INPUT", "-o", "new.mcap"),
+    "migrate": ("migrate", "INPUT", "-o", "new.mcap"), "redecode": ("redecode", "INPUT", "-o", "new.mcap"),
+    "redecode configuration": ("redecode", "voyage.mcap", "--config", "INPUT", "-o", "new.mcap"),
+    "emulate": ("emulate", "INPUT", "trial.toml"), "emulate configuration": ("emulate", "voyage.mcap", "INPUT"),
+    "validate": ("validate", "INPUT"), "validate calibrator": ("validate", "voyage.mcap", "--calibrator", "INPUT"),
+    "predict": ("predict", "INPUT", "--at", "+200"),
+    "predict commands": ("predict", "voyage.mcap", "--at", "+200", "--commands", "INPUT"),
+    "train": ("train", "INPUT", "-o", "trained"), "evaluate": ("evaluate", "INPUT"),
+    "evaluate code": ("evaluate", "voyage.mcap", "--method", "INPUT:Mine"),
+    "diagnose": ("diagnose", "INPUT", "-o", "diagnosis"),
+    "diagnose effects": ("diagnose", "voyage.mcap", "-o", "diagnosis", "--effects", "INPUT"),
+    "identify": ("identify", "INPUT", "-o", "ship.toml"), "report": ("report", "INPUT", "--no-pdf"),
+    "speed-power": ("speed-power", "INPUT"),
+    "speed-power conditions": ("speed-power", "voyage.mcap", "--conditions", "INPUT"),
+    "import": ("import", "INPUT", "-o", "new.mcap", "--yes"),
+    "import map": ("import", "table.csv", "-o", "new.mcap", "--columns", "INPUT"),
+    "record": ("record", "INPUT", "--check", "--duration", "0"), "watch": ("watch", "INPUT", "--duration", "0"),
+    "discover configuration": ("discover", "INPUT", "--duration", "0.1"),
+    "discover dbc": ("discover", "udp:10999", "--duration", "0.1", "--dbc", "INPUT"),
+    "campaign": ("campaign", "INPUT", "-o", "campaign"), "effects": ("effects", "--effects", "INPUT"),
+    "vessel": ("vessel", "check", "INPUT"), "plan": ("plan", "--vessel", "INPUT"),
+    "batch": ("batch", "INPUT", "-o", "out"), "check own": ("check", "voyage.mcap", "--check", "INPUT:own"),
+}  # fmt: skip
+ENDINGS = {
+    "import": ".csv", "evaluate code": ".py", "check own": ".py", "diagnose effects": ".py", "effects": ".py",
+    "predict commands": ".csv", "discover dbc": ".dbc",
+    **dict.fromkeys((name for name in INPUTS if "configuration" in name), ".toml"),
+    **dict.fromkeys(("import map", "record", "watch", "campaign", "vessel", "plan"), ".toml"),
+}  # fmt: skip
+
+
+def make_irregular(kind: str, path: Path) -> None:
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(path.name)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "broken link":
+        path.symlink_to("nowhere")
+    elif kind == "circle":
+        path.symlink_to(path.name)
+    else:
+        path.symlink_to(f"/dev/{kind}")
+
+
+@pytest.mark.parametrize("kind", ["pipe", "socket", "zero", "full", "folder", "circle", "broken link"])
+@pytest.mark.parametrize("name", INPUTS)
+def test_input_that_is_no_file_is_refused(name: str, kind: str, place: Path, command: Command) -> None:
+    """A pipe without a writer, and a device without an end, would be read for ever."""
+    path = place / f"input{ENDINGS.get(name, '.mcap')}"
+    make_irregular(kind, path)
+    (place / "trial.toml").write_text(LISTENING)
+    with limited(60):
+        done = command(*(word.replace("INPUT", path.name) for word in INPUTS[name]))
+    assert done.code in (1, 2), done.out
+    assert "unexpectedly" not in done.err
+    assert "Traceback" not in done.err
+
+
+@contextlib.contextmanager
+def limited(seconds: int) -> Iterator[None]:
+    """Fail, instead of waiting for ever, where the main thread hangs."""
+
+    def fail(number: int, frame: object) -> None:
+        raise AssertionError(f"hangs for {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, fail)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+# Numbers, years and nests that no file of ours has
+
+
+NESTS = {
+    "array": "[" * 5_000 + "]" * 5_000,
+    "tables": "{a = " * 5_000 + "1" + "}" * 5_000,
+    "object": '{"a":' * 5_000,
+}
+IMPORT = "import", "table.csv", "-o", "new.mcap", "--allow-missing"
+PROPOSED = *IMPORT, "--yes", "--vessel", "gunnerus_short"
+NESTED_TOML = {
+    "array": f"x = {NESTS['array']}\n",
+    "tables": f"x = {NESTS['tables']}\n",
+    "dotted": f"{'a.' * 3_000}a = 1\n",
+    "dotted table": f"[{'a.' * 3_000}a]\n",
+    "long number": f"x = {'9' * 9_000}\n",
+}
+TOML_COMMANDS: dict[str, tuple[str, ...]] = {
+    "record": ("record", "FILE", "--check", "--duration", "0"),
+    "watch": ("watch", "FILE", "--duration", "0"),
+    "discover": ("discover", "FILE"),
+    "vessel": ("effects", "--vessel", "FILE"),
+    "import": ("import", "table.csv", "--columns", "FILE", "-o", "new.mcap"),
+    "campaign": ("campaign", "FILE", "-o", "campaign"),
+    "speed-power": ("speed-power", "voyage.mcap", "--conditions", "FILE"),
+    "redecode": ("redecode", "voyage.mcap", "--config", "FILE", "-o", "new.mcap"),
+}
+TABLE = "time,heading_deg,north_m,east_m\n" + "".join(
+    f"2026-03-01T00:00:{second:02d}Z,{second},{second},{second}\n" for second in range(60)
+)
+
+
+@pytest.fixture
+def place(tmp_path: Path, voyage: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working directory: a folder with a sound recording and a sound table."""
+    shutil.copy(voyage, tmp_path / "voyage.mcap")
+    (tmp_path / "table.csv").write_text(TABLE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("nest", NESTED_TOML)
+@pytest.mark.parametrize("name", TOML_COMMANDS)
+def test_nested_toml_is_refused_where_it_is_read(name: str, nest: str, place: Path, command: Command) -> None:
+    (place / "file.toml").write_text(NESTED_TOML[nest])
+    line = refused(command(*("file.toml" if word == "FILE" else word for word in TOML_COMMANDS[name])))
+    assert "file.toml" in line
+    assert "unexpectedly" not in line
+
+
+@pytest.mark.parametrize("nest", ["array", "object"])
+@pytest.mark.parametrize("key", ["channels", "actuators", "place"])
+def test_nested_json_in_a_run_sheet_is_no_failure(nest: str, key: str, tmp_path: Path, command: Command) -> None:
+    from acquisition.core.frames import Sample
+    from acquisition.core.trial import Trial
+    from acquisition.recording.writer import RecordingWriter
+
+    path = tmp_path / "theirs.mcap"
+    with RecordingWriter(path, Trial(**{"name": "x", key: NESTS[nest]}), {}) as writer:
+        for second in range(30):
+            time_ns = 10**18 + second * 10**9
+            writer.write_sample(Sample("heading_deg", 5.0, "gps", time_ns, 0, time_ns, time_ns, "table", 1))
+    for arguments in (("info",), ("check",), ("export", "-o", tmp_path / "t.csv"), ("report", "--no-pdf")):
+        done = command(*arguments, path)
+        assert "unexpectedly" not in done.err
+        assert done.code in (0, 1)
+
+
+@pytest.mark.parametrize("text", [*NESTS.values(), "[]", '{"trial": []}', '{"trial": {"name": {}}}', "\x00", "5"])
+def test_json_beside_a_table_is_no_failure(text: str, place: Path, command: Command) -> None:
+    (place / "table.csv.json").write_text(text)
+    done = command(*PROPOSED)
+    assert done.code == 0, done.err
+
+
+YEARS = [
+    "0001-01-01T00:00:00Z", "9999-12-31T23:59:59Z", "0000-01-01T00:00:00Z", "0001-01-01T00:00:00+14:00",
+    "1677-09-21T00:12:43Z", "1969-12-31T23:59:59Z", "2262-04-11T23:47:17Z", "99999-01-01T00:00:00Z",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("year", YEARS)
+@pytest.mark.parametrize("rows", ["one", "all"])
+def test_year_that_no_recording_holds_is_refused_with_its_row(
+    rows: str, year: str, place: Path, command: Command
+) -> None:
+    """Also 1960: such times would become the first of January 1970, without a word."""
+    lines = TABLE.splitlines()
+    for number in range(1, len(lines)) if rows == "all" else [6]:
+        lines[number] = year + lines[number][20:]
+    (place / "table.csv").write_text("\n".join(lines) + "\n")
+    line = refused(command(*PROPOSED))
+    assert f"row {1 if rows == 'all' else 6} of column 'time'" in line
+    assert year in line
+
+
+@pytest.mark.parametrize("form", ["seconds", "excel", "matlab", "%Y%m%d%H%M%S", "%d.%m.%Y %H:%M:%S", "ms", "ns"])
+@pytest.mark.parametrize("cell", ["1e308", "-1e308", "nan", "1e19", "-1", "99991231235959", "01.01.0001 00:00:00"])
+def test_times_of_other_forms_end_in_no_traceback(form: str, cell: str, place: Path, command: Command) -> None:
+    text = TABLE.replace("2026-03-01T00:00:05Z", cell)
+    (place / "table.csv").write_text(text)
+    time = f'format = "seconds"\nunit = "{form}"' if form in ("ms", "ns") else f'format = "{form}"\nzone = "UTC"'
+    channels = '[channels.heading_deg]\ncolumn = "heading_deg"\nunit = "deg"\n'
+    (place / "map.toml").write_text(f'[time]\ncolumn = "time"\n{time}\n[trial]\nname = "x"\n{channels}')
+    line = refused(
+        command(
+            "import", "table.csv", "-o", "new.mcap", "--columns", "map.toml", "--allow-missing", "--ignore-unknown"
+        )
+    )
+    assert "unexpectedly" not in line
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("channel", ["north_m", "heading_deg", "surge_mps", "yaw_rate_dps", "wind_speed_mps"])
+@pytest.mark.parametrize("rows", [slice(100, 101), slice(None, None, 2), slice(None)], ids=["one", "half", "all"])
+@pytest.mark.parametrize("number", [1e308, -1e160, np.inf])
+def test_number_beyond_any_channel_counts_as_missing(
+    number: float, rows: slice, channel: str, place: Path, command: Command
+) -> None:
+    """Its square is no number, and it would dominate every sum."""
+    table = st.read("voyage.mcap")
+    table.loc[table.index[rows], channel] = number
+    st.write(table, "changed.mcap", vessel="gunnerus_short")
+    arguments = ("check",), ("smooth", "-o", "s.parquet"), ("windows", "-o", "w.parquet"), ("validate",)
+    for name, *options in arguments if channel in ("north_m", "yaw_rate_dps") else arguments[:2]:
+        done = command(name, "changed.mcap", *options)
+        assert done.code in (0, 1)
+        assert "unexpectedly" not in done.err
+        assert "Warning" not in done.err
+    with contextlib.suppress(SeatrialError):
+        assert np.nanmax(np.abs(st.prepare("changed.mcap", repair=False).to_numpy())) < 1e30
+
+
+# Folders and files that fail wherever they are first needed
+
+
+WEIGHTS: dict[str, Callable[[dict[str, Any]], object]] = {
+    "not a number": lambda tensors: tensors["network.0.weight"].fill(np.nan),
+    "infinite": lambda tensors: tensors["output.mean"].fill(np.inf),
+    "beyond bounds": lambda tensors: tensors["network.2.weight"].fill(1e300),
+    "no deviation": lambda tensors: tensors["input.deviation"].fill(0.0),
+    "negative deviation": lambda tensors: tensors["output.deviation"].fill(-1.0),
+    "flat": lambda tensors: tensors.update({"input.range": tensors["input.range"].ravel()}),
+    "short": lambda tensors: tensors.update({"usual_error_m": np.ones(1)}),
+    "missing": lambda tensors: tensors.pop("usual_error_m"),
+    "integers": lambda tensors: tensors.update({"network.0.bias": np.ones(10, np.int64)}),
+    "halves": lambda tensors: tensors.update({"input.mean": tensors["input.mean"].astype(np.float16)}),
+    "empty": lambda tensors: tensors.update({"network.4.bias": np.zeros(0)}),
+    "one more name": lambda tensors: tensors.update({"../../evil": np.ones(1)}),
+}
+
+
+HUGE_SHAPE = b'{"x":{"dtype":"F64","shape":[4611686018427387904],"data_offsets":[0,8]}}'
+
+
+def rewrite_weights(folder: Path, content: bytes) -> None:
+    """Weights with the hash that the sidecar says, as a stranger would make them."""
+    (folder / "calibrator.safetensors").write_bytes(content)
+    change_sidecar(folder, files={"calibrator.safetensors": hashlib.sha256(content).hexdigest()})
+
+
+@pytest.mark.parametrize("change", WEIGHTS)
+def test_weights_of_another_kind_are_refused(
+    change: str, strangers_folder: Path, voyage: Path, command: Command
+) -> None:
+    weights = load_file(strangers_folder / "calibrator.safetensors")
+    tensors = {name: np.array(values) for name, values in weights.items()}
+    WEIGHTS[change](tensors)
+    rewrite_weights(strangers_folder, save_tensors(tensors))
+    done = command("predict", voyage, "--at", "+200", "--calibrator", strangers_folder)
+    assert "unexpectedly" not in done.err
+    assert done.code == (0 if change == "one more name" else 1)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"", b"\x00" * 7, (2**63 - 1).to_bytes(8, "little"), (2**40).to_bytes(8, "little") + b"{}",
+        b"\x02\0\0\0\0\0\0\0{}", (10_000).to_bytes(8, "little") + b"[" * 10_000,
+        len(HUGE_SHAPE).to_bytes(8, "little") + HUGE_SHAPE + bytes(8),
+    ],
+    ids=["empty", "short", "endless head", "long head", "nothing", "nested head", "huge shape"],
+)  # fmt: skip
+def test_weights_that_are_no_file_of_tensors_are_refused(
+    content: bytes, strangers_folder: Path, voyage: Path, command: Command
+) -> None:
+    rewrite_weights(strangers_folder, content)
+    line = refused(command("predict", voyage, "--at", "+200", "--calibrator", strangers_folder))
+    assert "is damaged or was edited" in line
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("horizon_s", -1), ("horizon_s", 10**9), ("past_s", -5), ("region_m", [[1e300, 1.0]] * 30),
+        ("region_m", []), ("reserve", []), ("vessel__numbers", {}), ("vessel__name", "\x1b[2J"),
+        ("calibrator__inputs", []),
+        ("calibrator__seed", -1), ("trained_at", "0001-01-01T00:00:00Z"), ("trained_at", "9999-12-31T23:59:59Z"),
+        ("files", {}), ("files", {"calibrator.safetensors": "../../x"}), ("metrics", []), ("format", [[[]]]),
+        ("actuators", "x" * 10_000), ("data", [{"path": "/dev/zero", "sha256": "0" * 64, "part": [0, 100]}]),
+    ],
+)  # fmt: skip
+def test_sidecar_with_another_value_ends_in_no_traceback(
+    key: str, value: object, strangers_folder: Path, voyage: Path, command: Command
+) -> None:
+    change_sidecar(strangers_folder, **{key: value})
+    done = command("predict", voyage, "--at", "+200", "--calibrator", strangers_folder)
+    assert done.code in (0, 1)
+    assert "unexpectedly" not in done.err
+    assert "Warning" not in done.err
+    unobeyed(done.out + done.err)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"name": ["x"]}, {"findings": "many"}, {"start": "0001-01-01"}, {"start": []}, {"samples": 1e308},
+        {"windows_dropped": ["x"]}, {"manoeuvres": "x"}, {"missing": 5}, {"indices": {"a": "b"}},
+        {"provenance": "x"},
+    ],
+    ids=lambda change: next(iter(change)),
+)  # fmt: skip
+def test_result_that_is_none_is_no_row_of_the_index(change: dict[str, Any]) -> None:
+    from analysis.batch.batch import is_row
+
+    row = {"name": "a", "status": "done", "cause": "", "findings": 3, "start": "2026-03-01T00:00:00+00:00"}
+    assert is_row(row)
+    assert not is_row({**row, **change}) or set(change) <= {"start", "samples", "name"}
