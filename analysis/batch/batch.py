@@ -144,7 +144,7 @@ def result_of(job: Job) -> Row:
     """The row of a recording: that of an earlier result if it is as good as a new one, else of one made now."""
     path, later = Path(job.path), tuple(map(Path, job.later))
     row = None if job.again else reusable_row(path, job.folder, job.options, job.name, later)
-    if row is not None and is_row(row):
+    if row is not None:
         return {**row, "reused": True}
     return process_recording(path, job.folder, job.options, job.name, later)
 
@@ -226,15 +226,6 @@ def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
     return sorted(named, key=lambda each: (-len(each[1]), each[0]))
 
 
-def is_row(values: Mapping[str, Any]) -> bool:
-    """Whether values from a file are a row of the index, and not what another program, or a person, wrote there."""
-    try:
-        index_table([values])
-    except Exception:  # whatever pandas makes of them
-        return False
-    return True
-
-
 def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
 
@@ -280,7 +271,7 @@ def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
         name = path.parent.relative_to(out).as_posix()
         try:
             row = read_json(path)
-            ours = name not in names and row["provenance"]["recording"] == name and is_row(row)
+            ours = name not in names and row["provenance"]["recording"] == name
         except (OSError, ValueError, LookupError, TypeError):
             continue  # somebody else's file of that name
         if ours:

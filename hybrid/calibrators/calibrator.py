@@ -4,7 +4,6 @@ predictions with the fallback outside the domain of applicability."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -23,15 +22,6 @@ if TYPE_CHECKING:
 
 Examples = tuple[PredictionWindows, Floats]
 """Windows and the reference model's tracks on them [N, H+1, 3]."""
-
-
-def require_shapes(tensors: Mapping[str, Floats], shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """Raise :class:`ValueError` for a tensor from a file that is missing, of another shape, or no floats."""
-    for name, shape in shapes.items():
-        tensor = tensors.get(name)
-        if tensor is None or tensor.shape != shape or tensor.dtype != np.float64:
-            what = "missing" if tensor is None else f"{tensor.dtype} {tensor.shape}"
-            raise ValueError(f"{name} is {what}, and this version has float64 {shape}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
 from acquisition.core.progress import Progress
 from hybrid.calibrators import refuse_untrainable
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import HINDCAST_S, Candidate, constant_velocity, mean_known
 from hybrid.prediction.baselines import reference as model_tracks
 from hybrid.prediction.kalman_filter import filtered_starts
@@ -245,13 +245,6 @@ class NetworkCalibrator(Calibrator):
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
         if tensors["input.mean"].size != len(self.inputs):
             raise InputError("was trained on other inputs than those of this version", fix="train again")
-        inputs, outputs = len(self.inputs), len(self.outputs)
-        require_shapes(tensors, {
-            "input.mean": (inputs,), "input.deviation": (inputs,), "input.range": (2, inputs),
-            "output.mean": (outputs,), "output.deviation": (outputs,), "usual_error_m": (2,),
-        })  # fmt: skip
-        if min(tensors["input.deviation"].min(), tensors["output.deviation"].min()) <= 0.0:
-            raise ValueError("a deviation is not above zero")
         self.input_scaling_ = Standardisation(tensors["input.mean"], tensors["input.deviation"])
         self.output_scaling_ = Standardisation(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]
@@ -273,10 +266,12 @@ class NetworkCalibrator(Calibrator):
 
 def _layers_of(tensors: dict[str, Floats], widths: tuple[int, ...]) -> Layers:
     """The layers of a network of these ``widths``, inputs to outputs. Raises :class:`ValueError` for others."""
-    names = [f"network.{_PLACE * number}." for number in range(len(widths) - 1)]
-    for name, (below, above) in zip(names, pairwise(widths), strict=True):
-        require_shapes(tensors, {f"{name}weight": (above, below), f"{name}bias": (above,)})
-    return tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
+    names = (f"network.{_PLACE * number}." for number in range(len(widths) - 1))
+    layers = tuple((tensors[f"{name}weight"], tensors[f"{name}bias"]) for name in names)
+    shapes = [(matrix.shape, offset.shape) for matrix, offset in layers]
+    if shapes != (wanted := [((above, below), (above,)) for below, above in pairwise(widths)]):
+        raise ValueError(f"layers of the shapes {shapes} instead of {wanted}")
+    return layers
 
 
 class PaperCalibrator(NetworkCalibrator):

@@ -92,16 +92,7 @@ def report(
         return batch_reports(where, recordings, choices, progress)
     if kind == "trial":
         return folder_report(where, choices, progress)
-    if kind == "reproduction":
-        return [write_page(where)]
-    diagnosis, extras = read_diagnosis(where)
-    try:
-        return [write_report(diagnosis, extras, where)]
-    except SeatrialError:
-        raise
-    except Exception as error:  # values that no version writes fail wherever the page first needs them
-        raise InputError("was not written by this version", where=str(where), why=f"{type(error).__name__} {error}",
-                         fix="run `seatrial diagnose` again") from error  # fmt: skip
+    return [write_report(*read_diagnosis(where), where) if kind == "diagnosis" else write_page(where)]
 
 
 def report_folder(where: Path) -> Path:

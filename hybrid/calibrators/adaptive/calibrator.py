@@ -28,7 +28,7 @@ from hybrid.calibrators.adaptive.adaptation import (
     run_observer,
 )
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, require_shapes
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import (
     HINDCAST_S,
     average_tracks,
@@ -365,14 +365,10 @@ class AdaptiveCalibrator(Calibrator):
         return fitted
 
     def load_state_dict(self, fitted: dict[str, Floats]) -> Self:
-        numbers = len(parameter_names(self.plant.form)) if self.plant else 0
-        members, seconds = max(len(fitted["vectors"]), 1), len(fitted["region"])
-        require_shapes(fitted, {
-            "vectors": (members, numbers), "covariance": (numbers, numbers), "trust": (5,),
-            "range": (2, len(start_names(self.actuators))), "region": (seconds, 2), "spread": (seconds,),
-            **({"gust": (1,)} if "gust" in fitted else {}),
-        })  # fmt: skip
         self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
+        numbers = len(parameter_names(self.plant.form)) if self.plant else 0
+        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != numbers:
+            raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {numbers}")
         self.region_ = fitted["region"]
         self.hindcast_s_ = _hindcast_s(len(self.region_))
         power, hindcast_m, *minutes = map(float, fitted["trust"])
