@@ -6,6 +6,7 @@ BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 # PyTorch's own index of its builds without CUDA; empty: the package index's, on Linux gigabytes more.
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+TORCH := $(shell sed -n 's/^\(torch==[^ ;]*\).*/\1/p' constraints.txt)
 
 # Where the environment forbids it, every process that a test starts would compile all our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -16,19 +17,22 @@ unexport PYTHONDONTWRITEBYTECODE
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
 
-install: $(STAMP) ## make .venv with the pinned set of constraints.txt
+install: $(STAMP) ## make .venv with the pinned set of constraints.txt, by their hashes
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	@test -z "$(TORCH_INDEX)" || \
-	  $(PIP) install --no-deps --retries 0 --constraint constraints.txt --index-url $(TORCH_INDEX) torch 2>/dev/null || \
+	  $(PIP) install --no-deps --retries 0 --index-url $(TORCH_INDEX) $(TORCH) 2>/dev/null || \
 	  echo "$(TORCH_INDEX) gave no PyTorch: it comes from the package index, on Linux with gigabytes of CUDA"
-	$(PIP) install --constraint constraints.txt --editable '.[dev,docs]'
+	$(PIP) install --no-deps --require-hashes --requirement constraints.txt
+	$(PIP) install $(TORCH)  # the CUDA libraries of a PyTorch from the package index; of the CPU build nothing
+	$(PIP) install --no-deps --no-build-isolation --editable .
 	@touch $@
 
 lock: $(STAMP)   ## write constraints.txt anew for every Python that pyproject.toml promises; UPGRADE=1: the newest of all
 	$(PIP) install uv
-	$(BIN)/uv pip compile --quiet --universal --all-extras --no-annotate --custom-compile-command 'make lock' \
+	$(BIN)/uv pip compile --quiet --universal --all-extras --no-annotate --generate-hashes \
+	  --custom-compile-command 'make lock' \
 	  --python-version "$$(sed -n 's/^requires-python = ">=\(.*\)"/\1/p' pyproject.toml)" \
 	  $(if $(UPGRADE),--upgrade) pyproject.toml --output-file constraints.txt
 
@@ -46,7 +50,8 @@ test-slow: $(STAMP) ## the long proofs
 
 oracle: $(STAMP) ## rudder ships and NetCDF against other programs, which it installs
 	$(PIP) install --no-deps shipmmg==0.0.11
-	$(PIP) install --constraint constraints.txt compliance-checker==6.1.0
+	grep -o '^[a-z][^\\]*' constraints.txt > $(VENV)/pins.txt  # with hashes it would ask for the checker's, too
+	$(PIP) install --constraint $(VENV)/pins.txt compliance-checker==6.1.0
 	$(BIN)/python -m pytest tests/hybrid/test_rudder_ships.py tests/analysis/test_netcdf.py
 
 pages: $(STAMP)  ## the tutorial word by word, the notebooks, the site
@@ -98,7 +103,7 @@ watch-load: $(STAMP) ## the same load for 80 s with a twin beside the recorder, 
 load-mqtt: $(STAMP) ## ten minutes of 1,000 messages a second through an MQTT broker: losses, CPU, memory
 	$(BIN)/python -m tests.benchmarks.mqtt_load 600
 
-soak: $(STAMP)   ## a week at sea through the recorder, in some ten minutes: memory and open files
+soak: $(STAMP)   ## a week at sea through the recorder, with faults, in some ten minutes: losses, memory, open files
 	$(BIN)/python tests/benchmarks/recorder_soak.py 7
 
 fuzz: $(STAMP)   ## every decoder and recovery against bytes found by coverage, ten minutes each

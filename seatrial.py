@@ -19,13 +19,13 @@ import os
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import DEBUG_VARIABLE, unexpected
 from acquisition.core.named_code import imported
-from acquisition.core.process import echo, guard_standard_streams, stop_on_signals
+from acquisition.core.process import echo, guard_standard_streams, interrupt_on_terminate, stop_on_signals
 from acquisition.core.text import printable
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def main() -> None:
     """
     guard_standard_streams()
     try:
-        with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else nullcontext():
+        with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else interrupt_on_terminate():
             _app()()
     except KeyboardInterrupt:
         sys.exit(_INTERRUPTED)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
-from functools import partial
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -24,12 +26,42 @@ if TYPE_CHECKING:
     from acquisition.tables.table_files import RawTable
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="The file or folder to write.")]
+Command = Callable[..., None]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
 
 ABOARD, RECORDINGS, TRIALS, PREDICTIONS, DIAGNOSIS = (
     "Aboard", "Recordings", "Trials", "Predictions", "What the model lacks"
 )  # fmt: skip
 """The groups of commands in ``seatrial --help``."""
+
+
+def writes(*files: str, folder: str = "") -> Callable[[Command], Command]:
+    """Lock what a command writes while it runs, and protect what it reads.
+
+    ``files`` and ``folder`` are the options or arguments that name outputs; every other one that names a file is an
+    input, which no output may replace.
+    """
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def run(**values: Any) -> None:
+            from acquisition.core.files import inputs_protected, refuse_input
+            from acquisition.core.locks import locked_file, locked_folder
+
+            named = [value for name, value in values.items() if name not in (*files, folder)]
+            inputs = [part for value in named for part in (value if isinstance(value, list) else [value])]
+            with ExitStack() as stack:
+                stack.enter_context(inputs_protected(Path(part) for part in inputs if isinstance(part, str | Path)))
+                for path in [Path(values[name]) for name in files if values[name] is not None]:
+                    refuse_input(path)
+                    stack.enter_context(locked_file(path))
+                if values.get(folder) is not None:
+                    stack.enter_context(locked_folder(Path(values[folder])))
+                command(**values)
+
+        return run
+
+    return decorate
 
 
 def mount(app: typer.Typer) -> None:
@@ -118,6 +150,7 @@ def _check_departure(
     echo(f"ready: all {len(found.channels)} channels come", err=True)
 
 
+@writes("output")
 def discover(
     inputs: Annotated[
         list[str] | None,
@@ -177,6 +210,7 @@ def mark(
     echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
 
 
+@writes("output")
 def redecode(
     recording: Annotated[list[Path], typer.Argument(help="A recording; its parts in order.")],
     output: Output,
@@ -219,6 +253,7 @@ def emulate(
         echo(f"warning: no message could carry {unsent}; position, for one, needs north and east", err=True)
 
 
+@writes("output", "write_map", "preview")
 def import_(
     table: Annotated[Path, typer.Argument(help="A table: .csv, .tsv, .xlsx, .parquet, .mat, .nc or .gpx.")],
     output: Output,
@@ -294,13 +329,14 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
 
 
 def info(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")],
     as_json: AsJson = False,
 ) -> None:
     """Show what is in a recording."""
-    from acquisition.recording.reader import describe, read_recording
+    from acquisition.recording.grouping import read_together
+    from acquisition.recording.reader import describe
 
-    recording = read_recording(file)
+    recording = read_together(files)
     found = describe(recording)
     if as_json:
         echo(json.dumps(found))
@@ -311,7 +347,10 @@ def info(
     # A path is not broken at 80 columns.
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
-    tell(f"{file}  {'closed properly' if found['closed'] else unclosed}", style="bold")
+    tell(
+        f"{', '.join(map(str, recording.paths))}  {'closed properly' if found['closed'] else unclosed}",
+        style="bold",
+    )
     if found["messages"]:
         tell(f"{found['start']} to {found['end']}")
     tell(f"{found['duration_s']:.1f} s, {found['messages']:,} messages")
@@ -319,10 +358,12 @@ def info(
         if key != "channels":  # they are in the table
             tell(f"{key.replace('_', ' ')}: {value}", style="dim")
     part = recording.metadata.get("part", {})
-    if part.get("follows"):
+    if recording.later_parts and recording.clock:
+        tell(recording.clock)
+    elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
     Terminal().print(_channel_table(found["channels"], found["trial"]))
-    for names, reason in by_reason(missing_in(file, recording.series)).items():
+    for names, reason in by_reason(missing_in(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
     for topic, count in found["raw"].items():
         tell(f"{topic}: {count:,} raw messages")
@@ -330,6 +371,7 @@ def info(
         tell(f"/prediction: {recording.predictions:,} predictions made beside the recorder")
 
 
+@writes("output")
 def recover(
     file: Annotated[Path, typer.Argument(help="A recording that is damaged or was not closed; it is not changed.")],
     output: Output,
@@ -348,6 +390,7 @@ def recover(
     echo(output)
 
 
+@writes("output")
 def migrate(
     file: Annotated[Path, typer.Argument(help="A recording with JSON messages; it is not changed.")],
     output: Output,

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import RECORDINGS, AsJson, Output
+from acquisition.cli import RECORDINGS, AsJson, Output, writes
 from acquisition.core.files import expect_suffix
 from acquisition.core.process import echo
 
@@ -22,6 +22,7 @@ RebuildPositions = Annotated[
     ),
 ]
 
+Files = Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")]
 Horizon = Annotated[int, typer.Option(min=2, help="The length of a window (the horizon) in seconds.")]
 Stride = Annotated[int, typer.Option(min=1, help="Seconds between the starts of windows.")]
 
@@ -32,8 +33,9 @@ def mount(app: typer.Typer) -> None:
         app.command(rich_help_panel=RECORDINGS)(command)
 
 
+@writes("repair", folder="output")
 def check(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
     ] = None,
@@ -49,7 +51,7 @@ def check(
     as_json: AsJson = False,
 ) -> None:
     """Check the data quality of a recording, channel by channel."""
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.quality.check import check_recording
     from analysis.tables.table import table_of
 
@@ -57,9 +59,12 @@ def check(
         expect_suffix(repair, ".mcap")
     elif rebuild_positions:
         raise typer.BadParameter("--rebuild-positions needs --repair")
-    recording = read_recording(file)
+    recording = read_together(files)
     if not recording.closed:
-        echo(f"warning: {file} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+        names = ", ".join(map(str, files))
+        echo(f"warning: {names} was not closed: its end may be missing; `seatrial recover` mends it", err=True)
+    if recording.clock:
+        echo(f"note: {recording.clock}", err=True)
     table = table_of(recording)
     quality = check_recording(recording, table, own or ())
     if output is not None:
@@ -94,8 +99,9 @@ def _values(count: int) -> str:
     return "1 value" if count == 1 else f"{count:,} values"
 
 
+@writes("output")
 def export(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float | None, typer.Option(help="Resample to this rate in Hz; default: raw samples.")] = None,
     smooth: Annotated[
@@ -116,7 +122,7 @@ def export(
     """Write a recording as a table, Parquet, CSV, Excel, .mat or NetCDF (CF-1.11), or its track as KML or GPX."""
     from dataclasses import asdict
 
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.prepare import Preparation, prepare
     from analysis.tables.export import KINDS, export_table
     from analysis.tables.table import history_of
@@ -126,7 +132,7 @@ def export(
     if attributes and not netcdf:
         raise typer.BadParameter("--attribute is for NetCDF: name the output .nc")
     how = Preparation(rate, repair, remove_delays, smooth, flags or netcdf)
-    table = prepare(read_recording(file), how)
+    table = prepare(read_together(files), how)
     written, *beside = export_table(table, output, asdict(how), attributes)
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
@@ -151,6 +157,7 @@ def _named_values(given: list[str]) -> dict[str, str]:
     return {name: value for name, _, value in pairs}
 
 
+@writes("output")
 def windows(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Output,
@@ -207,6 +214,7 @@ def windows(
     echo(output)
 
 
+@writes(folder="output")
 def manoeuvres(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="A folder for JSON and pictures.")] = None,
@@ -227,13 +235,14 @@ def manoeuvres(
     """Find manoeuvres and compute their indices."""
     from acquisition.core.progress import bar
     from acquisition.core.terminal import Terminal
+    from acquisition.recording.grouping import whole_recordings
     from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
     with bar("manoeuvres") as progress:
-        found = []
-        for number, file in enumerate(files, start=1):
-            found.append(manoeuvres_of(file, length, own or ()))
-            progress(number / len(files))
+        found, recordings = [], whole_recordings(files)
+        for number, parts in enumerate(recordings, start=1):
+            found.append(manoeuvres_of(parts, length, own or ()))
+            progress(number / len(recordings))
     if as_json:
         echo(json.dumps(summary(found, length)))
     elif output is None:
@@ -244,8 +253,9 @@ def manoeuvres(
             echo(path, err=as_json)
 
 
+@writes("output")
 def smooth(
-    file: Annotated[Path, typer.Argument(help="A recording.")],
+    files: Files,
     output: Output,
     rate: Annotated[float, typer.Option(help="Rows per second (Hz).")] = 1.0,
     as_json: AsJson = False,
@@ -256,7 +266,7 @@ def smooth(
     from analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")
-    smoothed = smooth_table(read_table(file), rate)
+    smoothed = smooth_table(read_table(files), rate)
     write_smoothed(smoothed, output)
     for remark in smoothed.remarks:
         echo(remark, err=True)
@@ -274,6 +284,7 @@ def smooth(
     echo(output)
 
 
+@writes(folder="output")
 def batch(
     folder: Annotated[Path, typer.Argument(help="A folder with recordings, also in subfolders.")],
     output: Output,
@@ -304,9 +315,9 @@ def batch(
     """Analyse every recording in a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
+    from acquisition.core.process import Termination
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
-    from analysis.batch.workers import Termination
     from analysis.products import Options
 
     if rebuild_positions and no_repair:
@@ -347,7 +358,7 @@ def serve(
     ] = None,
     port: Annotated[
         int, typer.Option(min=1, max=65535, help="The port to listen on, on this computer only.")
-    ] = 8765,
+    ] = 8766,  # 8765 is the live view's, which viewers expect there
     on_demand: Annotated[
         bool,
         typer.Option("--on-demand", help="Analyse only what is opened; default: everything, one after the other."),
@@ -362,7 +373,7 @@ def serve(
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
         raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
-    from analysis.batch.workers import interrupt_on_terminate
+    from acquisition.core.process import interrupt_on_terminate
     from analysis.serve.app import make_app
     from analysis.serve.app import serve as run
     from analysis.serve.season import Season, results_folder

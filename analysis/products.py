@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from acquisition.core.errors import SeatrialError
-from acquisition.recording.reader import Recording, read_parts
+from acquisition.core.errors import SeatrialError, unexpected
+from acquisition.recording.grouping import read_parts
+from acquisition.recording.reader import Recording
 from analysis.estimation.smoother import smooth
 from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
 from analysis.prepare import with_motion
@@ -107,11 +108,9 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
 
 
 def cause_of(error: BaseException) -> str:
-    """What failed in one line that is the same for all recordings of one fault: without the file's path."""
-    if isinstance(error, SeatrialError):
-        return str(error.at(""))
-    trace, where = error.__traceback__, ""
-    while trace is not None:
-        where = f"{Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
-        trace = trace.tb_next
-    return " ".join(f"{type(error).__name__}: {error} ({where})".split())
+    """What failed in one line that is the same for all recordings of one fault: without the file's path.
+
+    Of an error that nobody foresaw it says where in Seatrial it arose.
+    """
+    fault = unexpected(error)
+    return str(fault.at("" if isinstance(error, SeatrialError | OSError) else fault.where))

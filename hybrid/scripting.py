@@ -2,8 +2,9 @@
 
 They load what their arguments name (recordings, a vessel, a calibrator's folder), show progress on a terminal, and
 return tables or result objects. The commands call them too, so that a script and the command line agree. A
-*recording* is the path of an MCAP file; where several may be given, one path or a sequence of them. ``part`` is a
-share of each recording's time in percent, as ``"0..70"``.
+*recording* is the path of an MCAP file, or those of its parts; where several may be given, one path or a sequence
+of them, in which parts that follow each other are one recording. ``part`` is a share of each recording's time in
+percent, as ``"0..70"``.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from acquisition.core.progress import bar
-from acquisition.recording.reader import describe, read_recording
+from acquisition.recording.grouping import read_recordings, read_together
+from acquisition.recording.reader import describe
 from analysis.tables.table import percent_of, read_table, require, table_actuators, table_of
 
 if TYPE_CHECKING:
@@ -69,25 +71,25 @@ def write(
     return target
 
 
-def info(recording: str | Path) -> dict[str, Any]:
-    """What is in a recording: channels with counts, rates, spans and sources, and whether it was closed."""
-    return describe(read_recording(recording))
+def info(recording: Paths) -> dict[str, Any]:
+    """What is in a recording or its parts: channels with counts, rates, spans, sources; whether it was closed."""
+    return describe(read_together(recording))
 
 
-def check(data: str | Path | pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
+def check(data: Paths | pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
     """What is wrong with a recording or a table of raw samples: channel by channel, and against each other.
 
     ``own`` are checks of one's own, ``FILE.py:FUNCTION``.
     """
     from analysis.quality.check import check_recording, check_table
 
-    if not isinstance(data, str | Path):
+    if isinstance(data, pd.DataFrame):
         return check_table(data, own)
-    return check_recording(read_recording(data), own=own)
+    return check_recording(read_together(data), own=own)
 
 
 def prepare(
-    recording: str | Path,
+    recording: Paths,
     rate_hz: float | None = 1.0,
     *,
     repair: bool = True,
@@ -103,7 +105,7 @@ def prepare(
     from analysis.prepare import Preparation
     from analysis.prepare import prepare as prepare_recording
 
-    return prepare_recording(read_recording(recording), Preparation(rate_hz, repair, remove_delays, smooth, flags))
+    return prepare_recording(read_together(recording), Preparation(rate_hz, repair, remove_delays, smooth, flags))
 
 
 def windows(
@@ -128,7 +130,7 @@ def windows(
         return windows_of_recordings(as_paths(data), how, progress)
 
 
-def manoeuvres(recording: str | Path, length_m: float | None = None, own: Sequence[str] = ()) -> pd.DataFrame:
+def manoeuvres(recording: Paths, length_m: float | None = None, own: Sequence[str] = ()) -> pd.DataFrame:
     """The manoeuvres of a recording: one row an index, with its 95 % interval, its unit and its IMO limit.
 
     ``length_m`` between perpendiculars gives indices in ship lengths and the limits that depend on it; ``own`` find
@@ -139,7 +141,7 @@ def manoeuvres(recording: str | Path, length_m: float | None = None, own: Sequen
     rows = [
         {"manoeuvre": each.name, "kind": each.kind, "side": each.side, "start": each.start, "index": name,
          "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit}
-        for each in manoeuvres_of(Path(recording), length_m, own).manoeuvres
+        for each in manoeuvres_of(recording, length_m, own).manoeuvres
         for name, index in each.indices.items()
     ]  # fmt: skip
     columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit"]
@@ -162,7 +164,7 @@ def speed_power(
     from hybrid.vessel.windage import known_conditions
 
     given = conditions if isinstance(conditions, Conditions | None) else load_conditions(conditions)
-    read = [read_recording(path) for path in as_paths(recordings)]
+    read = list(read_recordings(as_paths(recordings)))
     tables = [table_of(each) for each in read]
     ship = vessel or vessel_of_ship(read[0].trial.vessel, read[0].path.parent)
     recorded = [(each.trial, table) for each, table in zip(read, tables, strict=True)]
@@ -405,7 +407,7 @@ def identify(
     own, without it about a ship length. Each recording is checked before: values that stood still are set aside,
     and no stretch goes over a jump of the positions.
     """
-    from analysis.windows.recordings import trial_names
+    from analysis.windows.recordings import named_recordings
     from hybrid.identification.identify import identify_tables, judge, repertoire_of
     from hybrid.vessel.files import save_vessel
     from hybrid.workflows.checked import usable_tables
@@ -413,7 +415,7 @@ def identify(
     chosen = _model(recordings, vessel)
     ship, paths = chosen.vessel, as_paths(recordings)
     tables, set_aside = usable_tables(
-        dict(zip(trial_names(paths), paths, strict=True)), percent_of(part),
+        named_recordings(paths), percent_of(part),
         repaired=repair or bool(rebuild_positions), rebuild_positions=rebuild_positions,
     )  # fmt: skip
     with bar("identifying") as progress:

@@ -50,7 +50,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.progress import Progress
 from analysis.batch.workers import map_calls
 from analysis.report.figures import fill_figure, png_of, write_figure
@@ -605,8 +605,7 @@ def _shades(found: FidelityMap) -> dict[int, float]:
 def write_map(found: FidelityMap, folder: Path) -> list[Path]:
     """The map as PNG, SVG and PDF, its numbers and its reading as JSON. Raises :class:`StorageError`."""
     path = folder / f"{NAME}.json"
-    with atomic_file(path) as unfinished:
-        unfinished.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(with_reading(found), indent=2) + "\n")
     paths = [path]
     for name, (draw, size_inch, _) in zip((NAME, f"{NAME}_axes"), DRAWN, strict=True):
         figure = fill_figure(partial(draw, found=found), size_inch)

@@ -17,11 +17,12 @@ from packaging.version import Version
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PINS = [
-    Requirement(line)
-    for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+LINES = [
+    line
+    for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").replace("\\\n", "").splitlines()
     if line and not line.startswith("#")
 ]
+PINS = [Requirement(line.partition("--hash")[0]) for line in LINES]
 MINORS = re.findall(r"Python :: (3\.\d+)", "\n".join(PROJECT["project"]["classifiers"]))
 PYTHONS = [f"{minor}.{patch}" for minor in MINORS for patch in range(10)]
 CUDA = set(PROJECT["tool"]["uv"]["exclude-dependencies"])  # asked for by builds of PyTorch that the pins do without
@@ -77,6 +78,28 @@ def unmet(asked: list[Requirement], python: str) -> list[str]:
 
 def test_the_tested_pythons_begin_with_the_lowest_promised() -> None:
     assert PROJECT["project"]["requires-python"] == f">={MINORS[0]}"
+
+
+@pytest.mark.parametrize("line", LINES, ids=lambda line: str(line).partition(" ")[0])
+def test_every_pin_has_the_hashes_of_its_files(line: str) -> None:
+    pin, *hashes = line.split("--hash=")
+    assert "--" not in pin
+    assert hashes
+    assert [each for each in hashes if not re.fullmatch(r"sha256:[0-9a-f]{64}\s*", each)] == []
+
+
+def test_install_takes_nothing_without_a_hash_but_pytorch_and_this_package() -> None:
+    """PyTorch's CPU build has other hashes, and PyTorch's own index; the CUDA libraries are pinned by PyTorch."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    recipe = makefile.partition("\n$(STAMP):")[2].partition("\n\n")[0].splitlines()
+    installs = [line for line in recipe if "$(PIP) install" in line]
+    assert any("--require-hashes --requirement constraints.txt" in line for line in installs)
+    allowed = ("--require-hashes", "$(TORCH)", "--no-deps --no-build-isolation --editable .")
+    assert [line for line in installs if not any(part in line for part in allowed)] == []
+
+
+def test_build_backend_is_pinned_as_it_is_asked_for() -> None:
+    assert unmet([Requirement(each) for each in PROJECT["build-system"]["requires"]], PYTHONS[0]) == []
 
 
 @every_python

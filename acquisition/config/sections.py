@@ -57,6 +57,7 @@ from acquisition.core.channels import BY_NAME, channel_names, trial_names, with_
 from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import absolute
+from acquisition.core.times import Order
 from acquisition.core.trial import Trial
 from acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
@@ -119,6 +120,8 @@ Form = Literal[
 ]  # fmt: skip
 """The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]
+PageOrigin = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9+.-]*://[^\s/@]*$")]
+"""Where a page in a browser comes from, as the browser states it: scheme, host and port."""
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 ReductionRatios = dict[Annotated[str, AfterValidator(_own_shaft)], FinitePositive]
 """Engine turns for one turn of the shaft, by actuator."""
@@ -397,11 +400,13 @@ class TcpSource(_Port, _Lines):
 class FileSource(_Lines):
     """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end.
 
-    ``can_file`` is an older name of one with CAN frames.
+    ``can_file`` is an older name of one with CAN frames. ``date_order`` says what comes first in the dates before
+    its sentences, where the log leaves that open.
     """
 
     type: Literal["file", "can_file"]
     path: AbsolutePath
+    date_order: Order | None = None
 
 
 _ABBREVIATIONS = (
@@ -667,10 +672,15 @@ class CopiesSection:
 
 @dataclass(frozen=True, config=STRICT)
 class LiveSection:
-    """The live view for Foxglove and Lichtblick: the address it listens on, by default this computer only."""
+    """The live view for Foxglove and Lichtblick: the address it listens on, by default this computer only.
+
+    ``origins`` names the pages that may show it in a browser, like ``https://app.foxglove.dev``; programs that send
+    no origin need none.
+    """
 
     port: Port = 8765
     address: str = "127.0.0.1"
+    origins: tuple[PageOrigin, ...] = ()
 
 
 @dataclass(frozen=True, config=STRICT)

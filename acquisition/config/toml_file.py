@@ -11,23 +11,26 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
+from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import read_regular
 
 Model = TypeVar("Model")
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
-_MOST_BYTES = 4 * 1024**2  # the longest of ours has 0.02 MB
 _MOST_LEVELS = 16  # tables and lists in each other; a configuration has at most six
 _UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
 """Reported first: a misspelt key is often the reason why another is missing."""
+_ENDLESS_KEY = re.compile(r"(?:\.[^\n=,.]+){100}")
 _KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
 
 
 def read_text(path: Path | str) -> str:
     """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
     try:
-        text = read_regular(path, _MOST_BYTES).decode("utf-8")
+        text = read_regular(path, CONFIGURATION_BYTES, ConfigurationError).decode("utf-8")
         return text.replace("\r\n", "\n").replace("\r", "\n")
+    except ConfigurationError:
+        raise
     except FileNotFoundError as error:
         raise ConfigurationError("does not exist", where=str(path), fix="check the path") from error
     except (OSError, ValueError) as error:
@@ -47,6 +50,10 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
 def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
     """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
+    if _ENDLESS_KEY.search(text):  # of which the library takes memory by the square
+        raise ConfigurationError(
+            "is not valid TOML", where=str(path), why="a key has more than 100 parts", fix="correct it there"
+        )
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a plain ValueError

@@ -97,7 +97,7 @@ def storage_error(path: Path | str, error: OSError, what: str = "cannot be writt
     blocking = next((each for each in path.parents if each.is_file()), None)
     if blocking is not None:
         why, fix = f"{blocking} is a file, not a folder", "choose another folder"
-    elif path.is_dir():
+    elif path.is_dir() and error.errno not in _CURES:
         why, fix = "it is a folder", "name a file in it"
     return StorageError(what, where=str(path), why=why, fix=fix)
 

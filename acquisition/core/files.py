@@ -1,23 +1,35 @@
-"""Files: input that is a regular file of bounded size, output that is complete or absent."""
+"""Files: input that is a regular file of bounded size, output that is complete or absent.
+
+An output is never a mixture of two commands' or of two runs'. It is written under a temporary name beside its own
+and renamed when it is complete and on the disk. That name is new for every writer, which holds a lock on it
+(:mod:`acquisition.core.locks`): what a killed process has left behind has no lock, and the next writer of the same
+output removes it.
+"""
 
 from __future__ import annotations
 
-import errno
 import json
 import os
+import re
+import secrets
+import shutil
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from errno import EINVAL, EISDIR
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.budget import JSON_BYTES, Budget
+from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
+from acquisition.core.locks import hidden_name, is_at, lock, locked_briefly
 
-MOST_JSON_BYTES = 256 * 1024**2
-"""A JSON file of ours has kilobytes, the largest, what a diagnosis shows, some megabytes."""
 _IRREGULAR = {
     stat.S_ISFIFO: "a named pipe", stat.S_ISSOCK: "a socket", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
 }  # fmt: skip
+_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.part", re.DOTALL)
 
 
 def require_regular(path: Path | str) -> None:
@@ -37,19 +49,17 @@ def open_regular(path: Path | str) -> BinaryIO:
         raise
 
 
-def read_regular(path: Path | str, most_bytes: int) -> bytes:
-    """The content of a regular file. Raises :class:`OSError` as :func:`open_regular`, and for a larger one."""
+def read_regular(path: Path | str, budget: Budget, kind: type[SeatrialError] = InputError) -> bytes:
+    """The content of a regular file. Raises as :func:`open_regular`, and ``kind`` beyond the budget."""
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
-        if size > most_bytes:
-            why = f"it has {size / 1024**2:,.0f} MB, and no such file has more than {most_bytes / 1024**2:,.0f}"
-            raise OSError(errno.EFBIG, why, str(path))
+        budget.require(size, path, size, kind)
         return stream.read(size)
 
 
 def read_json(path: Path | str) -> Any:
-    """The values in a JSON file. Raises :class:`OSError` as :func:`read_regular`, :class:`ValueError`."""
-    return parse_json(read_regular(path, MOST_JSON_BYTES).decode("utf-8"))
+    """The values in a JSON file. Raises :class:`OSError` and InputError as :func:`read_regular`, ValueError."""
+    return parse_json(read_regular(path, JSON_BYTES).decode("utf-8"))
 
 
 def parse_json(text: str | bytes) -> Any:
@@ -62,31 +72,100 @@ def parse_json(text: str | bytes) -> Any:
 
 def _refuse_irregular(mode: int, path: Path | str) -> None:
     if stat.S_ISDIR(mode):
-        raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
+        raise IsADirectoryError(EISDIR, "it is a folder", str(path))
     for is_kind, kind in _IRREGULAR.items():
         if is_kind(mode):
-            raise OSError(errno.EINVAL, f"it is {kind}, not a file", str(path))
+            raise OSError(EINVAL, f"it is {kind}, not a file", str(path))
+
+
+@dataclass(slots=True)
+class _FileSet:
+    """Files that are complete but not in place yet: the temporary file of each, None for one to be removed."""
+
+    temporaries: ExitStack
+    files: dict[Path, Path | None] = field(default_factory=dict)
+
+
+_current_set: ContextVar[_FileSet | None] = ContextVar("current_set", default=None)
+_inputs: ContextVar[frozenset[tuple[int, int]]] = ContextVar("inputs", default=frozenset())
 
 
 @contextmanager
 def atomic_file(path: Path | str) -> Iterator[Path]:
     """A temporary file that replaces ``path`` once it is complete; its folder is made.
 
-    Raises :class:`StorageError` for what the system refuses, always naming ``path``, not the temporary file.
+    Within :func:`written_together` it does so at the end of all. Raises :class:`StorageError` for what the system
+    refuses, always naming ``path``, not the temporary file; :class:`InputError` where ``path`` is an input of the
+    command, see :func:`inputs_protected`.
     """
     path = Path(path)
-    partial = path.with_name(f".{path.name}.part")
-    try:
+    file_set = _current_set.get()
+    with _storage_errors(path), ExitStack() as stack:
+        _refuse_unsuitable(path)
         path.parent.mkdir(parents=True, exist_ok=True)
+        stack = stack if file_set is None else file_set.temporaries
+        partial = stack.enter_context(_temporary(path, folder=False))
         yield partial
-        partial.replace(path)
-    except StorageError as error:
-        raise error.at(path) from error
-    except OSError as error:
-        raise storage_error(path, error) from error
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+        _sync(partial)
+        if file_set is None:
+            partial.replace(path)
+        else:
+            file_set.files[path] = partial
+
+
+@contextmanager
+def temporary_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder beside ``path``, for what is to become a folder of that name; removed at the end.
+
+    Raises OSError.
+    """
+    with _temporary(path, folder=True) as folder:
+        yield folder
+
+
+@contextmanager
+def written_together(last: Path) -> Iterator[None]:
+    """All files written inside appear at the end, when all of them are complete; ``last`` after all others.
+
+    An earlier ``last`` is removed before the first of them changes: where it exists, all belong together. A set
+    within another is part of that. Raises :class:`StorageError`.
+    """
+    if _current_set.get() is not None:
+        yield
+        return
+    with ExitStack() as temporaries:
+        file_set = _FileSet(temporaries)
+        token = _current_set.set(file_set)
+        try:
+            yield
+        finally:
+            _current_set.reset(token)
+        _put_in_place(file_set.files, last)
+
+
+def _put_in_place(files: dict[Path, Path | None], last: Path) -> None:
+    with locked_briefly(last):
+        with _storage_errors(last):
+            last.unlink(missing_ok=True)
+        for path, partial in sorted(files.items(), key=lambda item: item[0] == last):
+            with _storage_errors(path):
+                if partial is None:
+                    path.unlink(missing_ok=True)
+                else:
+                    partial.replace(path)
+
+
+def remove_file(path: Path) -> None:
+    """Remove a file if it exists; within :func:`written_together` at the end of all.
+
+    Raises as :func:`atomic_file`.
+    """
+    refuse_input(path)
+    if (file_set := _current_set.get()) is not None:
+        file_set.files[path] = None
+        return
+    with _storage_errors(path):
+        path.unlink(missing_ok=True)
 
 
 def write_text(path: Path | str, text: str) -> Path:
@@ -94,6 +173,146 @@ def write_text(path: Path | str, text: str) -> Path:
     with atomic_file(path) as partial:
         partial.write_text(text, encoding="utf-8")
     return Path(path)
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file by :func:`atomic_file`."""
+    with atomic_file(path) as partial:
+        partial.write_bytes(content)
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
+    if folder.is_file():
+        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
+    with _storage_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+
+
+@contextmanager
+def inputs_protected(inputs: Iterable[Path]) -> Iterator[None]:
+    """:func:`atomic_file` refuses to replace any of the files ``inputs``, by whatever name or link."""
+    token = _inputs.set(_inputs.get() | {identity for path in inputs if (identity := _identity(path)) is not None})
+    try:
+        yield
+    finally:
+        _inputs.reset(token)
+
+
+def refuse_input(path: Path) -> None:
+    """Raise :class:`InputError` where an output is one of the inputs, see :func:`inputs_protected`."""
+    if _identity(path) in _inputs.get():
+        raise InputError(
+            "is an input of this command",
+            where=str(path),
+            why="an input is never changed",
+            fix="name another output",
+        )
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What a file is the same by, however it is called; None for what is no file."""
+    try:
+        state = path.stat()
+    except (OSError, ValueError):
+        return None
+    return (state.st_dev, state.st_ino) if stat.S_ISREG(state.st_mode) else None
+
+
+def _refuse_unsuitable(path: Path) -> None:
+    """Raise an error for an output that replacing would destroy: an input, a device, a pipe. Raises OSError."""
+    refuse_input(path)
+    if path.is_dir():
+        raise IsADirectoryError(EISDIR, os.strerror(EISDIR))
+    process_stream = path.is_symlink() and str(path.readlink()).startswith("/proc/")  # /dev/stdout
+    if process_stream or (path.exists() and not path.is_file()):
+        raise StorageError("is a device or a pipe", where=str(path), why="an output appears when it is complete",
+                           fix="name a file")  # fmt: skip
+
+
+@contextmanager
+def _storage_errors(path: Path) -> Iterator[None]:
+    """What the system refuses, as a :class:`StorageError` about ``path``."""
+    try:
+        yield
+    except StorageError as error:
+        raise error.at(path) from error
+    except OSError as error:
+        raise storage_error(path, error) from error
+
+
+def _sync(path: Path) -> None:
+    """Make the disk keep a file before it gets its name: a power cut would leave an empty one under it."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def _temporary(path: Path, *, folder: bool) -> Iterator[Path]:
+    """A new file or folder beside ``path``, locked, and removed at the end unless it was renamed."""
+    _remove_leftovers(path)
+    partial, descriptor = _new_temporary(path, folder=folder)
+    try:
+        yield partial
+    finally:
+        _remove(partial)
+        os.close(descriptor)
+
+
+def _new_temporary(path: Path, *, folder: bool) -> tuple[Path, int]:
+    """A temporary file or folder and the descriptor that its lock hangs on."""
+    while True:
+        partial = path.with_name(hidden_name(path.name, f"{secrets.token_hex(8)}.part"))
+        if folder:
+            partial.mkdir()
+        flags = os.O_RDONLY | os.O_DIRECTORY if folder else os.O_RDWR | os.O_CREAT | os.O_EXCL
+        descriptor = os.open(partial, flags | os.O_CLOEXEC, 0o666)
+        with suppress(BlockingIOError):
+            lock(descriptor)
+            if is_at(descriptor, partial):
+                return partial, descriptor
+        os.close(descriptor)  # another process took it for a leftover before it was locked
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove what killed processes have left of their writing to ``path``."""
+    beginning = hidden_name(path.name, "")
+    with suppress(OSError), os.scandir(path.parent) as entries:
+        names = [entry.name for entry in entries if entry.name.startswith(beginning)]
+        for name in names:
+            if len(name) == len(beginning) + len("0123456789abcdef.part"):
+                _remove_leftover(path.with_name(name))
+
+
+def remove_leftovers_below(folder: Path) -> None:
+    """Remove what killed processes have left anywhere below a folder, of whatever output."""
+    for place, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            _remove_leftover(Path(place, name))
+
+
+def _remove_leftover(path: Path) -> None:
+    """Remove a temporary file or folder unless a living process writes it, or the file system cannot tell."""
+    if not _TEMPORARY.fullmatch(path.name):
+        return
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            if lock(descriptor):
+                _remove(path)
+        finally:
+            os.close(descriptor)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 def expect_suffix(path: Path | str, *suffixes: str) -> str:

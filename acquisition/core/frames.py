@@ -15,6 +15,8 @@ Protocol = Literal["can", "nmea0183", "mavlink", "mqtt"]
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 NANO = 1_000_000_000
 """Nanoseconds in a second."""
+HIGHEST_IDENTIFIER = 0x1FFFFFFF
+"""Of a CAN frame: 29 bits."""
 
 
 class Quality(IntEnum):

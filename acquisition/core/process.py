@@ -79,6 +79,15 @@ class _Output(io.FileIO):
             return len(data)
 
 
+def started(thread: threading.Thread) -> bool:
+    """Start a thread; False where the system gives none now, which may be tried again."""
+    try:
+        thread.start()
+    except RuntimeError:
+        return False
+    return True
+
+
 @contextmanager
 def stop_on_signals() -> Iterator[threading.Event]:
     """An event set by SIGINT, SIGTERM and hangup, so that all of them end a recording cleanly.
@@ -105,3 +114,25 @@ def stop_on_signals() -> Iterator[threading.Event]:
         _active.clear()
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+class Termination(KeyboardInterrupt):
+    """The process was asked to end by SIGTERM, as systemd and a cluster's queue do."""
+
+
+@contextmanager
+def interrupt_on_terminate() -> Iterator[None]:
+    """SIGTERM ends what is done here as Ctrl-C does, instead of the process where it stands."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough; what follows is the way out
+        raise Termination
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

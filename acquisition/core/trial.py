@@ -7,14 +7,17 @@ from dataclasses import dataclass, fields
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
+SOFTWARE = "seatrial"
+"""What the version of all files that Seatrial writes begins with."""
+
 
 @cache
 def software_version() -> str:
     """The installed version of Seatrial, which is written into every output."""
     try:
-        return f"seatrial {version('seatrial')}"
+        return f"{SOFTWARE} {version(SOFTWARE)}"
     except PackageNotFoundError:
-        return "seatrial (not installed)"
+        return f"{SOFTWARE} (not installed)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,7 @@ class Trial:
     def as_metadata(self) -> dict[str, str]:
         """The MCAP metadata record ``trial``, without unknown fields."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        texts = {key: str(value) for key, value in values.items() if value not in (None, "")}
+        texts = {key: _encodable(str(value)) for key, value in values.items() if value not in (None, "")}
         if "name" in texts:
             texts["trial"] = texts.pop("name")
         return {**texts, "software_version": software_version()}
@@ -75,3 +78,8 @@ class Trial:
                 numeric = "float" in str(field.type)
                 known[field.name] = float(texts[field.name]) if numeric else texts[field.name]
         return cls(**known)  # type: ignore[arg-type]
+
+
+def _encodable(text: str) -> str:
+    """A text as a file can hold it: bytes of a file name that are not UTF-8 are written as escapes."""
+    return text.encode(errors="backslashreplace").decode()

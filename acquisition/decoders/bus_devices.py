@@ -74,7 +74,7 @@ class BusDevices:
                 text = f"device {label} (NAME {name}) found no free address and is silent"
                 self._notices.append(("warning", text))
             return False
-        if name not in self._label_of and len(self._label_of) >= _MOST_NAMES:
+        if name not in self._label_of and name not in self._by_iso_name and len(self._label_of) >= _MOST_NAMES:
             return False
         return self._take(address, name, former_address)
 

@@ -12,6 +12,8 @@ from acquisition.decoders import Notices
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next
+_APART_NS, _SETTLED_NS = 1_000_000_000, 10_000_000_000
+"""Least between two reports of a clock: of a step, and of what has crept, as while a gateway sends what it kept."""
 _FAR_S = 2.0
 _EPOCH = dt.date(1970, 1, 1)
 # A receiver that does not know the time yet tells 1980, one whose weeks rolled over tells 20 years ago; times
@@ -20,6 +22,8 @@ _POSSIBLE_NS = range(
     (dt.date(2010, 1, 1) - _EPOCH).days * 86_400 * 10**9, (dt.date(2100, 1, 1) - _EPOCH).days * 86_400 * 10**9
 )
 DAY_NS = 86_400 * NANO
+_GPS_EPOCH_NS = (dt.date(1980, 1, 6) - _EPOCH).days * DAY_NS
+_GPS_ROUND_NS = 1024 * 7 * DAY_NS  # the week number of GPS' L1 signal has ten bits
 
 
 def utc_ns(date: dt.date, seconds_of_day: float) -> int:
@@ -34,6 +38,22 @@ def utc_ns(date: dt.date, seconds_of_day: float) -> int:
 def is_possible(time_ns: int) -> bool:
     """Whether a time that a source tells can be true at all."""
     return time_ns in _POSSIBLE_NS
+
+
+def rolled_over_ns(time_ns: int, latest_ns: int) -> int | None:
+    """The time that a receiver means which counts weeks to 1,024 and has begun again; None where it means none.
+
+    ``latest_ns`` is a moment that it cannot be later than by more than a day.
+
+    >>> meant_ns = rolled_over_ns(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
+    >>> meant_ns == utc_ns(dt.date(2026, 5, 17), 5.0)
+    True
+    """
+    since_round_ns = (time_ns - _GPS_EPOCH_NS) % _GPS_ROUND_NS
+    meant_ns = time_ns + _GPS_ROUND_NS
+    if since_round_ns < DAY_NS or not is_possible(meant_ns) or meant_ns > latest_ns + DAY_NS:
+        return None  # in the first day of a round: a receiver that does not know the time yet
+    return meant_ns
 
 
 def nearest_day(seconds_of_day: float, now_ns: int) -> int:
@@ -62,6 +82,7 @@ class SourceClock:
         self._notices: Notices = deque() if notices is None else notices
         self._announced: tuple[int, int] | None = None
         self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last told
+        self._last_offset_ns = self._told_ns = 0  # the same of the last announcement; when it was told
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source said that it is ``source_ns`` UTC."""
@@ -73,9 +94,13 @@ class SourceClock:
     def _compare(self, source_ns: int, frame: Frame) -> None:
         """Tell at first how far the clock is from ours, and whenever it has been set since."""
         offset_ns, before_ns = source_ns - frame.monotonic_ns, self._offset_ns
+        is_step = abs(offset_ns - self._last_offset_ns) >= _SET_NS
+        self._last_offset_ns = offset_ns
         if before_ns is not None and abs(offset_ns - before_ns) < _SET_NS:
             return
-        self._offset_ns = offset_ns
+        if before_ns is not None and frame.monotonic_ns - self._told_ns < (_APART_NS if is_step else _SETTLED_NS):
+            return
+        self._offset_ns, self._told_ns = offset_ns, frame.monotonic_ns
         if before_ns is not None:
             self._notices.append(
                 ("warning", f"clock {self.name} was set by {(offset_ns - before_ns) / 1e9:+.3f} s")

@@ -18,6 +18,7 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
 from acquisition.config.sections import Signal
+from acquisition.core.budget import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.errors import ConfigurationError
@@ -33,15 +34,22 @@ from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
 )
-_MOST_BYTES = 64 * 1024**2  # a whole ship's has a few MB
+_SIZES = re.compile(rb"\|\s*(\d+)\s*@|^\s*BO_\s+\d+\s+\w+\s*:\s*(\d+)", re.MULTILINE)
 _ERROR = re.compile(r"(?i)error|fault")
 
 
 def load_dbc(path: Path) -> cantools.db.Database:
     """Read a DBC file. Raises :class:`ConfigurationError`."""
     try:
-        text = read_regular(path, _MOST_BYTES).decode("cp1252", "replace")  # as editors of DBC write
+        content = read_regular(path, DBC_BYTES, ConfigurationError)
+        longest = max(map(len, content.replace(b'\\"', b"__").split(b'"')))
+        DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
+        widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
+        DBC_BITS.require(widest, path, len(content), ConfigurationError)
+        text = content.decode("cp1252", "replace")  # as editors of DBC write
         return cantools.database.load_string(text, database_format="dbc")
+    except ConfigurationError:
+        raise
     except Exception as error:  # the parser fails in every possible way
         why = str(error) or type(error).__name__
         raise ConfigurationError("is not a readable DBC file", where=str(path), why=why) from error

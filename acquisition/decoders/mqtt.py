@@ -23,16 +23,17 @@ from acquisition.core.frames import Frame, FrameFlag, Group, Sample
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, is_unit
 from acquisition.decoders import Decoder
 from acquisition.decoders.clock import SourceClock
-from acquisition.decoders.nmea0183 import Nmea0183Decoder, split_tag
+from acquisition.decoders.nmea0183 import Nmea0183Decoder, has_sentence
 from acquisition.decoders.told_time import SENTENCE_BEHIND, told_utc_ns
 
 _REMEMBERED = 10_000  # messages: a broker redelivers what was under way, 20 at once by default, 65,535 at most
 _MOST_TOPICS = 10_000
+_LONGEST_TEXT = 65_536  # of sentences in one message, as in a datagram: ten megabytes would take seconds
 _TOGETHER_NS = 50_000_000  # a ship at 6 m/s makes 0.3 m in it, as much as a good fix errs
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d{1,3})?", re.ASCII)
 _NO_VALUE = frozenset({"", "none", "null", "nan", "n/a", "na", "-"})
 _TIMED = re.compile(
-    r"(?P<time>\d{4}-\d\d-\d\d[T ][\d:.]{8,18}(?:Z|[+-]\d\d:?\d\d)?|\d{10}(?:\.\d+)?)\s+(?P<rest>.*)", re.ASCII
+    r"(?P<time>\d{4}-\d\d-\d\d[T ][\d:.]{8,18}(?:Z|[+-]\d\d:?\d\d)?|\d{10}(?:\.\d++)?)\s++(?P<rest>.*)", re.ASCII
 )
 _IN_LABELS = str.maketrans(": ", "__")
 _WIND_ABOARD = {
@@ -128,7 +129,7 @@ class MqttDecoder(Decoder):
         self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
-        self._of_lines: set[str] = set()
+        self._of_lines: set[int] = set()  # topics, by hash: one may have 64 kB
         self._told_unit: set[str] = set()
 
     def decode(self, frame: Frame) -> list[Group]:
@@ -141,6 +142,10 @@ class MqttDecoder(Decoder):
         topic, text = topic_and_message(frame.payload)
         if topic in self._values:
             return self._decode_values(frame, topic, text)
+        if len(text) > _LONGEST_TEXT:
+            if hash(topic) in self._of_lines:
+                self.refused["longer than 64 kB"] += 1
+            return []
         groups = []
         for line in text.splitlines():
             groups += self._decode_line(frame, topic, line.strip())
@@ -148,18 +153,18 @@ class MqttDecoder(Decoder):
 
     def _decode_line(self, frame: Frame, topic: str, line: str) -> list[Group]:
         """The samples in a sentence; other lines are for nobody, unless the topic is one of sentences."""
-        found = SENTENCE_BEHIND.fullmatch(line)
-        if found is None:
-            if line and topic in self._of_lines:
+        matches = SENTENCE_BEHIND.fullmatch(line)
+        sentences = (line if matches is None else matches["inner"]).encode("latin-1")
+        if matches is None and not has_sentence(sentences):
+            if line and hash(topic) in self._of_lines:
                 self.refused["no sentence"] += 1
             return []
         if len(self._of_lines) < _MOST_TOPICS:
-            self._of_lines.add(topic)
-        tagged = split_tag(found["inner"].encode("latin-1"))
-        if (time_ns := told_utc_ns(found["before"])) is not None:
-            tagged = replace(tagged, time_ns=time_ns)
+            self._of_lines.add(hash(topic))
+        time_ns = None if matches is None else told_utc_ns(matches["before"])
+        if time_ns is not None:
             self._remember(frame.payload)
-        return self._sentences.decode_tagged(frame, tagged)
+        return self._sentences.decode_line(frame, sentences, time_ns)
 
     def _decode_values(self, frame: Frame, topic: str, text: str) -> list[Group]:
         """What the channels of a topic read in a message, a group for those that are told together."""

@@ -2,6 +2,9 @@ r"""NMEA 0183: lines to samples. No sentence without a sound checksum; what each
 
 Before a sentence may stand what a multiplexer or gateway says of it, a TAG block
 (``\s:GN01,c:1795255200*hh\$GPGGA,...``), and the prefix that IEC 61162-450 puts before both in a datagram.
+
+A line may hold anything else besides: the beginning of a sentence whose end was lost, noise, several sentences.
+Each intact sentence in it is decoded (:func:`sentences_in`); the line itself is recorded as it came.
 """
 
 from __future__ import annotations
@@ -30,7 +33,19 @@ _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
 _SECONDS = re.compile(r"(\d{1,10})(?:\.(\d{1,9}))?")
 _MILLISECONDS = re.compile(r"\d{13}")
 _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
+_LONGEST_SOURCE = 32  # letters of a TAG block's source; the standard has 15
+_MOST_SENSORS = 1_000  # whose fixes are kept: any talker and any source of a TAG block names one
 _SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
+_LONGEST_TAG = 16  # letters; no maker's own is known that has more, and noise must not name devices without end
+_ADDRESS = rb"[A-Za-z0-9]{3,%d}," % _LONGEST_TAG
+_TEXT = rb" \x22#%-)+-\[\]-~"  # what is printable and neither begins nor ends a sentence or a TAG block
+_EMBEDDED = re.compile(  # no sentence begins inside another: where one seems to, the other was cut
+    rb"(?:\\[^\\]{1,200}\\)?[$!]{1,2}(?P<body>" + _ADDRESS + rb"(?:[" + _TEXT + rb"]|[$!](?!" + _ADDRESS + rb"))*+)"
+    rb"\*(?P<sum>[0-9A-Fa-f]{2})"
+)
+_ALONE = re.compile(rb"(?:\\[^\\$!]{1,200}\\)?[$!][" + _TEXT + rb"]*+\*[0-9A-Fa-f]{2}")
+"""Nearly every line: nothing but one sentence, of which only the sum is to be looked at."""
+_LABEL = re.compile(rb"[\t" + _TEXT + rb"]{0,200}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +82,7 @@ def split_tag(line: bytes) -> TaggedSentence:
     if found is None or int(found[2], 16) != checksum(found[1]):
         return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
     items = dict(item.split(":", 1) for item in found[1].decode("ascii").split(",") if ":" in item)
-    source = _NOT_IN_A_LABEL.sub("_", items.get("s", ""))
+    source = _NOT_IN_A_LABEL.sub("_", items.get("s", "")[:_LONGEST_SOURCE])
     return TaggedSentence(line[found.end() :], unix_ns(items.get("c", "")), source)
 
 
@@ -92,6 +107,37 @@ def split_sentence(line: bytes) -> tuple[str, list[str]] | None:
         return None
     tag, *fields = found[1].decode("ascii").split(",")
     return tag, fields
+
+
+def sentences_in(line: bytes) -> list[bytes]:
+    r"""The intact sentences of a line, each with its TAG block, and between them the parts that are none.
+
+    A line in which no sentence stands apart is one part. A label, text around a sentence that could be no sentence
+    itself (a time, a name), is left out.
+
+    >>> sentences_in(rb"$HEHDT,1$HEHDT,12.3,T*1F")
+    [b'$HEHDT,1', b'$HEHDT,12.3,T*1F']
+    >>> sentences_in(rb"12:00:00 \s:GN01*75\$HEHDT,12.3,T*1F!AIVDM,1")
+    [b'\\s:GN01*75\\$HEHDT,12.3,T*1F', b'!AIVDM,1']
+    """
+    line = line.removeprefix(_DATAGRAM_PREFIX)
+    parts = [line] if _ALONE.fullmatch(line) else cut_at_sentences(line)
+    return parts if len(parts) == 1 else [part for part in parts if not _LABEL.fullmatch(part)]
+
+
+def cut_at_sentences(line: bytes) -> list[bytes]:
+    """The line in parts, none of them empty: a sentence that is intact and stands apart is one of them."""
+    parts, end = list[bytes](), 0
+    for sentence in _EMBEDDED.finditer(line):
+        if checksum(sentence["body"]) == int(sentence["sum"], 16):
+            parts += [line[end : sentence.start()], sentence[0]]
+            end = sentence.end()
+    return [part for part in (*parts, line[end:]) if part]
+
+
+def has_sentence(line: bytes) -> bool:
+    """Whether there is an intact sentence in a line."""
+    return any(split_sentence(split_tag(part).sentence) is not None for part in sentences_in(line))
 
 
 _ANY = "?"
@@ -199,20 +245,30 @@ class Nmea0183Decoder(Decoder):
         self._declared = DeclaredSentences(declared)
 
     def decode(self, frame: Frame) -> list[Group]:
-        return self.decode_tagged(frame, split_tag(frame.payload))
+        return self.decode_line(frame, frame.payload)
 
-    def decode_tagged(self, frame: Frame, tagged: TaggedSentence) -> list[Group]:
-        """The samples in a sentence that came in a frame, with what its envelope said."""
+    def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
+        """The samples in a line that came in a frame; ``time_ns`` is the time that was stated beside it."""
+        groups: list[Group] = []
+        for part in sentences_in(line):
+            tagged = split_tag(part)
+            groups += self._decode(frame, tagged if time_ns is None else replace(tagged, time_ns=time_ns))
+        return groups
+
+    def _decode(self, frame: Frame, tagged: TaggedSentence) -> list[Group]:
+        """The samples in a sentence, with what its envelope said."""
         sentence = split_sentence(tagged.sentence)
         if not tagged.sound:
             self.refused["TAG block with a wrong checksum"] += 1
         if sentence is None:
-            self.refused["no sound checksum"] += 1
+            if tagged.sound or tagged.sentence.startswith((b"$", b"!")):  # a TAG block alone is one fault, not two
+                self.refused["no sound checksum"] += 1
             return []
         if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
             self.clock.announce(tagged.time_ns, frame)
         tag, fields = sentence
-        if not tag.isalnum():
+        if not tag.isalnum() or len(tag) > _LONGEST_TAG:
+            self.refused["no talker and kind"] += 1
             return []
         talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: a maker's own
         groups: list[Group] = []
@@ -240,13 +296,21 @@ class Nmea0183Decoder(Decoder):
 
     def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
-        if kind == "GGA":
-            self._tell_gga.add(sensor)
         known = self.fixes.get(sensor, Fix())
         if reading.sigma_m is not None:
-            self.fixes[sensor] = known._replace(sigma_m=reading.sigma_m)
+            fix = known._replace(sigma_m=reading.sigma_m)
         elif reading.fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
-            self.fixes[sensor] = known._replace(kind=reading.fix, height_m=reading.height_m)
+            fix = known._replace(kind=reading.fix, height_m=reading.height_m)
+        else:
+            return
+        if kind == "GGA":
+            self._tell_gga.add(sensor)
+        self.fixes.pop(sensor, None)
+        self.fixes[sensor] = fix  # the last to have reported stands last
+        if len(self.fixes) > _MOST_SENSORS:
+            oldest = next(iter(self.fixes))
+            del self.fixes[oldest]
+            self._tell_gga.discard(oldest)
 
     def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
         """When the sentence says its values were true; what tells the date too also sets the line's clock."""

@@ -18,7 +18,7 @@ from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.nmea0183 import has_sentence
 from acquisition.decoders.told_time import SENTENCE_BEHIND
 from acquisition.discovery.places import Place
 from acquisition.sources import make_source
@@ -32,6 +32,7 @@ LOOK_S = 1.6
 """For so long a line is listened to at each rate: instruments speak once a second."""
 _POLL_S = 0.1
 _MOST_FRAMES = 500_000  # of one place, some 200 MB: a quarter of an hour of a busy bus
+_MOST_BYTES = 100_000_000  # of one place, which a port that is flooded has in seconds
 _RAW_TYPES = {"serial": "mavlink_serial", "udp": "mavlink", "tcp": "mavlink_tcp"}
 """The sources that give bytes as they come, for each kind of line."""
 _BYTES_A_FRAME = 50  # in a log, roughly
@@ -109,7 +110,7 @@ def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dic
     try:
         found = _with_rate(place, until_s, stop) if place.type == "serial" else place
         raw = replace(found, type=_RAW_TYPES.get(found.type, found.type))
-        frames = list(islice(_received(raw, until_s, stop), _MOST_FRAMES))
+        frames = list(_bounded(_received(raw, until_s, stop)))
     except SeatrialError as error:
         results[place.name] = Heard(place, problem=_in_words(error))
     except Exception as error:  # drivers raise what they like
@@ -135,6 +136,16 @@ def _received(place: Place, until_s: float = inf, stop: threading.Event | None =
             yield from block
     finally:
         source.close()
+
+
+def _bounded(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The first frames, as many as there is memory for."""
+    size = 0
+    for frame in islice(frames, _MOST_FRAMES):
+        yield frame
+        size += len(frame.payload)
+        if size > _MOST_BYTES:
+            return
 
 
 def _with_rate(place: Place, until_s: float, stop: threading.Event) -> Place:
@@ -232,7 +243,7 @@ def _soundness(chunks: Sequence[bytes], *, whole: bool = False) -> tuple[int, in
 
 
 def _is_sound(frame: Frame) -> bool:
-    return frame.protocol == "can" or split_sentence(split_tag(frame.payload).sentence) is not None
+    return frame.protocol == "can" or has_sentence(frame.payload)
 
 
 def form_of(received: bytes) -> str:

@@ -21,6 +21,7 @@ from acquisition.config.sections import AlarmSection
 from acquisition.core.errors import ConfigurationError
 from acquisition.logger.health import Health
 from acquisition.logger.host_clock import host_clock
+from acquisition.logger.supervision import LOG
 from acquisition.recording.parts import Tell
 
 _LOOK_EVERY_S = 1.0
@@ -93,11 +94,15 @@ class Alarms:
         clock_s = -math.inf
         while not self._stopping.wait(_LOOK_EVERY_S):
             now_s = time.monotonic()
-            if now_s - clock_s >= _CLOCK_EVERY_S:
-                self._health.clock, clock_s = host_clock(), now_s
-            if self._alarms:
-                self.look(self._health.figures(time.monotonic_ns()), now_s)
-            self._reap(now_s)
+            try:
+                if now_s - clock_s >= _CLOCK_EVERY_S:
+                    clock_s = now_s
+                    self._health.clock = host_clock()
+                if self._alarms:
+                    self.look(self._health.figures(time.monotonic_ns()), now_s)
+                self._reap(now_s)
+            except (OSError, RuntimeError) as error:  # no descriptor, no thread: the next look is in a second
+                LOG.warning("the alarms could not be looked at: %s", error)
         self._reap(time.monotonic())
 
     def look(self, figures: Mapping[str, float], now_s: float) -> None:

@@ -16,13 +16,15 @@ from pathlib import Path
 
 from acquisition.config.sections import CopiesSection
 from acquisition.core.errors import ConfigurationError, StorageError, storage_error
+from acquisition.core.process import started
 from acquisition.logger.health import CopyState
 from acquisition.logger.supervision import LOG
-from acquisition.recording.parts import RecordingParts, free_stem, parts_in
-from acquisition.recording.storage import free_bytes, sync_folder
+from acquisition.recording.parts import RecordingParts, parts_in
+from acquisition.recording.storage import free_bytes, mount_point, new_file, require_mounted, sync_folder
 
 _LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
 _LONGEST_FINISH_S = 20.0  # what a supervisor that stops us has patience for
+_LONGEST_STOP_S = 5.0
 _PIECE_BYTES = 1024 * 1024
 _REST_S = 0.005  # after each piece: at most 200 MB/s, so that the recording's disk has time for it
 _PRIORITY = 10
@@ -53,7 +55,7 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
         shutil.copystat(path, partial)
         sound = same(path, partial, rest)
         if sound and copy.exists():
-            copy.rename(folder / f"{free_stem(folder, f'{copy.stem}_other')}.mcap")
+            copy.rename(new_file(folder, f"{copy.stem}_other"))
         if sound:
             partial.replace(copy)
             sync_folder(folder)
@@ -108,28 +110,30 @@ class Copies:
         self._folder, self._trial, self._parts = folder, trial, parts
         self.state = CopyState()
         self._sizes: dict[Path, int] = {}
+        self._mount = mount_point(settings.folder)
         self._ending, self._ended = threading.Event(), threading.Event()
-        self._thread: threading.Thread | None = None
-
-    def start(self) -> None:
         self._thread = threading.Thread(target=self._work, name="copies", daemon=True)
-        self._thread.start()
+
+    def start(self) -> bool:
+        """Begin in a thread of its own; False where the system gives none."""
+        return started(self._thread)
 
     def stop(self) -> None:
         """Copy what the recording has ended with, as far as that can be done soon; the rest comes the next time."""
         self._parts.tell = lambda level, text: getattr(LOG, level)(text)  # the recording is closed
         self._ending.set()
-        if self._thread is not None:
+        if self._thread.ident is not None:
             self._thread.join(_LONGEST_FINISH_S)
             self._ended.set()
-            self._thread.join()
+            self._thread.join(_LONGEST_STOP_S)  # no longer: a disk that hangs must not keep us
 
     def where(self, path: Path) -> Path:
         """Where a part is to be found: where it was recorded, or its copy once it made room."""
-        return path if path.exists() else self._target / path.name
+        return path if os.path.lexists(path) else self._target / path.name
 
     def _work(self) -> None:
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _PRIORITY)
         with suppress(_EndedError):
             while not self._ending.wait(_TRY_AGAIN_S if self.state.trouble else _LOOK_EVERY_S):
                 self.look()
@@ -143,7 +147,8 @@ class Copies:
         """Copy what has not grown since the last look (``everything``: that too), and make room."""
         current = None if self._parts.paused else self._parts.path
         try:
-            sizes = {path: path.stat().st_size for path in parts_in(self._folder, self._trial)}
+            require_mounted(self._mount)
+            sizes = {path: path.stat().st_size for path in self._recorded()}
             finished = [path for path, size in sizes.items()
                         if path != current and (everything or self._sizes.get(path) == size)]  # fmt: skip
             self._sizes = sizes
@@ -153,7 +158,9 @@ class Copies:
                 copy_part(path, self._target, self._rest)
                 self.state.waiting -= 1
             self._make_room(finished, sum(sizes.values()))
-        except OSError as error:
+        except _EndedError:
+            raise
+        except Exception as error:  # nothing that happens to a copy ends the copying
             if not self.state.trouble:
                 self._parts.tell("error", f"no copies for now: {error}")
             self.state.trouble = str(error)
@@ -161,6 +168,11 @@ class Copies:
         if self.state.trouble:
             self.state.trouble = ""
             self._parts.tell("warning", f"copies to {self._target} go on; nothing is missing there")
+
+    def _recorded(self) -> list[Path]:
+        """The parts of the trial in the folder, also those that a file system gave another name."""
+        present = parts_in(self._folder, self._trial)
+        return [*present, *(path for path in self._parts.paths if path not in present and path.exists())]
 
     def _seems_copied(self, path: Path) -> bool:
         copy = self._target / path.name

@@ -20,6 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.frames import NANO
+from acquisition.core.process import started
 from acquisition.core.text import printable
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
@@ -143,7 +144,7 @@ def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tupl
         text, style = ("waiting", "yellow") if is_expected else ("no source configured", "dim")
         return "–", "–", "–", "–", _one_line((text, style))
     grade = channel.grade(now_ns)
-    wanted_hz = channel.wanted_hz(now_ns)
+    wanted_hz = channel.wanted_hz
     rates = f"{channel.rate_hz(now_ns):.1f}{f'/{wanted_hz:.1f}' if wanted_hz else ''} Hz"
     shown = Text(grade, _GRADE_STYLES[grade])
     return f"{channel.value:.3f}", rates, f"{channel.age_s(now_ns):.1f}", shown, _one_line(channel.source)
@@ -164,7 +165,7 @@ def _source_table(health: Health, now_ns: int) -> Table:
 
 
 def _events(health: Health, rows: int) -> Iterator[Text]:
-    for time_ns, level, text in tuple(health.events)[-rows:] if rows > 0 else ():
+    for time_ns, level, text in health.events.newest(rows):
         moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
         line = text.replace("\n", r"\n")
         yield _one_line((f"{moment:%H:%M:%SZ} {line}", _LEVEL_STYLES.get(level, "")))
@@ -227,12 +228,13 @@ def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
         target=_listen, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
     )
     tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
-    listener.start()
+    listening = started(listener)
     try:
         yield
     finally:
         stopping.set()
-        listener.join()
+        if listening:
+            listener.join()
         termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import time
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
-from acquisition.logger.maintenance import NEW_PART_NS
 from acquisition.logger.requests import RecorderState, running_recorders
+from acquisition.recording.grouping import PartClock
 from acquisition.recording.parts import Tell
 from acquisition.recording.tail import Tail
 
@@ -69,7 +68,7 @@ class Follower:
     @property
     def utc_ns(self) -> int:
         """This moment by the clock of the recording [ns]: the host's clock as the part's beginning found it."""
-        offset_ns = None if self._tail is None else _offset_ns(self._tail)
+        offset_ns = None if self._tail is None else PartClock.of(self._tail.metadata).offset_ns
         return time.time_ns() if offset_ns is None else time.monotonic_ns() + offset_ns
 
     @property
@@ -147,11 +146,4 @@ def _follows(part: Tail, before: Tail) -> bool:
     """Whether a part goes on where another ended: the same recording and, as far as they tell, the same clock."""
     if part.metadata.get("part", {}).get("follows") != before.path.name:
         return False
-    ours_ns, theirs_ns = _offset_ns(part), _offset_ns(before)
-    return ours_ns is None or theirs_ns is None or abs(ours_ns - theirs_ns) < NEW_PART_NS
-
-
-def _offset_ns(part: Tail) -> int | None:
-    with suppress(KeyError, ValueError):
-        return int(part.metadata["clock"]["utc_minus_monotonic_ns"])
-    return None
+    return not PartClock.of(part.metadata).is_another_than(PartClock.of(before.metadata))

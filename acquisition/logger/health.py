@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from statistics import median_low
 from typing import Any, Literal
 
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.frames import Sample
+from acquisition.core.frames import Sample, sensor_of
 from acquisition.logger.host_clock import HostClock
 
 Grade = Literal["good", "slow", "silent", "none"]
@@ -21,6 +22,8 @@ SILENT_NS = 2_500_000_000
 _QUIET_NS = 1_500_000_000
 ENOUGH_RATE = 0.8  # of what is expected
 _PERIODS_TO_SILENCE = 5
+_LEAST_SPANS, _MOST_SPANS = 4, 60  # of the 5 s above: what goes on for less than half of them is not the usual rate
+_HIGHEST_RATE_HZ = 1000.0
 
 
 @dataclass(slots=True)
@@ -83,13 +86,31 @@ class ChannelHealth:
     value: float = float("nan")
     source: str = ""
     expected_hz: float | None = None  # by the configuration
-    usual_hz: float = 0.0  # the best rate it has kept up so far
+    usual_hz: float = 0.0  # the best rate that one sensor has kept up so far
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=2000))
+    _sensor: str = ""
+    _span: tuple[int, int] = 0, 0  # when the present one began [ns], and the samples in it
+    _rates_hz: deque[float] = field(default_factory=lambda: deque(maxlen=_MOST_SPANS))
 
     def count_in(self, sample: Sample) -> None:
         self.count += 1
-        self.value, self.source = sample.value, sample.source
         self.times_ns.append(sample.monotonic_ns)
+        if sample.source != self.source and sensor_of(sample.source) != self._sensor:
+            self._sensor, self._span = sensor_of(sample.source), (sample.monotonic_ns, 0)
+            self._rates_hz.clear()
+        self.value, self.source = sample.value, sample.source
+        self._learn(sample.monotonic_ns)
+
+    def _learn(self, now_ns: int) -> None:
+        """The usual rate: the median of some spans, which no burst, gap or overlap of two senders reaches."""
+        began_ns, count = self._span
+        if now_ns - began_ns < _RATE_OVER_NS:
+            self._span = began_ns, count + 1
+            return
+        self._rates_hz.append(count * 1e9 / (now_ns - began_ns))
+        self._span = now_ns, 1
+        if len(self._rates_hz) >= _LEAST_SPANS:
+            self.usual_hz = max(self.usual_hz, min(median_low(self._rates_hz), _HIGHEST_RATE_HZ))
 
     def age_s(self, now_ns: int) -> float:
         """Since the last sample [s]; infinite if there was none."""
@@ -103,23 +124,53 @@ class ChannelHealth:
         until_ns = recent[-1] if now_ns - recent[-1] < _QUIET_NS else now_ns
         return (len(recent) - 1) / max((until_ns - recent[0]) / 1e9, 1e-9)
 
-    def wanted_hz(self, now_ns: int) -> float:
+    @property
+    def wanted_hz(self) -> float:
         """The rate to compare with: what the configuration expects, or else what the channel has kept up."""
-        if self.expected_hz is not None:
-            return self.expected_hz
-        if self.times_ns and now_ns - self.times_ns[0] >= _RATE_OVER_NS:
-            self.usual_hz = max(self.usual_hz, min(self.rate_hz(now_ns), 1000.0))
-        return self.usual_hz
+        return self.usual_hz if self.expected_hz is None else self.expected_hz
 
     def grade(self, now_ns: int) -> Grade:
         """good; slow: less often than expected; silent: nothing of late; none: never came."""
         if not self.count:
             return "none"
-        wanted_hz = self.wanted_hz(now_ns)
+        wanted_hz = self.wanted_hz
         longest_s = max(SILENT_NS / 1e9, _PERIODS_TO_SILENCE / wanted_hz if wanted_hz else 0.0)
         if self.age_s(now_ns) > longest_s:
             return "silent"
         return "slow" if self.rate_hz(now_ns) < ENOUGH_RATE * wanted_hz else "good"
+
+
+Event = tuple[int, str, str]
+"""When [ns since 1970], level, text."""
+
+
+class Events:
+    """The last events, so many of each kind: marks, alarms, errors and all others do not push each other out."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._kinds: dict[str, deque[tuple[int, Event]]] = {
+            kind: deque(maxlen=8 if kind == "other" else 4) for kind in ("alarm", "mark", "error", "other")
+        }
+
+    def append(self, event: Event, name: str = "") -> None:
+        """Take note of an event; ``name`` is what it is called in the recording: "mark", "alarm", or anything."""
+        self._count += 1
+        kind = name if name in ("alarm", "mark") else "error" if event[1] == "error" else "other"
+        self._kinds[kind].append((self._count, event))
+
+    def __iter__(self) -> Iterator[Event]:
+        return iter(self.newest(sum(map(len, self._kinds.values()))))
+
+    def newest(self, most: int) -> list[Event]:
+        """At most so many, in the order in which they came: of each kind the newest, then those before them."""
+        ranked = [
+            (rank, place, number, event)
+            for place, kept in enumerate(self._kinds.values())
+            for rank, (number, event) in enumerate(reversed(tuple(kept)))  # another thread puts more in
+        ]
+        chosen = sorted(ranked)[: max(most, 0)]
+        return [event for *_, event in sorted(chosen, key=lambda ranking: ranking[2])]
 
 
 @dataclass(slots=True)
@@ -138,7 +189,7 @@ class Health:
     names: tuple[str, ...] = NAMES  # of the channels that are watched; what else comes is counted too
     known: Mapping[str, Channel] = field(default_factory=lambda: BY_NAME)
     channels: dict[str, ChannelHealth] = field(default_factory=dict)
-    events: deque[tuple[int, str, str]] = field(default_factory=lambda: deque(maxlen=8))
+    events: Events = field(default_factory=Events)
     started_ns: int = field(default_factory=time.monotonic_ns)
     ended_ns: int | None = None  # by the clock of the start; of logs both are by the logs' own
     samples: int = 0

@@ -65,6 +65,18 @@ def kernel_state() -> str:
     return "unknown" if kept is None else "kept by NTP or PTP" if kept else "free-running"
 
 
+def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[str, str]:
+    """The boot since which the monotonic clock counts, and how long it stood as the computer slept [ns].
+
+    Nothing where the system does not tell both.
+    """
+    try:
+        slept_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+        return {"boot": boot.read_text().strip(), "slept_ns": str(max(slept_ns, 0))}
+    except (OSError, AttributeError):
+        return {}
+
+
 def host_clock() -> HostClock:
     """Look at the clock now; asks other programs, and may take some seconds."""
     kept, kernel_error_s = _kernel()

@@ -12,11 +12,11 @@ import time
 from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Frame, now_ns
 from acquisition.logger.health import SILENT_NS, Health
-from acquisition.logger.host_clock import kernel_state
+from acquisition.logger.host_clock import boot_metadata, kernel_state
+from acquisition.recording.grouping import NEW_PART_NS
 from acquisition.recording.parts import RecordingParts, Tell
 
 STEP_NS = 100_000_000  # what NTP corrects without a step is less; so is what a busy computer can feign
-NEW_PART_NS = 1_000_000_000
 _FOLLOW_SHARE = 500e-6  # the fastest that a kernel's clock is slewed
 _TOLERANCE_NS = 1_000_000
 TICK_S = 0.05
@@ -67,11 +67,12 @@ class Timescale:
 
 
 def clock_metadata(scale: Timescale) -> dict[str, str]:
-    """Which clock a part's times come from."""
+    """Which clock a part's times come from, and what relates them to those of a part by another one."""
     return {
         "times": "host clock when the part began, carried on by the monotonic clock",
         "host_clock": kernel_state(),
         "utc_minus_monotonic_ns": str(scale.offset_ns),
+        **boot_metadata(),
     }
 
 
@@ -131,16 +132,28 @@ class Maintenance:
             self._parts.write_health(self._health.clock.as_message(), self._scale.utc_ns(now))
 
     def _listen(self, now: int) -> None:
-        """Say when a source falls silent and when it is heard again."""
+        """Say when sources fall silent and when they are heard again, of several at once in one event.
+
+        One that has failed is no news until it is back.
+        """
+        silent_now, mute, gaps_s = list[str](), list[str](), dict[str, float]()
         for source in self._health.sources.values():
             silent = source.is_silent(now) and now - self._health.started_ns > SILENT_NS
-            if silent and source.name not in self._silent:
+            if silent and source.name not in self._silent and source.failed_ns is None:
                 self._silent[source.name] = source.last_ns or self._health.started_ns
-                what = "has fallen silent" if source.frames else "has said nothing yet"
-                self._note("warning", f"source {source.name!r} {what}")
+                (silent_now if source.frames else mute).append(source.name)
             elif not silent and source.state == "open" and source.name in self._silent:
-                gap_s = ((source.last_ns or now) - self._silent.pop(source.name)) / 1e9
-                self._note("warning", f"source {source.name!r} is heard again after {gap_s:.1f} s")
+                gaps_s[source.name] = ((source.last_ns or now) - self._silent.pop(source.name)) / 1e9
+        self._note_sources(mute, "has said nothing yet", "have said nothing yet")
+        self._note_sources(silent_now, "has fallen silent", "have fallen silent")
+        gap = f"{max(gaps_s.values(), default=0.0):.1f} s"
+        self._note_sources(list(gaps_s), f"is heard again after {gap}", f"are heard again after up to {gap}")
+
+    def _note_sources(self, names: list[str], verb: str, verb_of_several: str) -> None:
+        if len(names) == 1:
+            self._note("warning", f"source {names[0]!r} {verb}")
+        elif names:
+            self._note("warning", f"{len(names)} sources {verb_of_several}: {', '.join(names)}")
 
     def _watch_the_disk(self, since_s: float) -> None:
         health, parts = self._health, self._parts

@@ -6,6 +6,7 @@ import logging
 from collections import ChainMap, Counter
 from dataclasses import dataclass, field, replace
 from itertools import chain
+from math import inf
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import CanFrames
@@ -13,6 +14,7 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Fix, Frame, FrameFlag, Group, Sample, sensor_of
 from acquisition.decoders import Decoder, decoders_by_protocol
 from acquisition.logger.derive import Derivation
+from acquisition.logger.handovers import Handovers
 from acquisition.logger.health import Health
 from acquisition.logger.selection import POSITION, VARIATION, VARIATION_KEEPS_NS, Selector
 from acquisition.logger.supervision import LOG
@@ -20,6 +22,7 @@ from acquisition.recording.messages import MessageSink
 
 _VARIATION_ERROR_DEG = 1.0  # twice what the World Magnetic Model's declination errs by, as its makers say (0.4 deg)
 _EVENTS_A_MINUTE = 30
+_MOST_CONTRADICTIONS = 100  # sources are named by what comes off the wire
 DECODED = "decoding"
 """The name of events that decoding brings forth, and would bring forth again."""
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
@@ -71,6 +74,9 @@ class FrameProcessor:
             health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
         self._addresses = {each.name: _Addresses(each.addresses) for each in config.sources
                            if isinstance(each, CanFrames) and each.addresses}  # fmt: skip
+        self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}
+        for name, failed in self._failed.items():
+            health.sources[name].refusals.append(failed)
         for name, addresses in self._addresses.items():
             health.sources[name].refusals.append(addresses.refused)
         self._derivation = Derivation(
@@ -87,6 +93,7 @@ class FrameProcessor:
         self._variation: Sample | None = None
         self._contradict: set[str] = set()
         self._allowances = {each.name: _Allowance() for each in config.sources}
+        self._handovers = Handovers()
 
     def mute_clocks(self, origin: str) -> None:
         """Tell nothing of this source's clocks: its frames have no times that they could be compared with."""
@@ -97,6 +104,21 @@ class FrameProcessor:
     def process(self, frame: Frame) -> None:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)
+        try:
+            self._interpret(frame)
+        except Exception as error:  # the frame is kept raw, and must not end the recording
+            if not self._failed[frame.origin]["processing failed"]:
+                text = f"{frame.origin}: a frame could not be interpreted: {type(error).__name__} {error}"
+                self.note(text, frame.received_ns, "error", DECODED)
+            self._failed[frame.origin]["processing failed"] += 1
+
+    def report_handovers(self, now_ns: float = inf) -> None:
+        """Report which channels have other sources, of causes that are over by now [monotonic, ns] or of all."""
+        for frame, text in self._handovers.due(now_ns):
+            self._tell(frame, text, "warning")
+
+    def _interpret(self, frame: Frame) -> None:
+        self.report_handovers(frame.monotonic_ns)
         self._end_storm(frame)
         if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
             return
@@ -127,8 +149,8 @@ class FrameProcessor:
         if sample is None or not BY_NAME[VARIATION].holds(sample.value):
             return group
         chosen, change = self._variations.admit(sample)
-        if change:
-            self._tell(frame, change, "warning")
+        if change is not None:
+            self._handovers.add(change, frame)
         if chosen:
             self._variation = sample
             return group
@@ -140,7 +162,8 @@ class FrameProcessor:
         if self._variation is None:
             return
         off_deg = sample.value - self._variation.value
-        if abs(off_deg) > _VARIATION_ERROR_DEG and sample.source not in self._contradict:
+        is_news = sample.source not in self._contradict and len(self._contradict) < _MOST_CONTRADICTIONS
+        if is_news and abs(off_deg) > _VARIATION_ERROR_DEG:
             self._contradict.add(sample.source)
             text = (
                 f"{sample.source} tells a magnetic variation of {sample.value:.2f} deg, {off_deg:+.2f} deg from"
@@ -152,8 +175,8 @@ class FrameProcessor:
         has_position = False
         for sample in samples:
             accepted, change = self._selector.admit(sample)
-            if change:
-                self._tell(frame, change, "warning")
+            if change is not None:
+                self._handovers.add(change, frame)
             if accepted:
                 self._writer.write_sample(sample)
                 self._health.count_in(sample)
@@ -195,5 +218,5 @@ class FrameProcessor:
     def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Put a line into the recording's event log and the display."""
         self._writer.write_event(text, received_ns, level, name)
-        self._health.events.append((received_ns, level, text))
+        self._health.events.append((received_ns, level, text), name)
         LOG.log(_LOG_LEVELS[level], text, extra={"more": {"recording_time": received_ns / 1e9, "name": name}})

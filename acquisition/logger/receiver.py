@@ -6,6 +6,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from operator import attrgetter
 
 from acquisition.core.errors import SeatrialError, SourceError
@@ -16,6 +17,8 @@ from acquisition.sources import Source
 from acquisition.sources.sockets import Senders
 
 _MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
+_MOST_BYTES_AT_ONCE = 200_000  # the same: to search a megabyte of junk for packets of MAVLink takes seconds
+_WAITING_BYTES, _LEAST_WAITING_BYTES = 256_000_000, 8_000_000  # of all sources together, of one at least
 POLL_S = 0.1
 _LONGEST_BACK_OFF_S = 10.0
 _TELL_EVERY_S = 10.0
@@ -32,31 +35,58 @@ _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says no
 class Inbox:
     """Frames that wait to be recorded: one writer thread a source, one reader thread for all.
 
-    Nobody is woken: the reader comes by often enough, and to wake a thread would cost more than the frame.
+    A source's share is a number of frames, and of bytes in them. Nobody is woken: the reader comes by often enough,
+    and to wake a thread would cost more than the frame.
     """
 
     def __init__(self, sources: Iterable[str], share: int) -> None:
-        self._lines: dict[str, deque[Frame]] = {name: deque() for name in sources}
+        self._lines = {name: _Line() for name in sources}
         self._share = share
+        self._share_bytes = max(_WAITING_BYTES // max(len(self._lines), 1), _LEAST_WAITING_BYTES)
 
     def put(self, source: str, frames: list[Frame]) -> int:
         """Take in what the source's share has room for, and return how many frames that is."""
         line = self._lines[source]
-        room = max(self._share - len(line), 0)
-        line.extend(frames if len(frames) <= room else frames[:room])
-        return min(len(frames), room)
+        room = max(self._share - len(line.frames), 0)
+        admitted = frames if len(frames) <= room else frames[:room]
+        size = sum([len(frame.payload) for frame in admitted])
+        while line.bytes_in + size - line.bytes_out > self._share_bytes and admitted:
+            admitted = admitted[: len(admitted) // 2]
+            size = sum([len(frame.payload) for frame in admitted])
+        line.bytes_in += size
+        line.frames.extend(admitted)
+        return len(admitted)
 
     def take(self) -> list[Frame]:
         """What waits, in the order of reception; of each source at most some."""
         taken: list[Frame] = []
         for line in self._lines.values():
-            taken.extend([line.popleft() for _ in range(min(len(line), _MOST_AT_ONCE))])
+            taken += line.take()
         taken.sort(key=attrgetter("monotonic_ns"))
         return taken
 
     def __len__(self) -> int:
         """How many frames wait."""
-        return sum(len(line) for line in self._lines.values())
+        return sum(len(line.frames) for line in self._lines.values())
+
+
+@dataclass(slots=True)
+class _Line:
+    """What waits of one source. Each of the two counts is written by one thread only."""
+
+    frames: deque[Frame] = field(default_factory=deque)
+    bytes_in: int = 0
+    bytes_out: int = 0
+
+    def take(self) -> list[Frame]:
+        taken, size = [], 0
+        for _ in range(min(len(self.frames), _MOST_AT_ONCE)):
+            taken.append(self.frames.popleft())
+            size += len(taken[-1].payload)
+            if size >= _MOST_BYTES_AT_ONCE:
+                break
+        self.bytes_out += size
+        return taken
 
 
 class Budget:
@@ -97,6 +127,8 @@ class Receiver:
         self._senders: Senders | None = getattr(source, "senders", None)
         if self._senders is not None:
             health.refusals.append(self._senders.refused)
+        if (refused := getattr(source, "refused", None)) is not None:
+            health.refusals.append(refused)
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = 0
         self._untold: Counter[str] = Counter()

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from acquisition.logger.copies import Copies, require_other_folder
 from acquisition.logger.display import Picture, mark_on_keys, status
 from acquisition.logger.health import Health, SourceHealth
 from acquisition.logger.maintenance import Timescale, clock_metadata
-from acquisition.logger.pipeline import Recorder, health_of
+from acquisition.logger.pipeline import NO_THREAD, Recorder, health_of
 from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.logger.supervision import LOG, LogFormat, log_to, notify
@@ -91,8 +92,9 @@ def _record_live(
             raise
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
         if copies is not None:
-            copies.start()
             recorder.health.copies = copies.state
+            if not copies.start():
+                recorder.tell("error", f"no copies: {NO_THREAD}; the next recording makes them")
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         server = RequestServer(
@@ -109,8 +111,8 @@ def _record_live(
             shown = StatusPage(config.status, replace(picture, marks=None), config.trial.name)
             if _with(stack, shown, recorder):
                 LOG.info("status page at %s", shown.address)
-        stack.enter_context(Alarms(config.alarms, recorder.health, recorder.tell))
-        stack.enter_context(_display(picture, recorder))
+        _with(stack, Alarms(config.alarms, recorder.health, partial(recorder.tell, name="alarm")), recorder)
+        _with(stack, _display(picture, recorder), recorder)
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)
@@ -164,7 +166,7 @@ def _with(stack: ExitStack, extra: AbstractContextManager[object], recorder: Rec
     """Enter what a recording can do without; where it cannot be had, say so and record all the same."""
     try:
         stack.enter_context(extra)
-    except SeatrialError as error:
+    except (SeatrialError, OSError, RuntimeError) as error:  # the last: no thread
         recorder.tell("warning", str(error))
         return False
     return True
@@ -215,6 +217,10 @@ def _tell_troubles(source: Source, seen: SourceHealth, reading: _Reading) -> Non
     if bad := seen.reasons.get(BAD_DATA):
         places = "place" if bad == 1 else "places"
         reading.tell("warning", f"{source.name}: no packet that can be read at {bad:,} {places} of the log")
+    refusals = sorted(seen.reasons.items(), key=lambda item: -item[1])
+    refused = [f"{reason} ({count:,})" for reason, count in refusals if reason != BAD_DATA]
+    if refused:
+        reading.tell("info", f"{source.name}: not used, but recorded raw: {', '.join(refused)}")
     if damage := getattr(source, "damage", ""):
         reading.tell("error", f"{source.name}: {damage}")
 
@@ -255,6 +261,7 @@ class _Reading:
                 self.report_sources()
             if number % _TICK_EVERY == _TICK_EVERY - 1:
                 self._tick(number + 1)
+        self._processing.report_handovers()
 
     def report_sources(self) -> None:
         """Record the state of each source, at the time that the logs have come to."""

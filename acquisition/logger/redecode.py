@@ -113,6 +113,7 @@ def _decode_all(
                 result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
         elif _is_kept(entry):
             result.left_out += not _renew(entry, writer)
+    processing.report_handovers()
     names = ", ".join(path.name for path in paths)
     processing.note(f"decoded again from {names}", last_ns)
     if result.left_out:

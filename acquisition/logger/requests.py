@@ -14,6 +14,7 @@ import json
 import os
 import selectors
 import socket
+import struct
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -96,11 +97,12 @@ class RequestServer:
         folder = self.path.parent
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            if folder.stat().st_uid != os.getuid():
+            if {folder.lstat().st_uid, folder.stat().st_uid} != {os.getuid()}:  # a link has an owner, too
                 raise PermissionError(f"{folder} belongs to another user")
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             unheard = self.path.with_suffix(".new")  # one that does not listen yet is taken for one left behind
             self._socket.bind(str(unheard))
+            unheard.chmod(0o600)  # before it listens, and whatever the folder allows
             self._socket.listen()
             unheard.rename(self.path)
         except OSError as error:
@@ -149,8 +151,12 @@ class RequestServer:
                 self._part_with(client, selector)
 
     def _welcome(self, selector: selectors.BaseSelector) -> None:
-        with suppress(OSError):
+        try:
             connection, _ = self._socket.accept()
+        except OSError:
+            self._stopping.wait(_LOOK_S)  # without a descriptor it would be tried without end
+            return
+        with suppress(OSError):
             connection.setblocking(False)
             client = _Client(connection, time.monotonic() + PATIENCE_S)
             self._clients.append(client)
@@ -192,20 +198,35 @@ def servers(folder: Path | None = None) -> list[Path]:
 
 
 def ask(path: Path, message: bytes, patience_s: float = PATIENCE_S) -> bytes | None:
-    """What the server at ``path`` answers; None if nobody does. A socket that nobody listens to is removed."""
+    """What the server at ``path`` answers; None if nobody does. A socket that nobody listens to is removed.
+
+    Another user's server is told nothing: where anyone can write, it may stand in for a recorder.
+    """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.settimeout(patience_s)
         try:
             client.connect(str(path))
+            if _user_of_server(client) not in (os.getuid(), 0):
+                return None
             client.sendall(message)
             client.shutdown(socket.SHUT_WR)
             return client.recv(MOST_BYTES) or None
         except ConnectionRefusedError:  # left behind by a recorder that was killed
             with suppress(OSError):
-                path.unlink()
+                if path.is_socket():
+                    path.unlink()
         except OSError:
             pass
     return None
+
+
+def _user_of_server(client: socket.socket) -> int:
+    """The user whose program listens at the other end; ourselves where the system does not tell."""
+    if not hasattr(socket, "SO_PEERCRED"):
+        return os.getuid()
+    credentials = struct.Struct("3i")  # process, user, group
+    user: int = credentials.unpack(client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, credentials.size))[1]
+    return user
 
 
 def _writable(text: str) -> str:

@@ -10,6 +10,7 @@ from acquisition.config.sections import AnySource, CanFrames, MqttLinks
 from acquisition.core.frames import Fix, Sample, label_parts, sensor_of
 from acquisition.decoders import NO_SATELLITES
 from acquisition.decoders.mqtt import device_and_signal
+from acquisition.logger.handovers import Handover
 from acquisition.logger.health import SILENT_NS
 
 POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
@@ -107,29 +108,29 @@ class Selector:
         self._holders: dict[str, _Holder] = {}
         self._rivals: set[tuple[str, str]] = set()
 
-    def admit(self, sample: Sample) -> tuple[bool, str]:
-        """Whether the sample is the channel's, and a text for the event log if the channel changed hands.
+    def admit(self, sample: Sample) -> tuple[bool, Handover | None]:
+        """Whether the sample is the channel's, and the change to be reported if it comes from another source now.
 
         Call once a sample, in order of reception.
         """
         rank = self._rank(sample.source, sample.quantity)
         if rank is None:
-            return False, ""
+            return False, None
         holder = self._holders.get(sample.quantity)
         if holder is None:
             if sample.quantity == self._anywhere and self._waits(sample, rank):
-                return False, ""
+                return False, None
             self._holders[sample.quantity] = _Holder(sample, rank)
-            return True, ""
+            return True, None
         pair = holder.last.source, sample.source
         if pair[0] == pair[1] or self._continues(holder, sample):
             holder.last, holder.rank, holder.interval_ns = sample, rank, holder.since(sample)
-            return True, ""
+            return True, None
         if rank < holder.rank or sample.monotonic_ns - holder.last.monotonic_ns > self._patience_ns:
-            text = f"{sample.quantity}: from {pair[0]} to {pair[1]}"
+            handover = Handover(sample.quantity, *pair, rank < holder.rank)
             self._holders[sample.quantity] = _Holder(sample, rank)
-            return True, "" if _is_one_receiver(*pair) and pair not in self._rivals else text
-        return False, ""
+            return True, None if _is_one_receiver(*pair) and pair not in self._rivals else handover
+        return False, None
 
     def _waits(self, sample: Sample, rank: Rank) -> bool:
         """Whether a line or device that is listed before the sample's may yet be heard."""

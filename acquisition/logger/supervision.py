@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from typing import Literal, TextIO
 
+from acquisition.core.process import started
 from acquisition.core.text import printable
 
 LOG = logging.getLogger("seatrial")
@@ -53,9 +54,10 @@ class _Unhurried(logging.Handler):
         self._stream = stream
         self._lines: queue.Queue[str | None] = queue.Queue(_MOST_WAITING)
         self._writer = threading.Thread(target=self._write, name="log", daemon=True)
-        self._writer.start()
+        self._running = started(self._writer)
 
     def emit(self, record: logging.LogRecord) -> None:
+        self._running = self._running or started(self._writer)
         with suppress(queue.Full):
             self._lines.put_nowait(self.format(record))
 
@@ -63,7 +65,8 @@ class _Unhurried(logging.Handler):
         """Write what is left, if that can be done soon."""
         with suppress(queue.Full):
             self._lines.put_nowait(None)
-        self._writer.join(_LONGEST_JOIN_S)
+        if self._running:
+            self._writer.join(_LONGEST_JOIN_S)
         super().close()
 
     def _write(self) -> None:

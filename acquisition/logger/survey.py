@@ -24,7 +24,7 @@ from acquisition.decoders.declared_groups import decoded, variants_of
 from acquisition.decoders.fast_packets import FastPackets
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
 from acquisition.decoders.mqtt import topic_and_message
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import ADDRESS_CLAIM
 from acquisition.decoders.told_time import SENTENCE_BEHIND
@@ -39,7 +39,7 @@ TOPIC_VALUE = "value"
 """The name of what comes under a topic of MQTT, its device, and is no sentence."""
 _PRODUCT_BYTES = 134
 _NUMBERED = frozenset({"TRD", "TRC"})  # sentences of several like things, which a number tells apart
-_MOST_KINDS = 5_000  # what comes off a wire has no end
+_MOST_KINDS, _LONGEST_NAME = 5_000, 200  # what comes off a wire has no end
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +133,7 @@ class Survey(FrameProcessor):
         self.events.append(text)
 
     def _tally_of(self, kind: Kind) -> Tally:
+        kind = Kind(kind.source, kind.device[:_LONGEST_NAME], kind.name[:_LONGEST_NAME])
         if kind not in self.kinds and len(self.kinds) >= _MOST_KINDS:
             kind = Kind(kind.source, "", "more")
         return self.kinds.setdefault(kind, Tally())
@@ -178,7 +179,8 @@ class Survey(FrameProcessor):
                     header = header_of(piece)
                     yield Kind(frame.origin, str(header.system_id), _mavlink_name(header.message_id))
         elif frame.protocol == "nmea0183":
-            yield _sentence_kind(frame.origin, frame.payload)
+            for part in sentences_in(frame.payload):
+                yield _sentence_kind(frame.origin, part)
         else:
             topic, message = topic_and_message(frame.payload)
             line = SENTENCE_BEHIND.fullmatch(message.strip())
@@ -221,6 +223,7 @@ def survey_of(config: TrialConfig, frames: Iterable[Frame]) -> Survey:
     for frame in frames:
         if frame.origin in survey.health.sources:
             survey.process(frame)
+    survey.report_handovers()
     return survey
 
 

@@ -2,7 +2,8 @@
 
 The live view serves Foxglove and Lichtblick over a WebSocket. It hears every message after the recorder has written
 it and hands it to the server's own threads, which drop the oldest for a viewer that is too slow. Raw input is not
-served: nobody looks at it, and it is most of the load.
+served: nobody looks at it, and it is most of the load. The package's server answers whoever asks, so it listens
+where only :class:`WebFront` finds it, which passes on those that are meant.
 
 The status page is what the terminal shows, as a page that renews itself and as JSON, for this computer only. It is
 read-only: GET of two paths, bound to 127.0.0.1, for nobody who calls this computer by another name (a page
@@ -13,12 +14,14 @@ from __future__ import annotations
 
 import html
 import io
-import threading
+import secrets
+import selectors
+import socket
+import sys
 import time
-from collections.abc import Callable
+from contextlib import ExitStack
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler
-from socketserver import TCPServer
+from ipaddress import IPv4Address
 from typing import Any
 
 import orjson
@@ -30,15 +33,14 @@ from acquisition.core.frames import iso
 from acquisition.core.trial import Trial
 from acquisition.logger.display import Picture
 from acquisition.logger.health import Health
+from acquisition.logger.web_front import LOOPBACK, PATIENCE_S, RefusalError, Request, WebFront, response
 from acquisition.recording.messages import ENCODING
 from acquisition.recording.schemas import RAW_PREFIX, channel_metadata, kind_of
 
 _BACKLOG = 256  # messages a viewer may lag behind: some seconds
-ADDRESS = "127.0.0.1"
-_OUR_NAMES = (ADDRESS, "localhost")
+_STALLED_S = 30.0  # a viewer that takes nothing for so long has gone: its window, or its computer, is asleep
+_RELAYED_BYTES = 65_536
 _COLUMNS, _ROWS = 120, 60
-_REQUEST_TIMEOUT_S = 2.0  # one is answered after the other: none may take long
-_POLL_S = 0.2
 _PAGE = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>{title}</title>
 <style>body {{ color: #000; background: #fff }} pre {{ font-family: monospace; font-size: 14px }}</style></head>
@@ -71,22 +73,35 @@ class LiveView:
             raise ConfigurationError("the live view needs the package foxglove-sdk", fix=fix) from error
         self._sdk, self._context = foxglove, foxglove.Context()
         address, port = self._settings.address, self._settings.port
+        self._hidden = _hidden_address()
         try:
-            self._server = foxglove.start_server(
-                name=self._name, host=address, port=port, context=self._context, message_backlog_size=_BACKLOG
-            )
+            with ExitStack() as stack:
+                self._server = foxglove.start_server(
+                    name=self._name, host=self._hidden, port=0, context=self._context, message_backlog_size=_BACKLOG
+                )
+                stack.callback(self._server.stop)
+                stack.enter_context(WebFront("live view", address, port, self._relay, self._settings.origins))
+                self._closing = stack.pop_all()
         except Exception as error:  # the package promises no kind of error
             what = f"the live view cannot be served on {address}:{port}"
+            why = getattr(error, "strerror", "") or str(error)
             fix = "stop the program that uses the port, or give another in [live]"
-            raise SourceError(what, why=str(error), fix=fix) from error
+            raise SourceError(what, why=why, fix=fix) from error
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._server.stop()
+        self._closing.close()
 
     @property
     def address(self) -> str:
-        return f"ws://{self._settings.address}:{self._server.port}"
+        address = self._settings.address
+        return f"ws://{f'[{address}]' if ':' in address else address}:{self._settings.port}"
+
+    def _relay(self, viewer: socket.socket, request: Request) -> None:
+        """Pass a viewer's request on to the package's server, and then what both say."""
+        with socket.create_connection((self._hidden, self._server.port), timeout=PATIENCE_S) as server:
+            server.sendall(request.raw)
+            relay(viewer, server)
 
     def publish(self, topic: str, data: bytes, log_ns: int) -> None:
         """Pass a message on to whoever looks."""
@@ -105,11 +120,35 @@ class LiveView:
         return self._channels[topic]
 
 
+def _hidden_address() -> str:
+    """An address of this computer alone that no page can guess: one of 16 million, with a port of 28,000.
+
+    Only Linux has all of 127.0.0.0/8; elsewhere the port alone is unknown.
+    """
+    if sys.platform != "linux":
+        return LOOPBACK
+    return str(IPv4Address((127 << 24) + 2 + secrets.randbelow((1 << 24) - 4)))
+
+
+def relay(viewer: socket.socket, server: socket.socket) -> None:
+    """Pass on what either of two connections says until either ends, or takes nothing for too long."""
+    with selectors.DefaultSelector() as selector:
+        for source, target in ((viewer, server), (server, viewer)):
+            source.settimeout(_STALLED_S)
+            selector.register(source, selectors.EVENT_READ, target)
+        while True:
+            for key, _ in selector.select():
+                data = key.fileobj.recv(_RELAYED_BYTES)  # type: ignore[union-attr]
+                if not data:
+                    return
+                key.data.sendall(data)
+
+
 def page(picture: Picture, title: str) -> str:
     """What the terminal shows, as a page."""
-    from rich.console import Console
+    from acquisition.core.terminal import Terminal
 
-    console = Console(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
+    console = Terminal(record=True, file=io.StringIO(), width=_COLUMNS, height=_ROWS, force_terminal=True)
     console.print(picture)
     body = console.export_html(inline_styles=True, code_format="{code}")
     return _PAGE.format(title=html.escape(title), body=body)
@@ -132,10 +171,6 @@ def as_json(health: Health) -> bytes:
     return orjson.dumps(state)
 
 
-class _Server(TCPServer):
-    allow_reuse_address = True
-
-
 class StatusPage:
     """A server of the page while a recording runs; a context manager.
 
@@ -144,54 +179,34 @@ class StatusPage:
 
     def __init__(self, settings: StatusSection, picture: Picture, title: str) -> None:
         self._settings, self._picture, self._title = settings, picture, title
+        self._front = WebFront("status page", LOOPBACK, settings.port, self._serve)
 
     @property
     def address(self) -> str:
-        return f"http://{ADDRESS}:{self._settings.port}/"
+        return f"http://{LOOPBACK}:{self._settings.port}/"
 
     def __enter__(self) -> StatusPage:
         try:
-            self._server = _Server((ADDRESS, self._settings.port), _handler(self._answer))
+            self._front.__enter__()
         except OSError as error:
-            what = f"the status page cannot be served on {ADDRESS}:{self._settings.port}"
+            what = f"the status page cannot be served on {LOOPBACK}:{self._settings.port}"
             fix = "stop the program that uses the port, or give another in [status]"
             raise SourceError(what, why=str(error.strerror), fix=fix) from error
-        threading.Thread(
-            target=self._server.serve_forever, args=(_POLL_S,), name="status page", daemon=True
-        ).start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._server.shutdown()
-        self._server.server_close()
+        self._front.__exit__()
 
-    def _answer(self, path: str) -> tuple[str, bytes] | None:
-        """The kind and the bytes of what lies at a path; None for a path of which there is nothing."""
+    def _serve(self, client: socket.socket, request: Request) -> None:
+        if request.method != "GET":
+            raise RefusalError(HTTPStatus.NOT_IMPLEMENTED)
+        kind, body = self._answer(request.path)
+        client.sendall(response(HTTPStatus.OK, body, kind, **_HEADERS))
+
+    def _answer(self, path: str) -> tuple[str, bytes]:
+        """The kind and the bytes of what lies at a path. Raises :class:`RefusalError` where nothing does."""
         if path == "/":
             return "text/html; charset=utf-8", page(self._picture, self._title).encode()
-        return ("application/json", as_json(self._picture.health)) if path == "/status.json" else None
-
-
-def _handler(answer: Callable[[str], tuple[str, bytes] | None]) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        timeout = _REQUEST_TIMEOUT_S
-
-        def do_GET(self) -> None:
-            if self.headers.get("Host", "").rpartition(":")[0] not in _OUR_NAMES:
-                self.send_error(HTTPStatus.FORBIDDEN)
-                return
-            found = answer(self.path)
-            if found is None:
-                self.send_error(HTTPStatus.NOT_FOUND)
-                return
-            kind, body = found
-            self.send_response(HTTPStatus.OK)
-            for name, value in {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}.items():
-                self.send_header(name, value)
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, format: str, *arguments: Any) -> None:
-            """Nothing: the log is the recording's."""
-
-    return Handler
+        if path == "/status.json":
+            return "application/json", as_json(self._picture.health)
+        raise RefusalError(HTTPStatus.NOT_FOUND)

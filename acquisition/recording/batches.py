@@ -29,6 +29,7 @@ from acquisition.recording.records import CUT, HEAD, MESSAGE, MESSAGE_HEAD, TOO_
 from acquisition.recording.schemas import SAMPLE
 
 _FAULTS = {TOO_SHORT: "a message too short", CUT: "a chunk with a cut record"}
+_MOST_AT_ONCE = 100_000  # in one batch, whatever a chunk holds: twice what a few chunks of the recorder hold
 _LITTLE_BYTES = 2_000_000  # some 25,000 samples: message by message as long as loading numba, a third of a second
 
 
@@ -52,6 +53,11 @@ class Batch:
     def __len__(self) -> int:
         return int(self.heads.size)
 
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """How many bytes of data each message has."""
+        return np.asarray(self.heads["end"] - self.heads["start"])
+
     def data(self) -> list[bytes]:
         """The undecoded data of each message."""
         places = zip(self.heads["start"].tolist(), self.heads["end"].tolist(), strict=True)
@@ -66,6 +72,11 @@ class Batch:
         """Each message by itself, as the library has them."""
         for (channel, sequence, log_ns, publish_ns, *_), data in zip(self.heads.tolist(), self.data(), strict=True):
             yield mcap.Message(channel, log_ns, data, publish_ns, sequence)
+
+    def pieces(self, start: int, stop: int) -> Iterator[Batch]:
+        """The messages from ``start`` to ``stop``, not too many at once; none if there are none."""
+        for place in range(start, stop, _MOST_AT_ONCE):
+            yield Batch(self.heads[place : min(place + _MOST_AT_ONCE, stop)], self.plain)
 
     def of_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
@@ -90,7 +101,7 @@ def _is_worth_loading(plain: bytes) -> bool:
     return len(plain) >= _LITTLE_BYTES or "acquisition.recording.walk" in sys.modules
 
 
-_Walked: TypeAlias = tuple[NDArray[np.void], list[int], int, int]
+_Walked: TypeAlias = tuple[NDArray[np.void], Ints, int, int]
 """The heads of messages, where other records begin, where the last good record ends, what is wrong behind it."""
 
 
@@ -100,7 +111,7 @@ def _walk(plain: bytes, ends: list[int]) -> _Walked:
     messages, others, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
     heads, places = np.empty(messages, MESSAGE_HEAD), np.empty(others, np.int64)
     read_heads(np.frombuffer(plain, np.uint8, size), heads, places)
-    return heads, places.tolist(), size, fault
+    return heads, places, size, fault
 
 
 def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
@@ -121,25 +132,23 @@ def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
             else:
                 heads.append((*MESSAGE.unpack_from(plain, start), start + MESSAGE.size, after))
             place = place if fault else after
-    return np.array(heads, MESSAGE_HEAD), others, place, fault
+    return np.array(heads, MESSAGE_HEAD), np.array(others, np.int64), place, fault
 
 
-def _in_order(batch: Batch, others: list[int]) -> Iterator[Batch | mcap.McapRecord]:
+def _in_order(batch: Batch, others: Ints) -> Iterator[Batch | mcap.McapRecord]:
     """Messages and definitions as they stand in the file: a number may mean something else from a place on."""
+    opcodes = np.frombuffer(batch.plain, np.uint8)[others]
+    definitions = others[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
     done = 0
-    for place in others:
-        until = int(np.searchsorted(batch.heads["start"], place))
-        if until > done:
-            yield Batch(batch.heads[done:until], batch.plain)
+    for place, until in zip(definitions, np.searchsorted(batch.heads["start"], definitions), strict=True):
+        yield from batch.pieces(done, until)
         done = until
         opcode, length = HEAD.unpack_from(batch.plain, place)
         begin = place + HEAD.size
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            record = parse(opcode, batch.plain[begin : begin + length])
-            if record is not None:
-                yield record
-    if done < len(batch):
-        yield Batch(batch.heads[done:], batch.plain)
+        record = parse(opcode, batch.plain[begin : begin + length])
+        if record is not None:
+            yield record
+    yield from batch.pieces(done, len(batch))
 
 
 class SeriesBuilder:

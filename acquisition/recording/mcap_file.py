@@ -18,6 +18,7 @@ from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
+from acquisition.recording.records import with_checksum
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.storage import CommittedFile
 
@@ -43,7 +44,8 @@ class McapFile:
 
     Times are ns since 1970 and must be 0 or more. A definition (schema, channel) stands in the chunk that first
     uses it, where a checksum guards it, once more behind that chunk, and again in a chunk every minute or so: no
-    damage to one place makes the others unreadable.
+    damage to one place makes the others unreadable. The end of the data has a checksum of all of it, and metadata
+    has one of its own, as a file that is not closed has no end.
     """
 
     def __init__(self, stream: CommittedFile, library: str, chunk_bytes: int) -> None:
@@ -56,8 +58,9 @@ class McapFile:
         self._counts: dict[int, int] = {}
         self._attachments = self._metadata = 0
         self._span: tuple[int, int] | None = None
+        self._checksum = 0  # of all bytes so far
         self._begin_chunk()
-        stream.write(MCAP_MAGIC + serialise(mcap.Header("", library)))
+        self._write(MCAP_MAGIC + serialise(mcap.Header("", library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Define a schema and return its number."""
@@ -89,8 +92,9 @@ class McapFile:
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
         """Add a metadata record, outside all chunks."""
-        record, offset = serialise(mcap.Metadata(name=name, metadata=metadata)), self._stream.tell()
-        self._stream.write(record)
+        checked = mcap.Metadata(name=name, metadata=with_checksum(name, metadata))
+        record, offset = serialise(checked), self._stream.tell()
+        self._write(record)
         index = mcap.MetadataIndex(offset=offset, length=len(record), name=name)
         self._indexes[Opcode.METADATA_INDEX].append(serialise(index))
         self._metadata += 1
@@ -99,7 +103,7 @@ class McapFile:
         """Add an attachment, outside all chunks."""
         attachment = mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
         record, offset = serialise(attachment), self._stream.tell()
-        self._stream.write(record)
+        self._write(record)
         index = mcap.AttachmentIndex(
             offset=offset, length=len(record), create_time=0, log_time=0, data_size=len(data), name=name,
             media_type=media_type,
@@ -122,18 +126,17 @@ class McapFile:
             uncompressed_size=len(self._chunk),
         )
         offset, record = self._stream.tell(), serialise(chunk)
-        self._stream.write(record)
+        self._write(record)
         self._index_chunk(chunk, offset, len(record))
         self._span = min(start_ns, (self._span or (start_ns,))[0]), max(end_ns, (self._span or (0, end_ns))[1])
         self._begin_chunk()
-        for definition in self._repeat:
-            self._stream.write(definition)
+        self._write(b"".join(self._repeat))
         self._repeat.clear()
 
     def finish(self) -> None:
         """Write the last chunk, the index and the end of the file."""
         self.end_chunk()
-        self._stream.write(serialise(mcap.DataEnd(0)))
+        self._stream.write(serialise(mcap.DataEnd(self._checksum)))
         start = self._stream.tell()
         summary = bytearray()
         offsets = bytearray()
@@ -149,6 +152,11 @@ class McapFile:
         crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, _FOOTER_BYTES, start, offsets_start), zlib.crc32(summary))
         footer = mcap.Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
         self._stream.write(bytes(summary) + serialise(footer) + MCAP_MAGIC)
+
+    def _write(self, data: bytes) -> None:
+        """Write what belongs to the data, of which there is a checksum."""
+        self._checksum = zlib.crc32(data, self._checksum)
+        self._stream.write(data)
 
     def _begin_chunk(self) -> None:
         due = len(self._indexes[Opcode.CHUNK_INDEX]) % _CHUNKS_TO_NEXT_DEFINITIONS == 0
@@ -168,7 +176,7 @@ class McapFile:
         for channel_id, entries in self._index.items():
             places[channel_id] = self._stream.tell()
             head = _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(entries), channel_id, 8 * len(entries))
-            self._stream.write(head + struct.pack(f"<{len(entries)}Q", *entries))
+            self._write(head + struct.pack(f"<{len(entries)}Q", *entries))
             self._counts[channel_id] += len(entries) // 2
         index = mcap.ChunkIndex(
             message_start_time=chunk.message_start_time,

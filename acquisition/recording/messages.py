@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import orjson
 from google.protobuf.message import DecodeError
 
+from acquisition.core.budget import TEXT_BYTES
 from acquisition.core.frames import NANO, Fix, Frame, FrameFlag, Sample
 from acquisition.core.trial import Trial
 from acquisition.recording.descriptors import message_class, plain
@@ -81,11 +82,11 @@ def decode(topic: Topic, data: bytes) -> dict[str, Any]:
 
     Raises KeyError for another topic, ValueError if the message is none of its.
     """
-    if topic.encoding == ENCODING_BEFORE:
-        return _decode_json(topic.name, data)
     try:
+        if topic.encoding == ENCODING_BEFORE:
+            return _decode_json(topic.name, data)
         return plain(_class_in(topic.name, topic.schema).FromString(data))
-    except DecodeError as error:
+    except (DecodeError, TypeError) as error:
         raise ValueError(str(error)) from error
 
 
@@ -93,6 +94,8 @@ def decode(topic: Topic, data: bytes) -> dict[str, Any]:
 def _class_in(name: str, schema: bytes) -> Any:
     """The class of a topic's messages by the schema that a file gives; fields may have had other numbers."""
     kind = kind_of(name)
+    if len(schema) > TEXT_BYTES.allowance(0):
+        raise ValueError(f"its schema has {len(schema):,} bytes")
     return kind.message if schema in (b"", kind.descriptors) else message_class(kind.title, schema)
 
 

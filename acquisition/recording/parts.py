@@ -8,21 +8,33 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
+from errno import EILSEQ, EINVAL, ENAMETOOLONG
+from hashlib import sha256
 from pathlib import Path
 
 from acquisition.config.sections import RecordingSection
-from acquisition.core.errors import StorageError
+from acquisition.core.errors import SeatrialError, StorageError, storage_error
 from acquisition.core.trial import Trial
 from acquisition.recording.messages import MessageSink
-from acquisition.recording.storage import RESUME_RATIO, require_room, room_bytes, why_full
+from acquisition.recording.storage import (
+    RESUME_RATIO,
+    SyncThread,
+    mount_point,
+    new_file,
+    require_mounted,
+    require_room,
+    room_bytes,
+    why_full,
+)
 from acquisition.recording.writer import RecordingWriter
 
 _MEGA = 1_000_000
 _LOOK_EVERY_S = 1.0
 _MOST_UNSURE = 100_000  # messages that wait for the disk; about 30 MB
+_NAME_REFUSED = {EILSEQ, EINVAL, ENAMETOOLONG}  # by a file system that takes other letters, or fewer
 
 Message = tuple[str, bytes, int, int]
 Tell = Callable[[str, str], None]
@@ -34,8 +46,8 @@ Listener = Callable[[str, bytes, int], None]
 class RecordingParts(MessageSink):
     """One recording as one or more files in ``folder``. For one thread only.
 
-    The first file is created at once; raises :class:`StorageError` if that cannot be done. Later trouble pauses
-    the recording (``trouble`` says why) and is tried again every second.
+    The first file is created at once; raises :class:`StorageError` if that cannot be done. Whatever fails later
+    pauses the recording (``trouble`` says why) and is tried again every second.
     """
 
     def __init__(
@@ -56,14 +68,22 @@ class RecordingParts(MessageSink):
         self._clock = dict(clock or {})
         self.tell = tell
         self._stem = _stem(folder, trial.name, datetime.now(UTC))
+        self._thread, self._thread_missing = SyncThread(), False
+        self._not_ended: list[RecordingWriter] = []  # parts that the disk did not even let us end
         self._unsure: list[Message] = []
         self._unkept = 0  # as unsure, but too many to be kept
         self._asked = 0, 0  # of both, how many the disk was asked to keep
         self._closed_bytes = 0  # in the parts before
         self._looked_s = self._began_s = time.monotonic()
         self._part: RecordingWriter | None = None
-        require_room(folder, settings)
-        self._open_part("recording started")
+        self._mount: Path | None = None
+        try:
+            require_room(folder, settings)
+            self._open_part("recording started")
+            self._mount = mount_point(folder)
+        except OSError as error:
+            place = folder / f"{self._stem}.mcap"
+            raise error if isinstance(error, StorageError) else storage_error(place, error) from error
 
     @property
     def path(self) -> Path:
@@ -93,8 +113,12 @@ class RecordingParts(MessageSink):
             self._unkept += 1
         if self._part is not None:
             self._part.write(topic, data, log_ns, publish_ns)
-        for listener in self.listeners:
-            listener(topic, data, log_ns)
+        for listener in tuple(self.listeners):
+            try:
+                listener(topic, data, log_ns)
+            except Exception as error:  # a viewer's server must not cost the recording
+                self.listeners.remove(listener)
+                self.tell("error", f"a listener to the recording failed and gets nothing more: {_reason(error)}")
 
     def write_trial(self, trial: Trial) -> None:
         self._trial = trial
@@ -136,8 +160,11 @@ class RecordingParts(MessageSink):
         if now_s - self._looked_s < _LOOK_EVERY_S:
             return
         self._looked_s = now_s
+        self._report_thread()
         if self._part is None:
             self.resume()
+        elif not self._attempt(lambda: require_mounted(self._mount)):
+            return
         elif self._has_vanished():
             self._put_back()
         elif (reason := why_full(self._folder, self._settings)) and self._close_part():
@@ -162,10 +189,12 @@ class RecordingParts(MessageSink):
     def discard(self) -> None:
         """Leave nothing behind: the recording never began."""
         if self._part is not None:
-            self._part.abandon()
+            _abandoned(self._part)
             self._part = None
         for path in self.paths:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        self._thread.stop()
 
     def close(self) -> None:
         """Close the last part. Raises :class:`StorageError` when messages could not be written."""
@@ -177,14 +206,19 @@ class RecordingParts(MessageSink):
                 self.lost += self._part.messages
         if self._part is not None:
             self._close_part()
+        self._thread.stop()
         if unwritten := len(self._unsure) + self._unkept + self.lost:
             what = f"{unwritten:,} messages could not be written"
             fix = "earlier data are safe; free space or mount the disk before the next recording"
             raise StorageError(what, where=str(self.path), why=self.trouble, fix=fix)
 
     def _open_part(self, reason: str) -> None:
-        path = self._next_path()
-        part = RecordingWriter(path, self._trial, self._attachments)
+        path = self._new_path()
+        try:
+            part = RecordingWriter(path, self._trial, self._attachments, self._thread)
+        except Exception:
+            _remove(path)
+            raise
         try:
             part.write_metadata("part", self._part_metadata(reason))
             if self._clock:
@@ -192,10 +226,9 @@ class RecordingParts(MessageSink):
             for message in self._unsure:
                 part.write(*message)
             part.sync()
-        except StorageError:
-            part.abandon()
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
+        except Exception:
+            _abandoned(part)
+            _remove(path)
             raise
         self.lost += self._unkept
         self._confirmed()
@@ -203,11 +236,31 @@ class RecordingParts(MessageSink):
         self.paths.append(path)
         self.trouble = ""
         self._began_s = time.monotonic()
+        self._end_earlier_parts()
 
-    def _next_path(self) -> Path:
+    def _new_path(self) -> Path:
+        try:
+            return self._new_file(self._part_stem())
+        except OSError as error:
+            if error.errno not in _NAME_REFUSED:
+                raise
+        self._stem = f"recording_{datetime.now(UTC):{_TIME_FORMAT}}"
+        return self._new_file(self._part_stem())
+
+    def _new_file(self, stem: str) -> Path:
+        require_mounted(self._mount)
+        return new_file(self._folder, stem)
+
+    def _part_stem(self) -> str:
         number = len(self.paths) + 1
-        name = self._stem if number == 1 else f"{self._stem}_part{number:05d}"
-        return self._folder / f"{free_stem(self._folder, name)}.mcap"
+        return self._stem if number == 1 else f"{self._stem}_part{number:05d}"
+
+    def _end_earlier_parts(self) -> None:
+        """End the parts that a failing disk left as they were; what it had not confirmed is in this one."""
+        for part in self._not_ended:
+            with suppress(OSError):
+                part.end_later()
+        self._not_ended.clear()
 
     def _part_metadata(self, reason: str) -> dict[str, str]:
         before = self.paths[-1].name if self.paths else ""
@@ -221,14 +274,17 @@ class RecordingParts(MessageSink):
         )
 
     def _attempt(self, action: Callable[[], None]) -> bool:
-        """Do something with the disk; trouble ends the part and pauses the recording."""
+        """Do something with the disk; whatever it raises ends the part and pauses the recording."""
         try:
             action()
-        except StorageError as error:
-            ended = self._part is not None and self._part.abandon()
+        except Exception as error:  # nothing but the user ends a recording
+            ended = True
+            if self._part is not None and not _abandoned(self._part):
+                ended = False
+                self._not_ended.append(self._part)
             self._part, self._asked = None, (0, 0)
             how = "the file is ended well" if ended else "the file is readable as far as it goes"
-            self._pause(str(error), how)
+            self._pause(_reason(error), how)
             return False
         return True
 
@@ -262,10 +318,10 @@ class RecordingParts(MessageSink):
         if self._part is None:
             return
         name = self._part.path.stem
-        path = self._folder / f"{free_stem(self._folder, name)}.mcap"
         try:
+            path = self._new_file(name)
             self._part.put_back(path)
-        except StorageError as error:
+        except OSError as error:
             if not self._told_deleted:
                 self.tell(
                     "error", f"{name}.mcap was deleted while it was written and cannot be put back yet: {error}"
@@ -286,50 +342,81 @@ class RecordingParts(MessageSink):
     def _try_to_open(self, reason: str) -> None:
         try:
             self._open_part(reason)
-        except StorageError as error:
+        except Exception as error:  # nothing but the user ends a recording
             if not self.trouble:
-                self._pause(str(error), "nothing of it is lost while memory holds it")
+                self._pause(_reason(error), "nothing of it is lost while memory holds it")
+
+    def _report_thread(self) -> None:
+        """Report once that the disk has no thread of its own, and once that it has one again."""
+        missing, before = not self._thread.running, self._thread_missing
+        self._thread_missing = missing
+        if missing and not before:
+            self.tell("warning", "the system gives no thread for the disk: a slow disk holds up the recorder")
+        elif before and not missing:
+            self.tell("info", "the disk has a thread again")
 
 
+def _reason(error: Exception) -> str:
+    if isinstance(error, SeatrialError):
+        return str(error)
+    if isinstance(error, OSError):
+        return str(error.strerror or error)
+    return f"{type(error).__name__} {error}"
+
+
+def _abandoned(part: RecordingWriter) -> bool:
+    """Give up on a part; whether it could be ended well."""
+    try:
+        return part.abandon()
+    except Exception:  # such as no memory: the disk is not all that can fail
+        return False
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
+_TIME_FORMAT = "%Y%m%dT%H%M%SZ"
 _TIME = r"\d{8}T\d{6}Z"
-_LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
+_MOST_LETTERS = 40  # of a trial's name in that of a file: with all that follows, some 100, of 255 bytes
+_DIGEST_LETTERS = 7
 
 
 def safe_name(name: str) -> str:
-    """A trial's name, fit for that of a file."""
-    return "".join(each if each.isalnum() or each in "-_" else "_" for each in name)
+    """A trial's name, fit for that of a file; what makes it too long is replaced by its digest."""
+    letters = "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
+    if len(letters) <= _MOST_LETTERS:
+        return letters
+    digest = sha256(name.encode(errors="surrogatepass")).hexdigest()[:_DIGEST_LETTERS]
+    return f"{letters[: _MOST_LETTERS - _DIGEST_LETTERS - 1]}_{digest}"
 
 
 def parts_in(folder: Path, name: str) -> dict[Path, str]:
     """The files of a trial's recordings in a folder, in the order of their names, and the stem of each's parts."""
-    pattern = re.compile(rf"({re.escape(safe_name(name))}_{_TIME}(?:_then_{_TIME})*)(?:_part\d+)?(?:_\d+)?\.mcap")
-    found = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
-    return {path: match[1] for path, match in found if match}
-
-
-def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
-    """Recordings as their files, in the order of their names; the parts of one recording together, as they came."""
-    found: dict[Path, list[Path]] = {}
-    for path in sorted(paths):
-        match = _LATER_PART.fullmatch(path.stem)
-        found.setdefault(path.with_name(f"{match[1]}.mcap") if match else path, []).append(path)
-    return [tuple(files) for files in found.values()]
+    stem = rf"{re.escape(safe_name(name))}_{_TIME}(?:_then_{_TIME})*(?:_run\d+_{_TIME})?"  # _then_: until 2026
+    pattern = re.compile(rf"({stem})(?:_part\d+)?(?:_\d+)?\.mcap")
+    matches = ((path, pattern.fullmatch(path.name)) for path in sorted(folder.glob("*.mcap")))
+    return {path: match[1] for path, match in matches if match}
 
 
 def _stem(folder: Path, name: str, started: datetime) -> str:
     """The trial's name and the UTC time of the recording's start: names sort as the recordings came.
 
-    Where the clock has been set back since a recording in the folder, the name continues that one's.
+    Where the clock is behind a recording in the folder, as without a battery after each boot, the name is that
+    recording's with a number that counts the starts since, and the time.
     """
-    stem = f"{safe_name(name)}_{started:%Y%m%dT%H%M%SZ}"
-    latest = max(parts_in(folder, name).values(), default="")
-    return stem if stem > latest else f"{latest}_then_{started:%Y%m%dT%H%M%SZ}"
-
-
-def free_stem(folder: Path, stem: str) -> str:
-    """The stem, with a number where another recording has the name."""
-    number, free = 1, stem
-    while (folder / f"{free}.mcap").exists():
-        number += 1
-        free = f"{stem}_{number}"
-    return free
+    time_text = f"{started:{_TIME_FORMAT}}"
+    stem = f"{safe_name(name)}_{time_text}"
+    try:
+        stems = parts_in(folder, name).values()
+    except OSError:  # a folder that cannot be listed may still be written to
+        return stem
+    latest = max(stems, default="")
+    if stem > latest:
+        return stem
+    first = re.match(rf".*?_{_TIME}", latest)
+    base = first[0] if first else latest
+    runs = (re.match(rf"{re.escape(base)}_run(\d+)_", other) for other in stems)
+    number = 1 + max((int(run[1]) for run in runs if run), default=0)
+    return f"{base}_run{number:05d}_{time_text}"

@@ -6,10 +6,12 @@ goes and says so (``closed`` is False).
 
 from __future__ import annotations
 
+import os
+import stat
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -17,13 +19,14 @@ import numpy as np
 from mcap import records as mcap
 
 from acquisition.core.arrays import Series
+from acquisition.core.budget import DEFINITIONS, DESCRIPTION_BYTES, MESSAGES, NAME_BYTES, TEXT_BYTES, Meter
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, iso
 from acquisition.core.text import printable
 from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic, decode, frame_of
-from acquisition.recording.records import RecordError
+from acquisition.recording.records import RecordError, without_checksum
 from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
@@ -45,6 +48,7 @@ class Recording:
     besides the trial: which part of a recording it is, whose clock it has. ``health`` is the last word on each
     source: its state, its frames, how many were refused, why, and dropped. ``predictions`` counts what another
     program foretold beside the recorder. ``later_parts`` are the files after the first of one in parts.
+    ``clock`` says what is to be known of the times of one in parts: that the clock was set meanwhile.
     """
 
     path: Path
@@ -60,6 +64,7 @@ class Recording:
     health: dict[str, dict[str, Any]] = field(default_factory=dict)
     predictions: int = 0
     later_parts: tuple[Path, ...] = ()
+    clock: str = ""
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -98,6 +103,10 @@ class MessageStream:
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     topics: dict[int, Topic] = field(default_factory=dict)
+    meter: Meter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.meter = Meter(self.path, 0)
 
     def __iter__(self) -> Iterator[Entry]:
         for batch in self.batches():
@@ -113,13 +122,17 @@ class MessageStream:
         messages = 0
         for record in self._records():
             if isinstance(record, Batch):
+                self.meter.add(MESSAGES, len(record))
                 if not self.topics.keys() >= record.counts().keys():
                     raise self._damaged("a message of no topic")
                 messages += len(record)
                 yield record
             elif isinstance(record, mcap.Schema):
-                schemas[record.id] = record.data
+                count_definition(record, self.meter, is_new=record.id not in schemas)
+                if schemas.setdefault(record.id, record.data) != record.data:
+                    raise self._damaged("two schemas of one number")
             elif isinstance(record, mcap.Channel):
+                count_definition(record, self.meter, is_new=record.id not in self.topics)
                 topic = Topic(record.topic, record.message_encoding, schemas.get(record.schema_id, b""))
                 if self.topics.setdefault(record.id, topic) != topic:
                     raise self._damaged("two topics of one number")
@@ -138,14 +151,18 @@ class MessageStream:
                 yield self.trial
 
     def _note(self, record: mcap.McapRecord) -> None:
-        if isinstance(record, mcap.Metadata) and record.name != "trial":
-            self.metadata[record.name] = printable(record.metadata)
-        elif isinstance(record, mcap.Metadata):
+        if isinstance(record, mcap.Metadata):
+            count_description(record, self.meter)
             try:
-                self.trial = Trial.from_metadata(printable(record.metadata))
-            except ValueError as error:  # metadata have no checksum of their own
-                raise self._damaged(f"its run sheet: {error}") from error
+                metadata = printable(without_checksum(record))
+                if record.name == "trial":
+                    self.trial = Trial.from_metadata(metadata)
+                else:
+                    self.metadata[record.name] = metadata
+            except ValueError as error:  # metadata of earlier recordings have no checksum
+                raise self._damaged(f"its metadata {printable(record.name)!r}: {error}") from error
         elif isinstance(record, mcap.Attachment):
+            count_description(record, self.meter)
             self.attachments[record.name] = record.data
         elif isinstance(record, mcap.Footer):
             self.closed = True
@@ -155,6 +172,7 @@ class MessageStream:
         chunks: list[tuple[int, mcap.Chunk]] = []
         size_bytes = 0
         with open_recording(self.path) as stream:
+            self.meter = Meter(self.path, os.fstat(stream.fileno()).st_size)
             for found in scan(stream):
                 if isinstance(found, Intact) and isinstance(found.record, mcap.Chunk):
                     chunks.append((found.start, found.record))
@@ -190,16 +208,34 @@ class MessageStream:
         return InputError(f"is damaged{where}", where=str(self.path), why=why, fix=REMEDY)
 
 
+def count_definition(record: mcap.Channel | mcap.Schema, meter: Meter, *, is_new: bool) -> None:
+    """Count what a file defines; what was defined before takes no more memory. Raises :class:`InputError`."""
+    if isinstance(record, mcap.Channel):
+        name, size = record.topic, len(str(record.metadata))
+    else:
+        name, size = record.name, len(record.data)
+    meter.add(DEFINITIONS, 1)
+    meter.check(NAME_BYTES, len(name))
+    meter.add(DESCRIPTION_BYTES, len(name) + size if is_new else 0)
+
+
+def count_description(record: mcap.Metadata | mcap.Attachment, meter: Meter) -> None:
+    """Count what a file says besides its messages. Raises :class:`InputError` beyond a budget."""
+    names, texts = [record.name], list[str]()
+    if isinstance(record, mcap.Metadata):
+        names, texts = [record.name, *record.metadata], list(record.metadata.values())
+    meter.check(NAME_BYTES, max(map(len, names)))
+    meter.check(TEXT_BYTES, max(map(len, texts), default=0))
+    size = len(record.data) if isinstance(record, mcap.Attachment) else sum(map(len, names + texts))
+    meter.add(DESCRIPTION_BYTES, size)
+
+
 def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
     """A file to read, at its beginning. Raises :class:`InputError` if it cannot be a recording.
 
     ``whatever_it_is`` accepts files whose beginning says that they are none: it may be what is damaged.
     """
-    if not path.exists():
-        raise InputError("does not exist", where=str(path), fix="check the path")
-    if path.is_dir():
-        raise InputError("is a folder, not a recording", where=str(path), fix="name a .mcap file in it")
-    if path.stat().st_size == 0:
+    if recording_size(path) == 0:
         raise InputError("is empty", where=str(path), fix="give a recording with data")
     try:
         stream = path.open("rb")
@@ -212,6 +248,25 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
     return stream
 
 
+def recording_size(path: Path) -> int:
+    """The size of a file [bytes]. Raises :class:`InputError` for what is none: a pipe may never come to an end."""
+    where = str(path)
+    try:
+        state = path.stat()
+        if stat.S_ISDIR(state.st_mode):
+            os.scandir(path).close()  # one that is closed to us says so
+    except FileNotFoundError as error:
+        why = "it is a link to nothing" if path.is_symlink() else ""
+        raise InputError("does not exist", where=where, why=why, fix="check the path") from error
+    except OSError as error:
+        raise InputError("cannot be opened", where=where, why=error.strerror or str(error)) from error
+    if stat.S_ISDIR(state.st_mode):
+        raise InputError("is a folder, not a recording", where=where, fix="name a .mcap file in it")
+    if not stat.S_ISREG(state.st_mode):
+        raise InputError("is not a file", where=where, fix="give a recording, not a pipe, socket or device")
+    return state.st_size
+
+
 def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     return InputError(
         f"topic {topic} holds a message that is no {what} of ours",
@@ -221,23 +276,31 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     )
 
 
-def _said(batch: Batch, topic: Topic, path: Path, key: str, what: str) -> list[tuple[str, dict[str, Any]]]:
+def _said(batch: Batch, topic: Topic, meter: Meter, key: str, what: str) -> list[tuple[str, dict[str, Any]]]:
     """What the messages of a batch, all of one topic, say; each behind what it says under a key."""
+    sizes = batch.sizes
+    meter.check(TEXT_BYTES, int(sizes.max()))
+    meter.add(DESCRIPTION_BYTES, int(sizes.sum()))
     try:
         return [(str(body[key]), body) for body in (decode(topic, data) for data in batch.data())]
     except (KeyError, ValueError) as error:
-        raise _foreign(path, topic.name, error, what) from error
+        raise _foreign(Path(meter.path), topic.name, error, what) from error
 
 
-def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], path: Path) -> None:
+def _add_samples(
+    samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, Topic], meter: Meter
+) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
+    if batch.sizes.max() > NAME_BYTES.least:
+        channels = batch.of_channels(number for number in batch.counts() if topics[number].is_channel)
+        meter.check(NAME_BYTES, int(channels.sizes.max(initial=0)))
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
     for number in batch.counts():
         try:
             add_samples(samples, batch.of_channels([number]), topics)
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise _foreign(path, topics[number].name, error, "sample") from error
+            raise _foreign(Path(meter.path), topics[number].name, error, "sample") from error
     return None
 
 
@@ -256,18 +319,18 @@ def read_recording(path: Path | str) -> Recording:
         messages += len(batch)
         log_ns = batch.heads["log_ns"]
         start_ns, end_ns = min(start_ns, int(log_ns.min())), max(end_ns, int(log_ns.max()))
-        _add_samples(samples, batch, stream.topics, stream.path)
+        _add_samples(samples, batch, stream.topics, stream.meter)
         for number, count in batch.counts().items():
             topic = stream.topics[number]
             if topic.name.startswith(RAW_PREFIX):
                 raw[topic.name] += count
             elif topic.name == EVENT_TOPIC:
                 part = batch.of_channels([number])
-                texts = [text for text, _ in _said(part, topic, stream.path, "message", "event")]
+                texts = [text for text, _ in _said(part, topic, stream.meter, "message", "event")]
                 events += zip(part.heads["log_ns"].tolist(), texts, strict=True)
             elif topic.name == HEALTH_TOPIC:
                 part = batch.of_channels([number])
-                health |= _said(part, topic, stream.path, "source", "state of a source")
+                health |= _said(part, topic, stream.meter, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
     return Recording(
@@ -284,29 +347,6 @@ def read_recording(path: Path | str) -> Recording:
         health=printable(health),
         predictions=predictions,
     )
-
-
-def read_parts(paths: Sequence[Path]) -> Recording:
-    """One recording in parts, the files in their order: samples one after the other, run sheet of the last.
-
-    Raises as :func:`read_recording`.
-    """
-    every = [read_recording(path) for path in paths]
-    samples: dict[str, list[Series]] = {}
-    for part in every:
-        for name, series in part.series.items():
-            samples.setdefault(name, []).append(series)
-    first = every[0]
-    spans = [part for part in every if part.messages] or every
-    return replace(
-        every[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata,
-        series={name: Series.joined(parts) for name, parts in samples.items()},
-        raw=dict(sum((Counter(part.raw) for part in every), Counter())),
-        events=[event for part in every for event in part.events],
-        messages=sum(part.messages for part in every), predictions=sum(part.predictions for part in every),
-        closed=all(part.closed for part in every),
-        start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),
-    )  # fmt: skip
 
 
 def read_trial(path: Path | str) -> Trial:
@@ -328,6 +368,7 @@ def describe(recording: Recording) -> dict[str, Any]:
         "channels": {name: _describe_series(series) for name, series in sorted(recording.series.items())},
         "raw": recording.raw,
         "trial": recording.trial.as_metadata(),
+        **({"clock": recording.clock} if recording.clock else {}),
     }
 
 

@@ -7,10 +7,11 @@ its checksum is right. Nothing that a record claims of itself makes us read or d
 from __future__ import annotations
 
 import io
+import re
 import struct
 import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
@@ -49,6 +50,7 @@ _CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, place, length, and the len
 _INDEX = struct.Struct("<HI")
 _LENGTH, _NAME_LENGTH, _SIZES, _PLACE_BYTES = struct.Struct("<Q"), struct.Struct("<I"), struct.Struct("<QQ"), 10
 _COMPRESSIONS = (b"", b"lz4", b"zstd")
+_CHECKSUM_KEY, _CHECKSUM = "checksum", re.compile("crc32 [0-9a-f]{8}")
 _FIRST_PRIVATE = 0x80  # from here on opcodes belong to applications
 _PARSERS: dict[int, Callable[[ReadDataStream], mcap.McapRecord]] = {
     Opcode.HEADER: mcap.Header.read,
@@ -135,8 +137,27 @@ def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
         return _parse_chunk_index(content)
     record = _parse_fields(opcode, content)
     if isinstance(record, mcap.Attachment):
-        _check_checksum(content[:-4], int.from_bytes(content[-4:], "little"), "an attachment")
+        check_checksum(zlib.crc32(content[:-4]), int.from_bytes(content[-4:], "little"), "an attachment")
     return record
+
+
+def with_checksum(name: str, metadata: Mapping[str, str]) -> dict[str, str]:
+    """Metadata with a checksum of its name, keys and values among them: the format has none for metadata."""
+    metadata = {key: text for key, text in metadata.items() if key != _CHECKSUM_KEY}
+    text = "\0".join((name, *(part for item in metadata.items() for part in item)))
+    return {**metadata, _CHECKSUM_KEY: f"crc32 {zlib.crc32(text.encode()):08x}"}
+
+
+def without_checksum(record: mcap.Metadata) -> dict[str, str]:
+    """The inverse of :func:`with_checksum`; metadata without one are taken as they are.
+
+    Raises :class:`RecordError` where the checksum is wrong, or its key or value damaged.
+    """
+    metadata = {key: text for key, text in record.metadata.items() if key != _CHECKSUM_KEY}
+    checked = len(metadata) < len(record.metadata) or any(map(_CHECKSUM.fullmatch, metadata.values()))
+    if checked and with_checksum(record.name, metadata) != record.metadata:
+        raise RecordError("the checksum of metadata is wrong")
+    return metadata
 
 
 def _parse_chunk(content: bytes) -> mcap.Chunk:
@@ -146,7 +167,7 @@ def _parse_chunk(content: bytes) -> mcap.Chunk:
     data_start = _CHUNK.size + name_length + 8
     compression = content[_CHUNK.size : data_start - 8]
     plain = _decompressed(compression, memoryview(content)[data_start:], size_bytes)
-    _check_checksum(plain, crc, "a chunk")
+    check_checksum(zlib.crc32(plain), crc, "a chunk")
     return mcap.Chunk("", plain, end_ns, start_ns, crc, size_bytes)
 
 
@@ -218,6 +239,7 @@ def _unzstd(data: memoryview, size: int, enough: int) -> bytes:
         return reader.read(enough)
 
 
-def _check_checksum(data: bytes, expected: int, whose: str) -> None:
-    if expected not in (0, zlib.crc32(data)):  # 0 means that the writer made none
+def check_checksum(checksum: int, expected: int, whose: str) -> None:
+    """Raise :class:`RecordError` unless a checksum is the one that a record names, or it names none."""
+    if expected not in (0, checksum):  # 0 means that the writer made none
         raise RecordError(f"the checksum of {whose} is wrong")

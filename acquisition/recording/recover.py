@@ -29,6 +29,7 @@ from mcap.reader import make_reader
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
+from acquisition.core.budget import MESSAGES, Meter
 from acquisition.core.channel import Channel
 from acquisition.core.channels import channels_known_to
 from acquisition.core.errors import InputError, StorageError
@@ -38,8 +39,15 @@ from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.batches import Batch, batches
 from acquisition.recording.messages import ENCODING, ENCODING_BEFORE, Topic, decode, encode
-from acquisition.recording.reader import REMEDY, MessageStream, open_recording, read_trial
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError
+from acquisition.recording.reader import (
+    REMEDY,
+    MessageStream,
+    count_definition,
+    count_description,
+    open_recording,
+    read_trial,
+)
+from acquisition.recording.records import HEAD, RecordError, with_checksum, without_checksum
 from acquisition.recording.scan import Damage, Intact, scan
 from acquisition.recording.schemas import channel_metadata, kind_of
 
@@ -73,35 +81,35 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
 
     Raises :class:`InputError` for more of them than there can be.
     """
-    definitions, size_bytes = Definitions(), 0
+    definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
     for found in _scan(stream, progress):
         if not isinstance(found, Intact):
             continue
         if isinstance(found.record, mcap.Header):
             definitions.header = found.record
+        if isinstance(found.record, mcap.Metadata | mcap.Attachment):
+            count_description(found.record, meter)
         if isinstance(found.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(found.record.chunk_start_offset)
         known = definitions.vouched if isinstance(found.record, mcap.Chunk) else definitions.others
-        for record in _definitions_in(found.record):
-            first = known.setdefault((type(record), record.id), record)
-            if first is record or first != record:
-                size_bytes += _size_bytes(record)
-        if size_bytes > LARGEST_BYTES:
-            raise InputError("is damaged", where=str(path), why="it defines more topics than there can be")
+        for record in _definitions_in(found.record, meter):
+            first = known.get((type(record), record.id))
+            count_definition(record, meter, is_new=first != record)
+            if first is None:
+                known[type(record), record.id] = record
     definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
     return definitions
 
 
-def _size_bytes(record: mcap.Channel | mcap.Schema) -> int:
-    return len(record.data) if isinstance(record, mcap.Schema) else len(record.topic) + len(str(record.metadata))
-
-
-def _definitions_in(record: mcap.McapRecord | None) -> Iterator[mcap.Channel | mcap.Schema]:
+def _definitions_in(record: mcap.McapRecord | None, meter: Meter) -> Iterator[mcap.Channel | mcap.Schema]:
+    """Those in a record. Raises :class:`InputError` where the file holds more of anything than its budget."""
     within = batches(record) if isinstance(record, mcap.Chunk) else iter([record])
     with suppress(RecordError):  # counted when the messages are copied
         for each in within:
             if isinstance(each, mcap.Channel | mcap.Schema):
                 yield each
+            elif isinstance(each, Batch | mcap.Message):
+                meter.add(MESSAGES, len(each) if isinstance(each, Batch) else 1)
 
 
 def _scan(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
@@ -318,14 +326,16 @@ class Saving:
         self._after_damage = False
 
     def _take_metadata(self, metadata: mcap.Metadata) -> None:
-        name = metadata.name
-        if name == "trial":
-            try:
-                Trial.from_metadata(metadata.metadata)
-            except ValueError:  # it would keep the copy from being read; under another name it is not lost
-                name = "trial (damaged)"
-                self.found.lose("a run sheet, kept as metadata 'trial (damaged)'", 0)
-        self.writer.add_metadata(name, metadata.metadata)
+        name, texts = metadata.name, metadata.metadata
+        try:
+            plain = without_checksum(metadata)
+            if name == "trial":
+                Trial.from_metadata(plain)
+        except ValueError:  # it would keep the copy from being read; under another name it is not lost
+            name = f"{name} (damaged)"
+            texts = with_checksum(name, texts)
+            self.found.lose(f"metadata, kept as {name!r}", 0)
+        self.writer.add_metadata(name, texts)
         self.found.metadata += 1
 
     def _channel(self, number: int) -> tuple[int, str] | None:
@@ -409,7 +419,8 @@ def _write(
     progress: Progress,
 ) -> Copy:
     with partial.open("wb") as file:
-        writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        zstd = CompressionType.ZSTD
+        writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
         writer.start(profile=definitions.header.profile, library=software_version())
         saved = saving(writer, definitions)
         for found in _scan(stream, progress):

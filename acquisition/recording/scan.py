@@ -17,12 +17,15 @@ from typing import BinaryIO
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
+from acquisition.core.budget import EXPANDED_BYTES, Meter
 from acquisition.core.errors import InputError
+from acquisition.core.trial import SOFTWARE
 from acquisition.recording.records import (
     CHUNK_HEAD_BYTES,
     HEAD,
     LARGEST_BYTES,
     RecordError,
+    check_checksum,
     check_chunk_head,
     is_known,
     is_private,
@@ -41,6 +44,7 @@ _CHUNK = re.compile(  # kind, length, two times, size, checksum, name of the com
 )
 _INDEX_HEAD = struct.Struct("<BQHI")  # kind, length, number of the channel, bytes of the entries
 _INDEX_FIXED_BYTES = 6
+_CHECKSUM_BYTES = 4
 _GUARDED = (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.DATA_END, Opcode.FOOTER)  # by a checksum, or what follows
 _BLOCK_BYTES = 1024 * 1024  # read at once: there are hundreds of records in it
 _OVERLAP_BYTES = HEAD.size + CHUNK_HEAD_BYTES
@@ -81,7 +85,7 @@ class Damage:
 def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
     """All of a file in its order, without a hole: the end of each is the start of the next.
 
-    Raises :class:`InputError` when the disk does not give it.
+    Raises :class:`InputError` when the disk does not give it, and for more unpacked bytes than the file's budget.
     """
     records = _Records(stream)
     offset = 0
@@ -101,12 +105,14 @@ class _Records:
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
         self.size_bytes = stream.seek(0, os.SEEK_END)
-        self._checksum: int | None = 0  # of all bytes so far; unknown behind damage
+        self._checksum: int | None = 0  # of this section's bytes so far; unknown behind damage
         self._block, self._block_start = b"", 0  # what was read last, more than was asked for
         self._chunked = False  # a chunk was met, intact or not
+        self._is_own = False  # the recorder, or a recovery, wrote it
         self._amid_damage = False  # no chunk has been found intact since the last damage
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
+        self._meter = Meter(str(getattr(stream, "name", "")), self.size_bytes)
 
     def record_or_damage_at(self, offset: int) -> Intact | Damage:
         """The record that begins here, or the damage."""
@@ -119,7 +125,7 @@ class _Records:
         """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""
         head = self._peek(offset, HEAD.size)
         if head.startswith(MCAP_MAGIC):
-            self._count_in(MCAP_MAGIC)
+            self._checksum = zlib.crc32(MCAP_MAGIC)
             return Intact(offset, offset + len(MCAP_MAGIC), None)
         if offset == 0:  # the magic bytes are gone, so what is here must prove itself
             self._check_found(0)
@@ -188,23 +194,37 @@ class _Records:
         """The record, if its surroundings make it one: not every kind has a checksum or a length of its own.
 
         After damage in a file of chunks no message outside a chunk counts: it is more likely out of the damaged
-        chunk, and nothing vouches for it.
+        chunk, and nothing vouches for it. In a file of our own writing there is none, nor a private record, nor an
+        attachment without a checksum: what looks so is a record of another kind with a flipped bit.
         """
+        if self._is_own and (opcode == Opcode.MESSAGE or is_private(opcode)):
+            raise RecordError("a record that the recorder does not write")
         if opcode == Opcode.MESSAGE and self._chunked and self._amid_damage:
             raise RecordError("a message without a checksum amid damage")
         if (opcode == Opcode.MESSAGE or is_private(opcode)) and not self._leads_on(end):
             raise RecordError("a record that nothing follows")
         if opcode == Opcode.FOOTER and self._peek(end, len(MCAP_MAGIC)) != MCAP_MAGIC:
             raise RecordError("no magic bytes at the end")
-        return parse(opcode, content)
+        record = parse(opcode, content)
+        if self._is_own and isinstance(record, mcap.Attachment):
+            checksum = int.from_bytes(content[-_CHECKSUM_BYTES:], "little")
+            check_checksum(checksum, zlib.crc32(content[:-_CHECKSUM_BYTES]), "an attachment")
+        return record
 
     def _account(self, record: mcap.McapRecord | None, head: bytes, content: bytes) -> None:
+        if isinstance(record, mcap.Header):
+            self._is_own = record.library.startswith(SOFTWARE)
         if isinstance(record, mcap.Chunk):
+            self._meter.add(EXPANDED_BYTES, len(record.data))
             self._chunked, self._amid_damage = True, False
         if isinstance(record, mcap.DataEnd):
-            if self._checksum is not None and record.data_section_crc not in (0, self._checksum):
-                raise RecordError("the checksum of the whole data is wrong")
-            self._checksum = None  # it ends here
+            if self._checksum is not None:
+                check_checksum(self._checksum, record.data_section_crc, "the whole data")
+            self._checksum = 0  # of the summary, which begins here
+            return
+        if isinstance(record, mcap.Footer) and self._checksum is not None:
+            checksum = zlib.crc32(content[:-_CHECKSUM_BYTES], zlib.crc32(head, self._checksum))
+            check_checksum(checksum, record.summary_crc, "the summary")
         self._count_in(head, content)
 
     def _count_in(self, *pieces: bytes) -> None:

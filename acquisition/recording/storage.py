@@ -7,7 +7,9 @@ file always ends with a complete record; a write that fails halfway is cut off a
 from __future__ import annotations
 
 import os
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from errno import EACCES, EINVAL, ENODEV, ENOSYS, ENOTSUP, EPERM
 from pathlib import Path
 
 from acquisition.config.sections import RecordingSection
@@ -20,6 +22,7 @@ _MEGA = 1_000_000
 _LARGEST_RESERVE_BYTES = 200 * _MEGA
 _RESERVE_SHARE = 0.05
 _COPY_BYTES = 1024 * 1024
+_FOLDER_SYNC_UNSUPPORTED = {EACCES, EINVAL, ENOSYS, ENOTSUP, EPERM}
 
 
 def free_bytes(folder: Path) -> tuple[int, int]:
@@ -70,23 +73,85 @@ def require_room(folder: Path, settings: RecordingSection) -> None:
         raise StorageError("cannot be recorded to", where=str(folder), why=why, fix=fix)
 
 
+def mount_point(folder: Path) -> Path | None:
+    """Where the disk below ``folder`` is mounted; None on the root disk, which cannot go."""
+    place = folder.resolve()
+    point = next(path for path in (place, *place.parents) if os.path.ismount(path))
+    return None if point == point.parent else point
+
+
+def require_mounted(point: Path | None) -> None:
+    """Raise OSError where nothing is mounted at ``point`` any more: its folder now belongs to another disk."""
+    if point is not None and not os.path.ismount(point):
+        raise OSError(ENODEV, f"the disk at {point} is gone: nothing is mounted there")
+
+
+class SyncThread:
+    """The thread in which disks keep what was written, for all parts of a recording.
+
+    Where the system gives no thread, the caller's is used, and a new one is tried again each time.
+    """
+
+    def __init__(self) -> None:
+        self._executor: ThreadPoolExecutor | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether there is a thread."""
+        return self._executor is not None
+
+    def start(self) -> None:
+        """Start the thread, unless there is one."""
+        if self._executor is None:
+            executor = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sync")
+            try:
+                executor.submit(int)  # the only thread of an executor starts with its first work
+            except RuntimeError:
+                return
+            self._executor = executor
+
+    def submit(self, call: Callable[[int], None], descriptor: int) -> Future[None]:
+        """Call with a descriptor in the thread; the future has the result, or the exception."""
+        self.start()
+        if self._executor is not None:
+            return self._executor.submit(call, descriptor)
+        future: Future[None] = Future()
+        try:
+            call(descriptor)
+            future.set_result(None)
+        except OSError as error:
+            future.set_exception(error)
+        return future
+
+    def stop(self) -> None:
+        """End the thread, after what it is doing."""
+        if self._executor is not None:
+            self._executor.shutdown()
+            self._executor = None
+
+
 class CommittedFile:
     """A file that is only ever appended to, with the part of the file interface that MCAP's writer uses.
 
     ``committed`` is its length after the last :meth:`flush`, ``synced`` after the last :meth:`sync`; both in
-    bytes. Methods raise OSError.
+    bytes. ``thread`` syncs in the background. Methods raise OSError.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, thread: SyncThread | None = None) -> None:
         self.path = path
         self.committed = 0
         self.synced = 0
         self._gathered = bytearray()
         # A slow disk takes seconds to keep what it is given, which the recorder has not got.
-        self._disk = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sync")
+        self._thread = thread or SyncThread()
         self._syncing: Future[None] | None = None
         self._syncing_bytes = 0
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+        try:
+            self.inode = os.fstat(self._descriptor).st_ino
+        except OSError:
+            self.close()
+            raise
 
     @property
     def closed(self) -> bool:
@@ -138,8 +203,13 @@ class CommittedFile:
             self._end_syncing()
             self.synced = self._syncing_bytes
         self._syncing_bytes = self.committed
-        self._syncing = self._disk.submit(os.fdatasync, self._descriptor)
+        self._syncing = self._thread.submit(os.fdatasync, self._descriptor)
         return True
+
+    def _await_sync(self) -> None:
+        """Wait for a sync in the background: it uses the descriptor."""
+        if self._syncing is not None:
+            wait([self._syncing])
 
     def _end_syncing(self) -> None:
         """Let a sync in the background come to its end, and raise what went wrong with it: the system tells it once
@@ -161,7 +231,7 @@ class CommittedFile:
 
         Returns whether the ending was written.
         """
-        self._disk.shutdown()
+        self._await_sync()
         self._syncing = None
         self._gathered.clear()
         self.cut_to(self.synced)
@@ -179,16 +249,13 @@ class CommittedFile:
 
         Leaves nothing at ``path`` if that fails.
         """
-        path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with path.open("xb") as copy:
+            with path.open("wb") as copy:
                 for offset in range(0, self.committed, _COPY_BYTES):
                     copy.write(os.pread(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
                 copy.write(ending)
                 copy.flush()
                 os.fsync(copy.fileno())
-        except FileExistsError:
-            raise
         except OSError:
             path.unlink(missing_ok=True)
             raise
@@ -196,15 +263,49 @@ class CommittedFile:
     def close(self) -> None:
         """Let go of the file; a second call does nothing."""
         if not self.closed:
-            self._disk.shutdown()
+            self._await_sync()
             descriptor, self._descriptor = self._descriptor, -1
             os.close(descriptor)
 
 
-def sync_folder(folder: Path) -> None:
-    """Make the disk keep a new file's name too, not only what is in it."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def end_file(path: Path, inode: int, length: int, ending: bytes) -> None:
+    """Cut the file at ``path`` to ``length`` and end it, if it is still the one with that inode, and as long."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     try:
-        os.fsync(descriptor)
+        state = os.fstat(descriptor)
+        if state.st_ino == inode and state.st_size >= length:
+            os.ftruncate(descriptor, length)
+            os.pwrite(descriptor, ending, length)
+            os.fdatasync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def new_file(folder: Path, stem: str) -> Path:
+    """A new empty ``.mcap`` file of our own, the stem with a number where that name is taken; the folder is made.
+
+    Of two programs that want one name, the second gets the next.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    number, path = 1, folder / f"{stem}.mcap"
+    while True:
+        try:
+            path.touch(exist_ok=False)
+        except FileExistsError:
+            number += 1
+            path = folder / f"{stem}_{number}.mcap"
+        else:
+            return path
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the disk keep a new file's name too, not only what is in it; some file systems keep it unasked."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _FOLDER_SYNC_UNSUPPORTED:
+            raise

@@ -16,11 +16,12 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from acquisition.core.arrays import Series
+from acquisition.core.budget import EXPANDED_BYTES, MESSAGES, Meter
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.messages import Topic
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
+from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse, without_checksum
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import CHANNEL_PREFIX
 
@@ -57,6 +58,7 @@ class Tail:
         self._topics: dict[int, Topic] = {}
         self._schemas: dict[int, bytes] = {}
         self._offset = len(MCAP_MAGIC)
+        self._meter = Meter(path, 0)
         self._doubted = -1  # where a record was met that could not be read, the last time
         try:
             self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
@@ -78,12 +80,13 @@ class Tail:
     def read(self) -> dict[str, Series]:
         """The samples that have come since the last time, by channel, each in the order of reception.
 
-        Raises :class:`InputError` where the file holds what is no record.
+        Raises :class:`InputError` where the file holds what is no record, or more than its budget.
         """
         size = os.fstat(self._descriptor).st_size
         self.cut = self.cut or size < self._offset != len(MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
             return {}
+        self._meter.grow(size)
         samples: dict[str, SeriesBuilder] = {}
         places = self._places(size)
         for place in self._wanted(places):
@@ -127,8 +130,11 @@ class Tail:
         content = os.pread(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
         try:
             record = parse(place.opcode, content)
+            self._meter.add(EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)
             for each in batches(record) if isinstance(record, mcap.Chunk) else [record]:
                 self._note(each, samples)
+        except InputError:  # more than its budget
+            raise
         except (RecordError, KeyError, TypeError, ValueError, OverflowError):
             if is_last and self._doubted != place.start:
                 self._doubted = place.start
@@ -138,6 +144,7 @@ class Tail:
 
     def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
+            self._meter.add(MESSAGES, len(record))
             add_samples(samples, record, self._topics)
         elif isinstance(record, mcap.Schema):
             self._schemas[record.id] = record.data
@@ -146,8 +153,8 @@ class Tail:
                 record.topic, record.message_encoding, self._schemas.get(record.schema_id, b"")
             )
         elif isinstance(record, mcap.Metadata) and record.name == "trial":
-            self.trial = Trial.from_metadata(record.metadata)
+            self.trial = Trial.from_metadata(without_checksum(record))
         elif isinstance(record, mcap.Metadata):
-            self.metadata[record.name] = record.metadata
+            self.metadata[record.name] = without_checksum(record)
         elif isinstance(record, mcap.Footer):
             self.ended = True

@@ -16,7 +16,7 @@ from acquisition.core.trial import Trial, software_version
 from acquisition.recording.mcap_file import McapFile, end_without_index
 from acquisition.recording.messages import ENCODING, MessageSink
 from acquisition.recording.schemas import channel_metadata, kind_of
-from acquisition.recording.storage import CommittedFile, sync_folder
+from acquisition.recording.storage import CommittedFile, SyncThread, end_file, sync_folder
 
 _CHUNK_BYTES = 256 * 1024
 _LATEST_NS = 2**63 - 1
@@ -31,7 +31,13 @@ class RecordingWriter(MessageSink):
     Raises :class:`StorageError` when the file cannot be created or written.
     """
 
-    def __init__(self, path: Path | str, trial: Trial, attachments: Mapping[str, bytes] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        trial: Trial,
+        attachments: Mapping[str, bytes] | None = None,
+        thread: SyncThread | None = None,
+    ) -> None:
         self.path = Path(path)
         self.messages = 0
         self._known = channels_known_to(trial)
@@ -39,9 +45,13 @@ class RecordingWriter(MessageSink):
         self._schemas: dict[str, int] = {}
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = CommittedFile(self.path)
+            self._file = CommittedFile(self.path, thread)
+        except OSError as error:
+            raise storage_error(path, error, "cannot be created") from error
+        try:
             sync_folder(self.path.parent)
         except OSError as error:
+            self._file.close()
             raise storage_error(path, error, "cannot be created") from error
         self._mcap = McapFile(self._file, software_version(), _CHUNK_BYTES)
         self._mcap.add_metadata("trial", trial.as_metadata())
@@ -115,6 +125,10 @@ class RecordingWriter(MessageSink):
         Such a file has no index, which readers can do without. Returns whether it could be ended.
         """
         return self._file.abandon(end_without_index())
+
+    def end_later(self) -> None:
+        """End an abandoned file that could not be ended: cut it to what was synced. Raises OSError."""
+        end_file(self.path, self._file.inode, self._file.synced, end_without_index())
 
     def put_back(self, path: Path) -> None:
         """Write the content of a file that was deleted to ``path``, ended without an index, and let go of it.

@@ -6,6 +6,7 @@ A source yields frames with their times of reception and knows nothing of what i
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -64,6 +65,7 @@ class Source(ABC):
     ``lost`` is how much the system had no room for, as far as it tells, and ``loss`` says what that is. ``exact``
     tells whether all that was read last is stamped with when it came, by the system or a driver, not with when it
     was read. ``behind`` tells whether more was waiting than was read. ``senders`` are those of a network's port.
+    ``refused`` counts by reason what came and made no frame.
     """
 
     lost = 0
@@ -74,6 +76,7 @@ class Source(ABC):
 
     def __init__(self, config: AnySource) -> None:
         self.name = config.name
+        self.refused: Counter[str] = Counter()
         self._config: Any = config
         self._link: Any = None
 

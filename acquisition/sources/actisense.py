@@ -11,11 +11,16 @@ from typing import NamedTuple
 
 MARK, END = b"\x10\x02", b"\x10\x03"
 _DLE = b"\x10"
-_BODY = re.compile(rb"((?:[^\x10]|\x10\x10)*+)\x10([^\x10])", re.DOTALL)
-_KINDS = frozenset(range(0x90, 0xB0)) | frozenset(range(0xD0, 0xE0))
 _LONGEST_BYTES = 1_800  # 1,785 bytes is the longest message
+_BODY = re.compile(rb"(?:[^\x10]++|\x10\x10)*+\x10[^\x10]", re.DOTALL)
+_KINDS = frozenset(range(0x90, 0xB0)) | frozenset(range(0xD0, 0xE0))
+_TEXT_KIND = b"\x9d"
 _LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
 _LONGEST_LINE_BYTES = 8192  # of a message of 1,785 bytes in hexadecimal; a line without an end must not eat memory
+_SHORTEST_CUT_BYTES = 4096  # more than the longest sentence, which the same message has in it
+_BEGINNING = re.compile(rb"\\[^\\]{1,200}(?:\\[$!]?|\Z)|[$!]{1,2}")
+"""Of a sentence, or of its TAG block."""
+_SENTENCE_LINE = re.compile(rb"[$!][A-Za-z0-9]{3,16},[\x20-\x7e]{0,200}\*[0-9A-Fa-f]{2}[\r\n]")
 _MILLI_NS = 1_000_000
 _UPTIME_TURN_NS = 2**32 * _MILLI_NS
 _STEPS_NS = (1_000_000, 100_000, 10_000, 1_000)  # of the 16-bit clock of single frames, by two bits
@@ -38,11 +43,11 @@ class Stored(NamedTuple):
 
 def stored_message(stored: bytes) -> Stored | None:
     """What a message with its checksum holds; None for one that is not sound."""
-    if len(stored) < 3 or sum(stored) & 0xFF:
+    if len(stored) < 3:
         return None
     body, kind = stored[:-1], stored[0]
     length = int.from_bytes(body[1:3], "little") if kind == 0xD0 else body[1] + 2
-    if length != len(body):
+    if length != len(body) or sum(stored) & 0xFF:
         return None
     if kind == 0x93:
         return message_entry(body)
@@ -50,7 +55,7 @@ def stored_message(stored: bytes) -> Stored | None:
         return _single_frame(body)
     if kind == 0xD0:
         return _newest(body)
-    return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == 0x9D else Stored()
+    return Stored(sentence=body[2:].strip(b"\0\r\n \t")) if kind == _TEXT_KIND[0] else Stored()
 
 
 def is_message(piece: bytes) -> bool:
@@ -101,27 +106,26 @@ class Cutter:
 
     def push(self, received: bytes) -> list[bytes]:
         """The lines and messages that ``received`` completes; empty lines are passed over."""
-        data, pieces, start, at = self._pending + received, list[bytes](), 0, 0
+        data, pieces, start, at, end = self._pending + received, list[bytes](), 0, 0, 0
         while (at := data.find(MARK, at)) >= 0:
-            found = _BODY.match(data, at + len(MARK))
-            if found is None:
-                if _may_go_on(data, at + len(MARK)):
-                    break
-            elif found[2] == END[1:] and stored_message(body := found[1].replace(_DLE * 2, _DLE)) is not None:
-                pieces += [*_lines(data[start:at] + b"\n"), MARK + body]
-                start = at = found.end()
-                continue
-            at += 1
+            body = at + len(MARK)
+            if body >= end:  # what seems a mark inside, behind an escaped byte, would end at the same place
+                frame = _BODY.match(data, body)
+                end = len(data) + 1 if frame is None else frame.end()
+            if (message := _message(data, body, end)) is not None:
+                pieces += [*_lines(data[start:at]), MARK + message]
+                start = at = end
+            elif end > len(data) and _may_go_on(data, body):
+                break
+            else:
+                at += 1
         until = len(data) if at < 0 else at
         last = max(data.rfind(b"\n", start, until), data.rfind(b"\r", start, until))
         if last >= 0:
             pieces += _lines(data[start : last + 1])
             start = last + 1
-        if len(data) - start > _LONGEST_LINE_BYTES:
-            pieces.append(data[start:])
-            start = len(data)
-        self._pending = data[start:]
-        return pieces
+        *full, self._pending = _in_pieces(data[start:])
+        return pieces + full
 
     def cut(self) -> None:
         """The stream was cut and begins anew: what was under way stays as far as it came, by itself."""
@@ -135,14 +139,36 @@ class Cutter:
 
 
 def _lines(text: bytes) -> list[bytes]:
-    return [stripped for line in _LINE_END.split(text) if (stripped := line.strip(b"\0 \t"))]
+    stripped = [line.strip(b"\0 \t") for line in _LINE_END.split(text)]
+    return [piece for line in stripped if line for piece in _in_pieces(line)]
+
+
+def _in_pieces(line: bytes) -> list[bytes]:
+    """A line in pieces that are not too long; no sentence is cut in two that is not too long itself."""
+    pieces = []
+    while len(line) > _LONGEST_LINE_BYTES:
+        beginnings = _BEGINNING.finditer(line, _SHORTEST_CUT_BYTES, _LONGEST_LINE_BYTES)
+        cut = max((beginning.start() for beginning in beginnings), default=_LONGEST_LINE_BYTES)
+        pieces.append(line[:cut])
+        line = line[cut:]
+    return [*pieces, line]
+
+
+def _message(data: bytes, at: int, end: int) -> bytes | None:
+    """The sound message with these bounds, unescaped; None where there is none."""
+    if end > len(data) or data[end - len(END) : end] != END or end - at > 2 * _LONGEST_BYTES:
+        return None
+    message = data[at : end - len(END)].replace(_DLE * 2, _DLE)
+    return None if stored_message(message) is None else message
 
 
 def _may_go_on(data: bytes, at: int) -> bool:
-    """Whether a message may begin here of which more is to come: by its kind, and its length with all escaped."""
+    """Whether a message may begin here of which more is to come: by its kind, and its length with all escaped.
+
+    What a line with a sentence follows upon is noise that looks so, and must not hold the sentence back.
+    """
     kind, length = data[at : at + 1], data[at + 1 : at + 3]
     if kind and kind[0] not in _KINDS:
         return False
-    return len(data) - at < (
-        2 * _LONGEST_BYTES if kind == b"\xd0" else 2 * (258 if len(length) < 2 else length[0] + 4)
-    )
+    most = 2 * _LONGEST_BYTES if kind == b"\xd0" else 2 * (258 if len(length) < 2 else length[0] + 4)
+    return len(data) - at < most and (kind == _TEXT_KIND or not _SENTENCE_LINE.search(data, at))

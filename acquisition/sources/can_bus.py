@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import os
 import socket
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import can
+from can.interfaces.udp_multicast.utils import unpack_message
 
 from acquisition.config.sections import CanSource
-from acquisition.core.frames import Frame, FrameFlag, can_flags
+from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags
 from acquisition.sources import Source, source_error
 from acquisition.sources.sockets import Drops, enlarge, received_at
 
 _MOST_FRAMES_AT_ONCE = 200
+_UNREADABLE = "frame that cannot be read"
+_MOST_UNREADABLE = 1_000  # in a row: then it is the driver that is broken, not what comes
+_LONGEST_FRAME_BYTES = 64
 _BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, of whose frames each takes some 800 bytes of it
 
 
@@ -39,11 +46,20 @@ def flags_of(message: can.Message) -> FrameFlag:
 class CanBus(Source):
     """One bus; frames have the system's stamp where they come by a socket, else that of when they are read.
 
-    ``lost`` counts the frames that the system had no room for.
+    ``lost`` counts the frames that the system had no room for, ``refused`` what came and was no frame: noise on the
+    serial line of an adapter, a stranger's datagram. A bus that fails does so once what came before is passed on.
     """
+
+    def __init__(self, config: CanSource) -> None:
+        super().__init__(config)
+        self._unreadable = 0
+        self._failed: Exception | None = None
 
     def _connect(self) -> can.BusABC:
         bus = open_bus(self._config)
+        if self._config.interface == "udp_multicast":
+            bus._multicast.recv = partial(self._readable, bus._multicast.recv)
+        self._unreadable, self._failed = 0, None
         self._socket = _socket_of(bus)
         if self._socket is not None:
             enlarge(self._socket, _BUFFER_BYTES)
@@ -53,17 +69,47 @@ class CanBus(Source):
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         frames: list[Frame] = []
         self.exact = self._socket is not None
+        if self._failed is not None:
+            raise self.failure("CAN bus failed", str(self._failed)) from self._failed
         try:
-            message = self._link.recv(timeout_s)
-            while message is not None:
-                frames.append(self._frame(message))
-                message = self._link.recv(0.0) if len(frames) < _MOST_FRAMES_AT_ONCE else None
-        except (can.CanError, OSError) as error:
-            raise self.failure("CAN bus failed", str(error)) from error
+            while len(frames) < _MOST_FRAMES_AT_ONCE and (message := self._link.recv(0.0 if frames else timeout_s)):
+                if _is_frame(message):
+                    frames.append(self._frame(message))
+                else:
+                    self.refused[_UNREADABLE] += 1
+        except Exception as error:
+            if isinstance(error, can.CanError | OSError) and not isinstance(error.__cause__, ValueError):
+                if not frames:
+                    raise self.failure("CAN bus failed", str(error)) from error
+                self._failed = error
+            else:  # python-can's drivers raise what they like where a line is no frame
+                self._count_unreadable(error)
+        else:
+            self._unreadable = 0
         self.behind = len(frames) == _MOST_FRAMES_AT_ONCE
         if self._socket is not None:
             self.lost += self._drops.since()
         return frames
+
+    def _count_unreadable(self, error: Exception) -> None:
+        self.refused[_UNREADABLE] += 1
+        self._unreadable += 1
+        if isinstance(pending := getattr(self._link, "_buffer", None), bytearray):
+            pending.clear()  # slcan keeps what is no text, and would fail on it for ever
+        if self._unreadable > _MOST_UNREADABLE:
+            raise self.failure("CAN bus failed", f"{type(error).__name__} {error}") from error
+
+    def _readable(self, receive: Callable[[float | None], Any], timeout_s: float | None = None) -> Any:
+        """What python-can received by multicast; nothing where it would take a datagram for a fault of the bus."""
+        received = receive(timeout_s)
+        if received is None:
+            return None
+        try:
+            unpack_message(received[0], check=True)
+        except Exception:  # as the library says
+            self.refused[_UNREADABLE] += 1
+            return None
+        return received
 
     def close(self) -> None:
         if self._link is not None:
@@ -77,6 +123,12 @@ class CanBus(Source):
         times, stamped = received_at(stamp_ns)
         self.exact = self.exact and stamped
         return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
+
+
+def _is_frame(message: can.Message) -> bool:
+    """Whether a message can have been on a bus: some drivers do not look at what they are told."""
+    identifier, highest = message.arbitration_id, HIGHEST_IDENTIFIER if message.is_extended_id else 0x7FF
+    return isinstance(identifier, int) and 0 <= identifier <= highest and len(message.data) <= _LONGEST_FRAME_BYTES
 
 
 def _socket_of(bus: can.BusABC) -> socket.socket | None:

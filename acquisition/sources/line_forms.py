@@ -14,15 +14,13 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from acquisition.core.frames import NANO, FrameFlag, Protocol, can_flags
+from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from acquisition.decoders.clock import DAY_NS
-from acquisition.decoders.nmea0183 import checksum, split_tag
-from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, day_ns, possible_ns, told_time, zoned_ns
+from acquisition.decoders.nmea0183 import checksum, cut_at_sentences, has_sentence, sentences_in, split_tag
+from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, StatedTimes, day_ns, possible_ns, zoned_ns
 from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
-HIGHEST_IDENTIFIER = 0x1FFFFFFF
-"""Of a CAN frame: 29 bits."""
 _MOST_BYTES = 64  # of a frame of CAN FD
 _LONGEST_MESSAGE = 1785  # bytes, of ISO 11783's transport protocol
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
@@ -292,16 +290,26 @@ LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
 }
 """Each form of a line by its name, with what it looks like and how it is read."""
 
-_NO_ENTRY = _pattern(r"(?:[#;].*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*|(?:timestamp|received_at),.*|)")
+_NO_ENTRY = _pattern(
+    r"(?:[#;][^\x00-\x08\x0e-\x1f\x7f]*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*|(?:timestamp|received_at),.*|)"
+)
 _COMMENTS = frozenset("#;")
 _COLOUR = _pattern(r"\x1b\[[0-9;]*m")
 _BEGINNINGS = ("$", "!", "\\", "UdPbC")  # of a sentence, a TAG block, a datagram's prefix
-_ENDING = _pattern(r"(?P<inner>.*\*[0-9A-Fa-f]{2})[\s,;]+(?P<after>[^*]*)")
+_ENDING = _pattern(r"(?P<inner>.*\*[0-9A-Fa-f]{2})[\s,;]++(?P<after>[^*$!]*)")
+_PACKED = re.compile(rb"[$!](?:PCDIN|PDGY|[A-Z]{2}PGN),")  # a gateway's message
 _ENVELOPES = (
     _pattern(r"(?P<before>\d{13};)[A-Za-z0-9]{0,12};(?P<inner>.*)"),  # Signal K's log of all its inputs
     # OpenCPN's voyage data recorder: the time, the protocol, one or two columns of its own, what came.
     _pattern(r"(?P<before>[^,]*),NMEA2000,(?:[^,]*,){1,2}\"?(?P<inner>A?[0-9A-Fa-f][0-9A-Fa-f:.RT ]{11,})\"?"),
 )
+
+
+def parts_of(piece: bytes) -> list[bytes]:
+    """A line or message in parts of one entry each: cut where a gateway's message stands among sentences."""
+    if piece.startswith(MARK) or not _PACKED.search(piece):
+        return [piece]
+    return cut_at_sentences(piece) if len(sentences_in(piece)) > 1 else [piece]
 
 
 class LineReader:
@@ -310,12 +318,17 @@ class LineReader:
     ``unreadable`` counts those that are neither an entry nor a comment.
     """
 
-    def __init__(self, form: str = "") -> None:
+    def __init__(self, form: str = "", times: StatedTimes | None = None) -> None:
         self.unreadable = 0
+        self.times = times or StatedTimes()
         self._forms = [each for name, forms in LINE_FORMS.items() if form in ("", name) for each in forms]
 
+    def entries(self, piece: bytes) -> list[Entry]:
+        """The entries in a line or a message."""
+        return [entry for part in parts_of(piece) if (entry := self.entry(part)) is not None]
+
     def entry(self, piece: bytes) -> Entry | None:
-        """The entry in a line or a message, if there is one."""
+        """The entry in a line or a message, if there is one; of a line that :func:`parts_of` leaves as it is."""
         if piece.startswith(MARK) and (stored := stored_message(piece[len(MARK) :])) is not None:
             return _of_stored(stored)
         text = piece.decode("latin-1")
@@ -324,13 +337,13 @@ class LineReader:
     def _sentence(self, text: str) -> Entry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
         if text[-3:-2] != "*" and (found := _ENDING.fullmatch(text)):
-            return _at(self._sentence(found["inner"]), told_time(found["after"]))
+            return _at(self._sentence(found["inner"]), self.times.read(found["after"]))
         line = text.encode("latin-1")
         tagged = split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
             entry = self._bare(tagged.sentence.decode("latin-1"))
             if entry is None:
-                self.unreadable += 1
+                return self._disturbed(line)
             return _at(entry, None if tagged.time_ns is None else (possible_ns(tagged.time_ns), 0))
         return None if _NO_ENTRY.fullmatch(text) else Entry(possible_ns(tagged.time_ns), line, protocol="nmea0183")
 
@@ -338,9 +351,14 @@ class LineReader:
         if "\x1b" in text:
             text = _COLOUR.sub("", text).strip()
         entry = self._bare(text) or self._enveloped(text)
-        if entry is None and not _NO_ENTRY.fullmatch(text):
-            self.unreadable += 1
-        return entry
+        return entry if entry is not None or _NO_ENTRY.fullmatch(text) else self._disturbed(text.encode("latin-1"))
+
+    def _disturbed(self, line: bytes) -> Entry | None:
+        """A line of no form, for the sentences that are in it all the same."""
+        if has_sentence(line):
+            return Entry(None, line, protocol="nmea0183")
+        self.unreadable += 1
+        return None
 
     def _bare(self, text: str) -> Entry | None:
         for form in self._forms:
@@ -357,9 +375,9 @@ class LineReader:
             return None
         if found := SENTENCE_BEHIND.fullmatch(text):
             inner = found["inner"].removesuffix('"') if found["before"].endswith('"') else found["inner"]
-            return _at(self._sentence(inner), told_time(found["before"]))
+            return _at(self._sentence(inner), self.times.read(found["before"]))
         found = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
-        return None if found is None else _at(self._bare(found["inner"]), told_time(found["before"]))
+        return None if found is None else _at(self._bare(found["inner"]), self.times.read(found["before"]))
 
 
 def _of_stored(stored: Stored) -> Entry | None:

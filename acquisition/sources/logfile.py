@@ -10,29 +10,35 @@ nobody does, it is received as fast as it is read.
 
 from __future__ import annotations
 
-import gzip
+import datetime as dt
 import logging
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from functools import partial
-from io import BytesIO, TextIOWrapper
+from io import BytesIO
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 import can
+from can.io import blf
 
 from acquisition.config.sections import FileSource
-from acquisition.core.frames import Frame, iso, now_ns
-from acquisition.decoders.nmea0183 import split_sentence, split_tag
+from acquisition.core.budget import LOG_BYTES
+from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
+from acquisition.core.times import Order, Stamp, date_order
+from acquisition.decoders.nmea0183 import has_sentence
+from acquisition.decoders.told_time import StatedTimes
 from acquisition.sources import SQLITE, LogReader, looks_like
+from acquisition.sources.bounded import BoundedLog, Lines
 from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
-from acquisition.sources.line_forms import HIGHEST_IDENTIFIER, LINE_FORMS, Entry, LineReader
-from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
+from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
+from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock, told_utc_ns
 
+_LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
@@ -42,8 +48,50 @@ UNDERSTOOD = (
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
-Make = Callable[[BinaryIO], Iterable[can.Message]]
-_BLF: Make = can.BLFReader
+Make = Callable[[Any], Iterable[can.Message]]
+_LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a text that somebody typed 64 kB
+
+
+class _Blf(can.BLFReader):  # type: ignore[misc]  # the library has no types
+    """Python-can's, but that a container unpacks to no more than a multiple of what containers hold."""
+
+    def __init__(self, file: BoundedLog) -> None:
+        super().__init__(file)
+        self._meter = file.meter
+
+    def __iter__(self) -> Generator[can.Message, None, None]:
+        head = blf.OBJ_HEADER_BASE_STRUCT
+        while data := self.file.read(head.size):
+            signature, _, _, size, kind = head.unpack(data)
+            if signature != b"LOBJ" or size < head.size:
+                raise blf.BLFParseError
+            body = self.file.read(size - head.size)
+            self.file.read(size % 4)
+            if kind == blf.LOG_CONTAINER:
+                plain = _container(body)
+                self._meter.add(LOG_BYTES, len(plain))
+                yield from self._parse_container(plain)
+                if len(self._tail) > _LONGEST_OBJECT_BYTES:
+                    raise ValueError("an object in it is longer than any")
+        self.stop()
+
+
+def _container(body: bytes) -> bytes:
+    """What is in a container; empty for a compression that nobody uses."""
+    (method, _), packed = blf.LOG_CONTAINER_STRUCT.unpack_from(body), body[blf.LOG_CONTAINER_STRUCT.size :]
+    if method == blf.NO_COMPRESSION:
+        return packed
+    if method != blf.ZLIB_DEFLATE:
+        blf.LOG.warning("Unknown compression method (%d)", method)
+        return b""
+    unpacking = zlib.decompressobj()
+    plain = unpacking.decompress(packed, _LARGEST_CONTAINER_BYTES)
+    if unpacking.unconsumed_tail:
+        raise ValueError(f"a container in it unpacks to more than {_LARGEST_CONTAINER_BYTES:,} bytes")
+    return plain
+
+
+_BLF: Make = _Blf
 
 
 class LogFile(LogReader):
@@ -56,6 +104,7 @@ class LogFile(LogReader):
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
         self._newest_ns: int | None = None  # as the log tells it
+        self._date_remark = ""
         self.timed = True  # whether the last frame had a time, of whatever kind
 
     @property
@@ -75,7 +124,7 @@ class LogFile(LogReader):
 
     @property
     def remark(self) -> str:
-        return self._clock.remark
+        return self._date_remark or self._clock.remark
 
     def _begin(self, file: BinaryIO) -> None:
         head = file.read(_HEAD_BYTES)
@@ -84,16 +133,23 @@ class LogFile(LogReader):
         if head.startswith(SQLITE):  # sentences in it would be found, without their topics and times
             raise ValueError(f"it looks like {looks_like(head)}")
         path: Path = self._config.path
-        make = _maker(head, self._config.form, partial(_opened, path, packed))
-        log = self._log = make()
+        make = _maker(head, self._config.form, partial(BoundedLog, path, packed=packed))
+        log = self._log = make(StatedTimes(self._config.date_order))
         entries = iter(log)
-        beginning = list(islice(entries, _HEAD_ENTRIES))
+        beginning, stated = _beginning(entries, log.times)
         if head and not any(map(_is_sound, chain(beginning, entries))):
             why = log.damage or f"it looks like {looks_like(head)}"
             raise ValueError(f"nothing in it can be recorded: {why}; supported are {UNDERSTOOD}")
         log.close()
-        self._clock = LogClock(beginning, path.stat().st_mtime_ns)
-        self._log = make()
+        tail = b"" if packed else _last_bytes(file)
+        changed_ns = path.stat().st_mtime_ns
+        times, self._date_remark = _settled(log.times, stated, tail, self._config.date_order, changed_ns)
+        if times.order != log.times.order or times.year is not None:
+            log = make(times)
+            beginning, _ = _beginning(iter(log), times)
+            log.close()
+        self._clock = LogClock(beginning, changed_ns)
+        self._log = make(times)
         self._entries = iter(self._log)
         self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 
@@ -130,15 +186,14 @@ def _inflated(beginning: bytes) -> bytes:
         raise ValueError(f"it cannot be unpacked: {error}") from error
 
 
-def _opened(path: Path, packed: bool) -> BinaryIO:
-    return cast(BinaryIO, gzip.GzipFile(path)) if packed else path.open("rb")
-
-
 class _Log:
     """A log by a function that reads it; what is broken where it ends before its time is its ``damage``."""
 
-    def __init__(self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str) -> None:
-        self._reader = LineReader(form)
+    def __init__(
+        self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str, times: StatedTimes
+    ) -> None:
+        self.times = times
+        self._reader = LineReader(form, times)
         self._entries = read(file, self._reader)
         self.damage = ""
         self.close = file.close
@@ -154,7 +209,52 @@ class _Log:
             self.damage = str(error)
 
 
-def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log]:
+def _beginning(entries: Iterator[Entry], times: StatedTimes) -> tuple[list[Entry], list[tuple[Stamp, int]]]:
+    """A log's first entries, and the dates beside those that state the UTC themselves."""
+    beginning, stated = list[Entry](), list[tuple[Stamp, int]]()
+    for entry in islice(entries, _HEAD_ENTRIES):
+        beginning.append(entry)
+        if times.last is not None and (utc_ns := told_utc_ns(entry)) is not None:
+            stated.append((times.last, utc_ns))
+    return beginning, stated
+
+
+def _last_bytes(file: BinaryIO) -> bytes:
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - _HEAD_BYTES, 0))
+    return file.read(_HEAD_BYTES)
+
+
+def _settled(
+    times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, given: Order | None, changed_ns: int
+) -> tuple[StatedTimes, str]:
+    """The reader of the dates of a log whose beginning and end were read, and a remark on what is not stated."""
+    ending = StatedTimes()
+    for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
+        pass
+    stamps = [*times.stamps, *ending.stamps]
+    order, why = (given, "as configured") if given else date_order(stamps, stated)
+    year, remark = None, ""
+    first = next(iter(times.stamps), None)
+    if first is not None and not first.has_year:
+        year = (dt.datetime.fromtimestamp(changed_ns / 1e9, dt.UTC)).year
+        remark = f"its dates, like {first.text!r}, have no year; that of the file's last change, {year}, is taken"
+        if stated:
+            year = dt.datetime.fromtimestamp(stated[0][1] / 1e9, dt.UTC).year
+            remark = f"its dates, like {first.text!r}, have no year; {year} is that of a sentence in it"
+    elif first is not None and not why:
+        remark = (
+            f"its dates, like {first.text!r}, may have the day or the month first: {order} is taken;"
+            f' say date_order = "day-first" or "month-first" in [[source]]'
+        )
+    elif times.unread_date:
+        remark = f"the date in {times.unread_date!r} could not be read; that of the file's last change is taken"
+    elif times.unknown_zone:
+        remark = f"the zone {times.unknown_zone} stands for several: its times are taken for UTC"
+    return StatedTimes(order, year), remark
+
+
+def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:
     """What begins to read a log: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
@@ -163,12 +263,12 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
     is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
         read = partial(_library_log, library)
-    return lambda: _Log(read or read_lines, open_file(), form)
+    return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
 def _is_sound(entry: Entry) -> bool:
-    """Whether it is a frame, a message, or a sentence with the right checksum."""
-    return entry.protocol == "can" or split_sentence(split_tag(entry.payload).sentence) is not None
+    """Whether it is a frame, a message, or a line with an intact sentence."""
+    return entry.protocol == "can" or has_sentence(entry.payload)
 
 
 def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
@@ -241,5 +341,5 @@ def _library_form(head: bytes) -> Make | None:
     return None
 
 
-def _text(file: BinaryIO) -> TextIOWrapper:
-    return TextIOWrapper(file, encoding="utf-8", errors="replace")
+def _text(file: BinaryIO) -> Lines:
+    return Lines(file, encoding="utf-8", errors="replace")

@@ -16,6 +16,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from acquisition.config.sections import MqttSource, covers
+from acquisition.core.budget import TEXT_BYTES
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
 from acquisition.decoders.clock import is_possible
@@ -29,7 +30,8 @@ _BUFFER_BYTES = 4 * 1024 * 1024
 _KEEP_ALIVE_S = 10  # a broker that is cut off without a word is found out after one and a half of it
 _TIMEOUT_S = 3.0  # to connect, and for the broker's answer
 _POLL_S = 0.1
-_MOST_AT_ONCE = 300
+_MOST_AT_ONCE, _MOST_BYTES_AT_ONCE = 300, 1_000_000
+_COMPUTED = "SELECT 1 FROM sqlite_master WHERE upper(name) = 'LOG' AND sql NOT LIKE 'CREATE TABLE%'"
 _ROWS = "SELECT UNIX_TIME, TOPIC, MESSAGE FROM LOG ORDER BY ID"
 _HEAD_BYTES = 4096
 _NOT_ALLOWED = (134, 135)  # MQTT's reasons: bad user name or password, not authorized
@@ -110,7 +112,10 @@ def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
     from paho.mqtt.client import error_string
     from paho.mqtt.enums import MQTTErrorCode
 
-    code = client.loop(timeout_s)
+    try:
+        code = client.loop(timeout_s)
+    except Exception as error:  # what paho makes of packets that break the protocol
+        raise failure(config, "is lost", f"{type(error).__name__} {error}") from error
     if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
         raise failure(config, "is lost", error_string(code).rstrip("."))
 
@@ -123,11 +128,12 @@ class MqttConnection(Source):
     def __init__(self, config: MqttSource) -> None:
         super().__init__(config)
         self._frames: list[Frame] = []
+        self._size = 0  # of these [bytes]
         self._lost: SourceError | None = None
 
     def _connect(self) -> Client:
         config: MqttSource = self._config
-        self._frames, self._lost = [], None
+        self._frames, self._size, self._lost = [], 0, None
         client = connect(config)
         client.on_message = self._take
         answers: list[Any] = []
@@ -143,22 +149,31 @@ class MqttConnection(Source):
 
     def _take(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         flags = FrameFlag.RETAINED if message.retain else FrameFlag.NONE
-        payload = message.topic.encode() + b"\0" + bytes(message.payload)
+        try:
+            topic = message.topic.encode()
+        except UnicodeDecodeError:  # some brokers pass on what is no text
+            topic = message._topic
+        payload = topic + b"\0" + bytes(message.payload)
         self._frames.append(Frame(self.name, "mqtt", payload, *now_ns(), flags=flags))
+        self._size += len(payload)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         before = -1
         try:
-            while self._lost is None and before < len(self._frames) < _MOST_AT_ONCE:
+            while self._lost is None and before < len(self._frames) < _MOST_AT_ONCE and not self._is_full:
                 before = len(self._frames)
                 pump(self._config, self._link, 0.0 if before else timeout_s)
         except SourceError as error:  # told once what came before is passed on
             self._lost = error
-        frames, self._frames = self._frames, []
+        self.behind = len(self._frames) >= _MOST_AT_ONCE or self._is_full
+        frames, self._frames, self._size = self._frames, [], 0
         if self._lost is not None and not frames:
             raise self._lost
-        self.behind = len(frames) >= _MOST_AT_ONCE
         return frames
+
+    @property
+    def _is_full(self) -> bool:
+        return self._size >= _MOST_BYTES_AT_ONCE
 
     def close(self) -> None:
         if self._link is not None:
@@ -181,6 +196,10 @@ class MqttLog(LogReader):
             raise ValueError(f"it is not an SQLite database; it looks like {looks_like(head)}")
         try:
             self._log = sqlite3.connect(f"{self._config.path.resolve().as_uri()}?mode=ro", uri=True)
+            self._log.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, TEXT_BYTES.allowance(0))
+            self._log.execute("PRAGMA trusted_schema = OFF")
+            if self._log.execute(_COMPUTED).fetchall():
+                raise ValueError("it is not a log of MQTT messages: its LOG is computed, perhaps without end")
             self._rows = self._log.execute(_ROWS)
         except sqlite3.Error as error:
             raise ValueError(f"it is not a log of MQTT messages: {error}") from error

@@ -10,6 +10,7 @@ import struct
 import termios
 from abc import abstractmethod
 from contextlib import suppress
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from acquisition.config.sections import (
@@ -24,7 +25,7 @@ from acquisition.config.sections import (
 from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source, source_error
 from acquisition.sources.actisense import Cutter, is_message
-from acquisition.sources.line_forms import Entry, LineReader
+from acquisition.sources.line_forms import Entry, LineReader, parts_of
 from acquisition.sources.sockets import (
     TIME_BYTES,
     Drops,
@@ -77,11 +78,11 @@ class LineAssembler:
 
     def _frames(self, pieces: list[bytes], times: tuple[int, int] | None) -> list[Frame]:
         clocks, frames = times or now_ns(), []
-        for piece in pieces:
-            entry = self._reader.entry(piece)
-            if entry is None and not is_message(piece):  # those say nothing of the bus
-                entry = Entry(None, piece, protocol="nmea0183")
-            if entry is not None:
+        for part in chain.from_iterable(map(parts_of, pieces)):
+            entry, binary = self._reader.entry(part), is_message(part)
+            if not binary and (entry is None or entry.protocol == "nmea0183"):
+                entry = Entry(None, part, protocol="nmea0183")  # raw input is what came
+            if entry is not None:  # a binary message may say nothing of the bus
                 of_can = entry.identifier, entry.flags
                 frames.append(Frame(self._origin, entry.protocol, entry.payload, *clocks, *of_can))
         return frames

@@ -12,12 +12,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
 from acquisition.core.files import parse_json
 from acquisition.core.trial import Trial
-from acquisition.tables.table_files import RawTable, optional, trial_of
+from acquisition.tables.table_files import FOREIGN_READER, RawTable, require_package, trial_of
 
-_HDF5 = b"\x89HDF"
+_HDF5, _USER_BLOCK_BYTES = b"\x89HDF", 512
 _SINCE = re.compile(r"(seconds|minutes|hours|days|milliseconds|microseconds|nanoseconds) since (.+)")
 _UNITS = {"seconds": "s", "minutes": "m", "hours": "h", "days": "D", "milliseconds": "ms", "microseconds": "us",
           "nanoseconds": "ns"}  # fmt: skip
@@ -31,12 +32,9 @@ def read_mat(path: Path) -> RawTable:
     The structs ``units`` and ``trial`` of our own exports are understood; a vector of another length is an
     error, for which of the two is wrong nobody can tell.
     """
-    from scipy.io import loadmat
-
-    try:
-        loaded: dict[str, Any] = loadmat(path, simplify_cells=True)
-    except NotImplementedError:
-        loaded = _load_hdf5(path)
+    if _is_hdf5(path):
+        require_package("h5py", "hdf5", path)
+    loaded: dict[str, Any] = read_in_child(FOREIGN_READER, "mat", path)
     content = {key: value for key, value in loaded.items() if not key.startswith(("__", "#"))}
     trial, units = content.pop("trial", {}), content.pop("units", None)
     vectors = _vectors(content) or _of_simulink(content) or _of_one_struct(content, path)
@@ -90,25 +88,6 @@ def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     return found
 
 
-def _load_hdf5(path: Path) -> dict[str, Any]:
-    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` gives those of older ones."""
-    h5py = optional("h5py", "hdf5", path)
-
-    def value_of(item: Any, file: Any) -> Any:
-        if isinstance(item, h5py.Group):
-            return {name: value_of(each, file) for name, each in item.items()}
-        if item.dtype == h5py.ref_dtype:
-            cells = [value_of(file[each], file) for each in np.ravel(item[()])]
-            return cells[0] if len(cells) == 1 else np.array(cells, dtype=object)
-        if item.attrs.get("MATLAB_empty", 0):
-            return ""
-        values = np.squeeze(item[()].T)
-        return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
-
-    with h5py.File(path) as file:
-        return {name: value_of(item, file) for name, item in file.items()}
-
-
 def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """The numeric and text vectors among a file's variables; a single number is a vector of one."""
     found = {}
@@ -123,9 +102,9 @@ def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
 def read_netcdf(path: Path) -> RawTable:
     """The variables along the dimension of the time; fill values become NaN, packed numbers are unpacked."""
-    with path.open("rb") as stream:
-        is_hdf5 = stream.read(4) == _HDF5
-    variables, attributes = _netcdf_4(path) if is_hdf5 else _netcdf_classic(path)
+    if is_hdf5 := _is_hdf5(path):
+        require_package("h5py", "hdf5", path)
+    variables, attributes = read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
     said_so = (name for name, (_, _, said) in variables.items() if said.get("standard_name") == "time")
     time = next((name for name in (*_TIME_NAMES, *said_so) if name in variables), None)
     if time is None:
@@ -144,7 +123,14 @@ def read_netcdf(path: Path) -> RawTable:
         for name, (_, _, said) in along.items()
         if (meaning := said.get("standard_name") or said.get("long_name"))
     }
-    return RawTable(path, frame, trial_of(parse_json(attributes.get("trial", "{}"))), units, meanings)
+    return RawTable(path, frame, trial_of(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
+
+
+def _is_hdf5(path: Path) -> bool:
+    """By its first bytes; MATLAB's begin with a header of its own."""
+    with path.open("rb") as stream:
+        head = stream.read(_USER_BLOCK_BYTES + len(_HDF5))
+    return head.startswith(_HDF5) or head.endswith(_HDF5)
 
 
 def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
@@ -154,38 +140,6 @@ def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any
     # pandas cuts off what is less than a nanosecond, and a count in binary is often short of it
     part_ns = np.rint((counted - whole) * _UNIT_NS[since[1]])
     return start + pd.to_timedelta(whole, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
-
-
-_Variables = dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]]
-
-
-def _netcdf_classic(path: Path) -> tuple[_Variables, dict[str, str]]:
-    """Each variable's dimensions, values and attributes, and the file's attributes."""
-    from scipy.io import netcdf_file
-
-    with netcdf_file(path, mmap=False) as file:
-        variables = {
-            name: (each.dimensions, each.data.astype(each.data.dtype.newbyteorder("=")), _texts(each._attributes))
-            for name, each in file.variables.items()
-        }
-        return variables, {name: str(value) for name, value in _texts(file._attributes).items()}
-
-
-def _netcdf_4(path: Path) -> tuple[_Variables, dict[str, str]]:
-    h5py = optional("h5py", "hdf5", path)
-    with h5py.File(path) as file:
-        variables = {}
-        for name, each in file.items():
-            if isinstance(each, h5py.Dataset) and each.ndim:
-                scales = [list(dimension.values()) for dimension in each.dims]
-                dimensions = tuple(scale[0].name if scale else each.name for scale in scales)
-                variables[name] = (dimensions, each[()], _texts(each.attrs))
-        return variables, {name: str(value) for name, value in _texts(file.attrs).items()}
-
-
-def _texts(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    plain = {name: value for name, value in attributes.items() if name not in ("DIMENSION_LIST", "REFERENCE_LIST")}
-    return {name: value.decode() if isinstance(value, bytes) else value for name, value in plain.items()}
 
 
 def _unpacked(values: NDArray[Any], said: Mapping[str, Any]) -> NDArray[Any]:

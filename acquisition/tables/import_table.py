@@ -30,7 +30,7 @@ from acquisition.core.channels import (
 )
 from acquisition.core.declared import Declared, declared_from_text
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
@@ -128,9 +128,9 @@ def import_proposed(
     if not (known.is_file() and known.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
     columns, declared = column_map_of(proposal.text, map_path)
-    summary = _record(_through_map(raw, columns, declared, map_path, vessel), output)
-    write_text(map_path, proposal.text)
-    return summary
+    with written_together(Path(output)):
+        write_text(map_path, proposal.text)
+        return _record(_through_map(raw, columns, declared, map_path, vessel), output)
 
 
 def propose_for(

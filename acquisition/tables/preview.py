@@ -11,7 +11,7 @@ import pandas as pd
 from acquisition.core.angles import unwrap, wraps_of
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit, is_circular, known_channels
-from acquisition.core.errors import storage_error
+from acquisition.core.files import atomic_file
 from acquisition.tables.column_map import apply_column_map, column_map_of
 from acquisition.tables.propose import Proposal
 from acquisition.tables.table_files import RawTable
@@ -70,11 +70,9 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         axes.set_ylabel(channel_unit(name, known), fontsize=8)
         axes.tick_params(labelsize=7)
     figure.supxlabel(f"minutes since {table.index[0]:%Y-%m-%d %H:%M:%S} UTC", fontsize=8)
-    try:
-        FigureCanvasAgg(figure)
-        figure.savefig(path, format="png")
-    except OSError as error:
-        raise storage_error(path, error) from error
+    FigureCanvasAgg(figure)
+    with atomic_file(path) as partial:
+        figure.savefig(partial, format="png")
 
 
 def _line(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:

@@ -21,6 +21,15 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.arrays import Bools, Floats
+from acquisition.core.budget import (
+    TABLE_CELLS,
+    TABLE_COLUMNS,
+    TABLE_TEXT_BYTES,
+    TEXT_BYTES,
+    XML_DEPTH,
+    Meter,
+)
+from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
 from acquisition.core.files import parse_json, read_json
 from acquisition.core.frames import NANO
@@ -33,6 +42,7 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
     ".xz": lzma.open,
 }
 """How a text file is opened, by what comes after ``.csv``."""
+FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
 _TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat")
 _MICRO = 1_000_000
 STORABLE = "1970-01-01", "2262-01-01"
@@ -110,6 +120,7 @@ def read_raw(path: Path | str) -> RawTable:
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
         why = (str(error).strip().splitlines() or [type(error).__name__])[0]
         raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
+    TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
     if raw.columns.empty:
         raise InputError("has no rows", where=str(path), fix="give a table with data")
     return raw
@@ -132,22 +143,39 @@ def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
     from acquisition.tables.text_tables import decode, read_text
 
-    with _OPENERS[_kind_of(path)[1].lower()](path) as stream:
-        content = stream.read()
-    text = decode(content)
+    meter = Meter(path, path.stat().st_size)
+    text = decode(_unpacked(path, meter))
     if "\0" in text:
         raise InputError("is no text", where=str(path), why="it contains zero bytes", fix="save it as CSV in UTF-8")
-    frame, units = read_text(text, lambda names: refuse_twins(names, path))
+
+    def check_names(names: list[str]) -> None:
+        refuse_twins(names, path)
+        meter.check(TABLE_COLUMNS, len(names))
+        meter.check(TABLE_CELLS, len(names) * text.count("\n"))
+
+    frame, units = read_text(text, check_names)
     return RawTable(path, frame, _trial_beside(path), units)
+
+
+def _unpacked(path: Path, meter: Meter) -> bytes:
+    """The bytes of a text file. Raises :class:`InputError` for more than its budget, or a line longer than any."""
+    blocks, line_bytes = list[bytes](), 0
+    with _OPENERS[_kind_of(path)[1].lower()](path) as stream:
+        while block := stream.read(TEXT_BYTES.least):
+            meter.add(TABLE_TEXT_BYTES, len(block))
+            first = block.find(b"\n")
+            meter.check(TEXT_BYTES, line_bytes + (len(block) if first < 0 else first))
+            line_bytes = line_bytes + len(block) if first < 0 else len(block) - 1 - block.rfind(b"\n")
+            blocks.append(block)
+    return b"".join(blocks)
 
 
 def _read_sheet(path: Path) -> RawTable:
     """The sheet with most filled rows; in our own exports time and trial are found as they were written."""
     from acquisition.tables.text_tables import frame_of_rows
 
-    calamine = optional("python_calamine", "excel", path)
-    book = calamine.CalamineWorkbook.from_path(str(path))
-    sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    require_package("python_calamine", "excel", path)
+    sheets = read_in_child(FOREIGN_READER, "sheets", path)
     about = sheets.get("about", [])
     ours = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
     rows: list[Any] = (
@@ -168,13 +196,29 @@ def _read_gpx(path: Path) -> RawTable:
     """The points of all tracks, with their time and what else each tells, speed and course say."""
     from xml.etree import ElementTree as ET
 
-    points = [each for each in ET.parse(path).iter() if _tag(each) in ("trkpt", "rtept")]
-    rows: list[dict[str, Any]] = [
-        {"lat": float(point.get("lat", "nan")), "lon": float(point.get("lon", "nan"))}
-        | {_tag(each): _cell(each.text) for each in point.iter() if each is not point and (each.text or "").strip()}
-        for point in points
-    ]
+    meter, rows, names = Meter(path, path.stat().st_size), list[dict[str, Any]](), set[str]()
+    parents = list[Any]()
+    for event, element in ET.iterparse(path, ("start", "end")):
+        if event == "start":
+            parents.append(element)
+            meter.check(XML_DEPTH, len(parents))
+            continue
+        parents.pop()
+        if _tag(element) in ("trkpt", "rtept"):
+            rows.append(_point(element))
+            meter.add(TABLE_CELLS, len(rows[-1]))
+            names.update(rows[-1])
+            meter.check(TABLE_COLUMNS, len(names))
+        if parents and not any(_tag(parent) in ("trkpt", "rtept") for parent in parents):
+            parents[-1].remove(element)  # what was read need not stay in memory
     return RawTable(path, pd.DataFrame(rows), units={"lat": "deg", "lon": "deg", "ele": "m", "speed": "m/s"})
+
+
+def _point(point: Any) -> dict[str, Any]:
+    texts = {
+        _tag(item): _cell(item.text) for item in point.iter() if item is not point and (item.text or "").strip()
+    }
+    return {"lat": float(point.get("lat", "nan")), "lon": float(point.get("lon", "nan")), **texts}
 
 
 def _tag(element: Any) -> str:
@@ -188,15 +232,13 @@ def _cell(text: str | None) -> float | str:
         return (text or "").strip()
 
 
-def optional(module: str, extra: str, path: Path) -> Any:
-    """A module that only some kinds of files need. Raises :class:`InputError` that says how to come by it."""
-    from importlib import import_module
+def require_package(module: str, extra: str, path: Path) -> None:
+    """Raise :class:`InputError` where a module is missing that only some kinds of files need."""
+    from importlib.util import find_spec
 
-    try:
-        return import_module(module)
-    except ImportError as error:
+    if find_spec(module) is None:
         what, where = f"needs the package {module.replace('_', '-')} to be read", str(path)
-        raise InputError(what, where=where, fix=f"pip install 'seatrial[{extra}]', or save it as CSV") from error
+        raise InputError(what, where=where, fix=f"pip install 'seatrial[{extra}]', or save it as CSV")
 
 
 def _trial_beside(path: Path) -> Trial:
@@ -219,9 +261,7 @@ def refuse_twins(names: list[str], path: Path) -> None:
 
 def _read_parquet(path: Path) -> RawTable:
     """A time index becomes the column ``time``; the trial is in the metadata of our own exports."""
-    import pyarrow.parquet as pq
-
-    arrow = pq.read_table(path)
+    arrow = read_in_child(FOREIGN_READER, "parquet", path)
     frame = arrow.to_pandas()
     if isinstance(frame.index, pd.DatetimeIndex) and "time" not in frame:
         frame = frame.rename_axis("time").reset_index()
@@ -281,7 +321,8 @@ def storable(times: pd.Series[Any]) -> pd.Series[Any]:
     """
     zone = times.dt.tz
     first, end = (pd.Timestamp(day, tz=zone) for day in STORABLE)
-    return times.where((times >= first) & (times < end)).dt.as_unit("ns")
+    kept: pd.Series[Any] = times.where((times >= first) & (times < end)).dt.as_unit("ns")
+    return kept
 
 
 def parse_times(

@@ -12,7 +12,7 @@ import io
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, time
 from itertools import islice
@@ -86,18 +86,18 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> tuple[pd.
 
     ``refuse_twins`` raises for names that come twice. Raises whatever pandas does for rows longer than the header.
     """
-    lines = list(islice((line.rstrip("\r\n") for line in io.StringIO(text) if line.strip()), _PROBE_LINES))
+    lines = list(islice((line.rstrip("\r\n") for line in _lines(text) if line.strip()), _PROBE_LINES))
     delimiter = _delimiter(lines)
     rows = [_split(line, delimiter) for line in lines]
     layout = find_layout(rows)
     refuse_twins([name for name in layout.names if name])
     body = [cell.strip() for row in rows[layout.first :] for cell in row]
     decimal = "," if _decimal_is_comma(body, delimiter) else "."
-    start = _start_of(text, layout.first)
+    content = text[_start_of(text, layout.first) :].encode()
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         frame = pd.read_csv(
-            io.StringIO(text[start:]), sep=r"\s+" if delimiter == " " else delimiter, decimal=decimal, header=None,
+            io.BytesIO(content), sep=r"\s+" if delimiter == " " else delimiter, decimal=decimal, header=None,
             names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
             na_values=list(NOT_AVAILABLE),
         )  # fmt: skip
@@ -125,13 +125,22 @@ def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
 def _start_of(text: str, rows: int) -> int:
     """Where in the text its row of this number begins, empty lines not counted."""
     place = 0
-    for line in io.StringIO(text, newline=""):
+    for line in _lines(text):
         if line.strip():
             if rows == 0:
                 return place
             rows -= 1
         place += len(line)
     return place
+
+
+def _lines(text: str) -> Iterator[str]:
+    """The lines with their ends, one at a time: a text stream would take four bytes a letter of the whole text."""
+    start = 0
+    while start < len(text):
+        end = text.find("\n", start) + 1 or len(text)
+        yield text[start:end]
+        start = end
 
 
 def _plain(cell: Any) -> Any:

@@ -6,21 +6,26 @@ longer there have rows too, with the status ``gone``: nothing is removed.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import re
+import unicodedata
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.files import read_json
+from acquisition.core.files import read_json, written_together
+from acquisition.core.locks import LOCK
 from acquisition.core.progress import Progress
-from acquisition.recording.parts import whole_recordings
+from acquisition.core.text import printable_name
+from acquisition.recording.grouping import whole_recordings
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
-from analysis.batch.workers import LOCK, MARKS, Job, Task, attempt, check_address, exclusive_folder, run_jobs
+from analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
 from analysis.products import Options
 from analysis.report.pages import index_page
 from analysis.tables.files import read_parquet, write_parquet
@@ -35,6 +40,7 @@ TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
 MEASURES = {"duration_s": "s", "distance_m": "m"}
 COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
 NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out")
+_LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
 _NUMBER = re.compile(r"\d[\d,.]*\d|\d")
 _RESERVED = {"index.html", "index.parquet", MARKS, LOCK}
 
@@ -44,6 +50,7 @@ class Summary:
     """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
 
     ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
+    ``files`` are those of each recording, by the name of its row.
     """
 
     rows: list[Row]
@@ -51,6 +58,7 @@ class Summary:
     reused: int
     index: Path
     gone_rows: tuple[Row, ...] = ()
+    files: Mapping[str, tuple[Path, ...]] = field(default_factory=dict)
 
     @property
     def gone(self) -> tuple[str, ...]:
@@ -105,18 +113,26 @@ def run_batch(
         raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
     names, chosen = names_of(folder, found), options or Options()
     jobs = [
-        Job(name, str(paths[0].resolve()), str(out), chosen, again, timeout_s, tuple(map(str, paths[1:])))
+        Job(
+            name,
+            str(paths[0].absolute()),
+            str(out),
+            chosen,
+            again,
+            timeout_s,
+            tuple(str(path.absolute()) for path in paths[1:]),
+        )
         for name, paths in zip(names, found, strict=True)
     ]
-    with exclusive_folder(out):
+    with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, paths in zip(rows, found, strict=True):
-            row["path"] = paths[0].relative_to(folder).as_posix()
+            row["path"] = printable_name(paths[0].relative_to(folder))
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = gone_rows(set(names), out)
-        index = write_index([*rows, *gone], out, folder.resolve().name)
+        index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
     done = sum(row["status"] == "done" for row in rows)
-    return Summary(rows, done, reused, index, tuple(gone))
+    return Summary(rows, done, reused, index, tuple(gone), dict(zip(names, found, strict=True)))
 
 
 def process_job(job: Job) -> Row:
@@ -136,13 +152,18 @@ def result_of(job: Job) -> Row:
 def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     """What is called ``*.mcap`` below a folder, in the order of its names, the output folder left out.
 
-    The files of a recording in parts stand together.
+    The files of a recording in parts stand together. A folder that cannot be looked into stands for what is in it.
     """
     if not folder.is_dir():
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
                          fix="give the folder of the recordings")  # fmt: skip
-    outside = (path for path in folder.rglob("*.mcap") if not path.resolve().is_relative_to(out))
-    return whole_recordings(path for path in outside if not path.name.startswith("."))
+    paths: list[Path] = []
+    unreadable: list[OSError] = []
+    for root, folders, files in os.walk(folder, onerror=unreadable.append):
+        folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
+        names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
+        paths += (Path(root, name) for name in names)
+    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:
@@ -151,20 +172,41 @@ def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:
 
 
 def result_names(paths: list[str]) -> list[str]:
-    """A name for each recording's result: its relative path without suffix, changed where two would meet.
+    r"""A name for each recording's result: its relative path without suffix, changed where two would meet.
 
-    >>> result_names(["a.mcap", "a/b.mcap", "index.html.mcap"])
-    ['a_', 'a/b', 'index.html_']
+    It is fit for any file system, page and program: bytes that are no text and control characters are escaped, what
+    is too long for a folder is shortened, nothing is hidden, and two names differ in more than case and encoding.
+
+    >>> result_names(["a.mcap", "a/b.mcap", "index.html.mcap", ".c/B.mcap", "_c/b.mcap"])
+    ['a_', 'a/b', 'index.html_', '_c/B', '_c/b_']
     """
-    taken = _RESERVED | {parent.as_posix() for path in paths for parent in Path(path).parents}
+    texts = ["/".join(map(_folder_name, path.removesuffix(".mcap").split("/"))) for path in paths]
+    taken = set(
+        map(_comparable, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents})
+    )
     names = []
-    for path in paths:
-        name = path.removesuffix(".mcap")
-        while name in taken:
+    for name in texts:
+        while _comparable(name) in taken:
             name += "_"
-        taken.add(name)
+        taken.add(_comparable(name))
         names.append(name)
     return names
+
+
+def _folder_name(text: str) -> str:
+    """A part of a path as the name of a folder for its result."""
+    name = printable_name(text)
+    name = f"_{name[1:]}" if name.startswith(".") else name
+    if len(name.encode()) > _LONGEST_NAME_BYTES:
+        digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:_DIGEST_LETTERS]
+        kept = name.encode()[: _LONGEST_NAME_BYTES - _DIGEST_LETTERS - 1]
+        name = f"{kept.decode(errors='ignore')}~{digest}"
+    return name
+
+
+def _comparable(name: str) -> str:
+    """What is equal for names that some file systems take for one."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
 def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
@@ -252,8 +294,9 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     Raises :class:`acquisition.core.errors.StorageError` when they cannot be written.
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
-    write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-    return index_page(rows, failures_of(rows), title).write(out / "index.html")
+    with written_together(out / "index.parquet"):
+        write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
+        return index_page(rows, failures_of(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

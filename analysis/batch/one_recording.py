@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -23,10 +22,11 @@ import pandas as pd
 
 from acquisition.core.channels import known_channels
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
-from acquisition.core.files import read_json
+from acquisition.core.files import read_json, temporary_folder, write_text
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
-from acquisition.recording.reader import Recording, read_parts
+from acquisition.recording.grouping import read_parts
+from acquisition.recording.reader import Recording, recording_size
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.manoeuvres.indices import from_order
 from analysis.products import Options, Products, analyse
@@ -75,8 +75,8 @@ def process_recording(
     row = row_of(products, provenance)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".part-", dir=folder.parent) as place:
-            partial = Path(place) / folder.name
+        with temporary_folder(folder) as place:
+            partial = place / folder.name
             partial.mkdir()
             _write(products, row, provenance, partial)
             _put(partial, folder)
@@ -91,16 +91,10 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
 
     Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
     """
-    where = str(paths[0])
-    if paths[0].is_dir():
-        raise InputError("is a folder, not a recording", where=where, fix="rename the folder")
-    try:
-        size = sum(path.stat().st_size for path in paths)
-    except OSError as error:
-        raise InputError("cannot be read", where=where, why=error.strerror or str(error)) from error
+    size = sum(map(recording_size, paths))
     digest = sha256_of(*paths)
     if digest is None:
-        raise InputError("cannot be read", where=where, fix="check its permissions")
+        raise InputError("cannot be read", where=str(paths[0]), fix="check its permissions")
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {
@@ -164,7 +158,7 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as JSON for people and programs."""
-    path.write_text(json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
@@ -173,7 +167,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     missing = missing_channels(products.table)
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
-        "cause": "; ".join(products.shortfalls) or ("" if recording.closed else NOT_CLOSED),
+        "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
         **_said_of(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
@@ -195,6 +189,11 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "provenance": dict(provenance),
     }
     return dict(to_json(row))
+
+
+def remarks_on(recording: Recording) -> list[str]:
+    """What a reader of the results has to know of a recording of which all could be made."""
+    return [remark for remark in ("" if recording.closed else NOT_CLOSED, recording.clock) if remark]
 
 
 def first_look(paths: Sequence[Path]) -> Row:

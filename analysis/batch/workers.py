@@ -7,7 +7,7 @@ every attempt leaves in the output folder: no scheduler can tell which of a dead
 
 from __future__ import annotations
 
-import fcntl
+import hashlib
 import os
 import re
 import shutil
@@ -24,7 +24,10 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, TypeAlias
 
-from acquisition.core.errors import InputError, SourceError, StorageError, storage_error
+from acquisition.core.errors import InputError, SourceError
+from acquisition.core.files import make_folder, remove_leftovers_below
+from acquisition.core.locks import locked_folder
+from acquisition.core.process import interrupt_on_terminate
 from acquisition.core.progress import Progress
 from analysis.batch.one_recording import SUMMARY, Row
 from analysis.products import Options, cause_of
@@ -37,7 +40,6 @@ Client: TypeAlias = Any  # of distributed, whose functions have no types
 Future: TypeAlias = Any
 _CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
 _ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
-LOCK = ".lock"
 _MOST_SUBMITTED = 2 * MOST_ATTEMPTS
 """So often a row is asked for; who takes a worker down is told by the marks long before."""
 
@@ -64,7 +66,7 @@ class Job:
     @property
     def mark(self) -> Path:
         """A file with one byte for each attempt at it that has not come to an end."""
-        return Path(self.out) / MARKS / self.name.replace("/", "\\")
+        return Path(self.out) / MARKS / hashlib.sha256(self.name.encode()).hexdigest()
 
 
 Task = Callable[[Job], Row]
@@ -88,7 +90,7 @@ def run_jobs(
     """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
 
     Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be ours, see
-    :func:`exclusive_folder`.
+    :func:`batch_folder`.
     """
     with _client(workers or os.cpu_count() or 1, scheduler) as client:
         return _gathered(client, jobs, task, progress)
@@ -126,23 +128,12 @@ def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 @contextmanager
-def exclusive_folder(out: Path) -> Iterator[None]:
-    """The output folder to ourselves, cleared of what interrupted runs left there; SIGTERM ends as Ctrl-C does."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        lock = (out / LOCK).open("a")
-    except OSError as error:
-        raise storage_error(out, error) from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise StorageError("is being written by another batch", where=str(out),
-                               fix="wait for it, or name another folder") from error  # fmt: skip
-        for partial in out.rglob(".part-*"):
-            shutil.rmtree(partial, ignore_errors=True)
+def batch_folder(out: Path) -> Iterator[None]:
+    """The output folder, locked and cleared of what killed runs left there; SIGTERM ends as Ctrl-C does."""
+    with locked_folder(out):
+        remove_leftovers_below(out)
         shutil.rmtree(out / MARKS, ignore_errors=True)
-        (out / MARKS).mkdir()
+        make_folder(out / MARKS)
         try:
             with interrupt_on_terminate():
                 yield
@@ -196,8 +187,9 @@ def _watched(timeout_s: float | None) -> Iterator[None]:
 
 def failed_row(job: Job, cause: str) -> Row:
     """The row of a recording of which nothing could be made; what was made of it earlier is no longer true."""
-    if (job.folder / SUMMARY).is_file():
-        shutil.rmtree(job.folder, ignore_errors=True)
+    with suppress(OSError):  # a folder that is closed to us
+        if (job.folder / SUMMARY).is_file():
+            shutil.rmtree(job.folder, ignore_errors=True)
     return {"name": job.name, "status": "failed", "cause": cause}
 
 
@@ -298,28 +290,6 @@ def _row_of(future: Future, job: Job) -> Row | None:
     except Exception:  # lost between the question and the answer
         return None
     return row
-
-
-class Termination(KeyboardInterrupt):
-    """The process was asked to end by SIGTERM, as systemd and a cluster's queue do."""
-
-
-@contextmanager
-def interrupt_on_terminate() -> Iterator[None]:
-    """SIGTERM ends what is done here as Ctrl-C does, instead of the process where it stands."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough; what follows is the way out
-        raise Termination
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

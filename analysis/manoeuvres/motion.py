@@ -24,7 +24,7 @@ from acquisition.core.actuators import RUDDER, Actuator, Actuators, name_of_orde
 from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Bools, Complexes, Floats
 from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
-from acquisition.core.errors import InputError
+from acquisition.core.errors import DataShortageError, InputError
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.kinematics import integrate, to_earth, to_ship
 from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
@@ -227,6 +227,8 @@ def _with_velocities(grid: pd.DataFrame, step_s: float) -> pd.DataFrame:
     lacking = [name for name in VELOCITY if name not in grid or not grid[name].notna().any()]
     if not lacking:
         return grid
+    if len(grid) < 2:
+        raise DataShortageError("holds too few positions to derive speeds from", fix="record for longer")
     rows = max(_SLOPE_HALF_WIDTH_S / step_s, _SLOPE_ROWS)
     north, east = (fill_gaps(grid[name].to_numpy()) for name in POSE[:2])
     heading = unwrap(fill_gaps(unwrap(grid[POSE[2]].to_numpy())))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.find import manoeuvres_and_left_out
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
@@ -22,6 +22,8 @@ from analysis.tables.table import provenance_of
 
 if TYPE_CHECKING:
     from rich.console import Group
+
+    from acquisition.recording.grouping import Files
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,17 +36,19 @@ class RecordingManoeuvres:
     left_out: tuple[LeftOut, ...] = ()
 
 
-def manoeuvres_of(path: Path, length_m: float | None = None, own: Sequence[str] = ()) -> RecordingManoeuvres:
-    """The manoeuvres of a recording, named by its event marks, and those of a user's ``own`` kinds.
+def manoeuvres_of(files: Files, length_m: float | None = None, own: Sequence[str] = ()) -> RecordingManoeuvres:
+    """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``own`` kinds.
 
     Raises :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.grouping import read_together
     from analysis.tables.table import table_of
 
-    recording = read_recording(path)
+    recording = read_together(files)
     table = table_of(recording)
-    return RecordingManoeuvres(str(path), table, *manoeuvres_and_left_out(table, length_m, recording.events, own))
+    return RecordingManoeuvres(
+        str(recording.path), table, *manoeuvres_and_left_out(table, length_m, recording.events, own)
+    )
 
 
 def summary(found: Iterable[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
@@ -217,9 +221,11 @@ def write_report(
     for each, entry in zip(found, content["recordings"], strict=True):
         provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
         entry |= {"recording": provenance["recording"], "provenance": provenance}
-    plain = write_text(folder / "manoeuvres.json", json.dumps(content, indent=2) + "\n")
     page = render(
         "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
         subtitle="Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information",
     )  # fmt: skip
-    return plain, page.write(folder / "manoeuvres.html")
+    plain = folder / "manoeuvres.json"
+    with written_together(plain):
+        write_text(plain, json.dumps(content, indent=2) + "\n")
+        return plain, page.write(folder / "manoeuvres.html")

@@ -104,7 +104,8 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     if full.sum() < _FEWEST_BLOCKS:
         return None
     means = ((_sums(which, each[sound]) / count)[full] for each in (recorded, recorded * bow, velocity))
-    return _Blocks(number[full] * _BLOCK_S, *means)
+    blocks = _Blocks(number[full] * _BLOCK_S, *means)
+    return blocks if _following(blocks).any() else None  # what is new in a block is told by the one before
 
 
 def _sums(which: NDArray[np.intp], vector: Complexes) -> Complexes:

@@ -187,6 +187,7 @@ def file_rows(recording: Recording) -> list[tuple[str, str]]:
         ("recording", _files_text(recording.paths)),
         ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
         ("closed properly", "yes" if recording.closed else "no: read as far as it goes"),
+        *([("clock", recording.clock)] if recording.clock else []),
         ("this page by", software_version()),
     ]
 

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.core.frames import Quality
 from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
@@ -49,13 +49,14 @@ def write_quality(
     """
     found = quality.as_json()
     report = folder / "quality.json"
-    write_text(report, json.dumps({**found, "provenance": provenance}, indent=1) + "\n")
     flags = folder / "flags.parquet"
     recording = str(provenance["recording"])
     origin = {"recording": recording, "findings": found["findings"], "provenance": provenance}
     about = {key: json.dumps(value) for key, value in origin.items()}
-    write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
-    return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
+    with written_together(report):
+        write_text(report, json.dumps({**found, "provenance": provenance}, indent=1) + "\n")
+        write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
+        return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
 
 
 def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str) -> Page:

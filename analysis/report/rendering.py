@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import logging
+import os
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -126,6 +127,7 @@ def write_pdf(page: Path) -> Path:
         ) from error  # fmt: skip
     for name in ("weasyprint", "fontTools"):
         logging.getLogger(name).setLevel(logging.ERROR)
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # or fontTools writes the time of day into each font
     path = page.with_suffix(".pdf")
     with atomic_file(path) as partial:
         HTML(filename=str(page)).write_pdf(partial)

@@ -9,26 +9,24 @@ from __future__ import annotations
 import json
 import logging
 import secrets
-import shutil
 import socket
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from threading import Lock
-from typing import IO, Any
+from threading import BoundedSemaphore, Lock
+from typing import Any
 from urllib.parse import quote, urlsplit
 
 import pandas as pd
 from flask import Flask, Response, abort, g, request
 from werkzeug.exceptions import HTTPException
-from werkzeug.serving import make_server
-from werkzeug.utils import secure_filename
+from werkzeug.serving import ThreadedWSGIServer, WSGIRequestHandler
 
-from acquisition.core.errors import InputError, SeatrialError, SourceError
-from acquisition.recording.reader import read_parts, read_recording
-from acquisition.tables.import_table import import_proposed, import_table, is_standard, propose_for
-from acquisition.tables.table_files import read_raw
+from acquisition.core.errors import InputError, SeatrialError, SourceError, unexpected
+from acquisition.core.text import printable_name
+from acquisition.logger.supervision import LOG
+from acquisition.recording.grouping import read_parts
 from analysis.batch.batch import failures_of
 from analysis.batch.one_recording import WAITING, Row
 from analysis.manoeuvres.indices import Manoeuvre
@@ -37,13 +35,16 @@ from analysis.manoeuvres.report import rows_of
 from analysis.prepare import Preparation, prepare
 from analysis.report.pages import index_page
 from analysis.report.rendering import environment, render
+from analysis.serve.limited import call_limited
 from analysis.serve.season import Season
+from analysis.serve.uploads import receive
 from analysis.tables.export import KINDS, export_table, write_sheets
 from analysis.tables.files import read_parquet
-from analysis.tables.table import channels_of
 
 ADDRESS = "127.0.0.1"
 NAMES = (ADDRESS, "localhost")
+MOST_CLIENTS = 64
+"""Requests that are answered at once; browsers have six under way."""
 MOST_RUNS = 40
 """Runs that are drawn over each other; more cannot be told apart."""
 LINKS = "<!--links-->"
@@ -70,6 +71,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.after_request(_secured)
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
     app.register_error_handler(HTTPException, _explained)
+    app.register_error_handler(Exception, _unexpected_error)
     pages = _Pages(season, upload_mb, token)
     environment()  # what pages are drawn with, before anybody waits
     for path, page in pages.addresses().items():
@@ -93,9 +95,37 @@ def serve(app: Flask, port: int, ready: Callable[[str], object]) -> None:
             fix="stop the program that uses the port, or give another --port",
         ) from error  # fmt: skip
     port = listening.getsockname()[1]
-    with listening, make_server(ADDRESS, port, app, True, fd=listening.fileno()) as server:
+    with listening, _Server(ADDRESS, port, app, _Handler, fd=listening.fileno()) as server:
         ready(f"http://{ADDRESS}:{port}/")
         server.serve_forever()
+
+
+class _Handler(WSGIRequestHandler):
+    """Waits for a client that says nothing, or takes nothing, no longer than this [s]."""
+
+    timeout = 10.0
+
+
+class _Server(ThreadedWSGIServer):
+    """Answers each request in a thread of its own, up to a number of them; of more it hangs up."""
+
+    daemon_threads = True
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._turns = BoundedSemaphore(MOST_CLIENTS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if not self._turns.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._turns.release()
 
 
 class _Pages:
@@ -103,6 +133,7 @@ class _Pages:
 
     def __init__(self, season: Season, upload_mb: float | None, token: str) -> None:
         self._season, self._upload_mb, self._token = season, upload_mb, token
+        self._receiving = Lock()
 
     def addresses(self) -> dict[str, Callable[..., Any]]:
         return {
@@ -148,8 +179,8 @@ class _Pages:
         if f".{kind}" not in KINDS:
             abort(404)
         self._known(name)
-        table = prepare(read_parts(self._season.files(name)), Preparation(rate_hz=1.0, repair=True))
-        return _attached(f"{Path(name).name}.{kind}", lambda path: export_table(table, path, {"rate_hz": 1.0}))
+        files = [str(path) for path in self._season.files(name)]
+        return _attached(f"{Path(name).name}.{kind}", lambda path: call_limited(export_recording, files, str(path)))
 
     def runs(self) -> str:
         runs = runs_in(self._season.out, self._asked_for(), kind := request.args.get("kind", ""))
@@ -171,14 +202,23 @@ class _Pages:
         return _attached("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
 
     def upload(self) -> str:
-        origin, sent = request.headers.get("Origin"), request.files.get("file")
-        known = secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode())
-        if not known or (origin is not None and urlsplit(origin).netloc != request.host):
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != request.host:
             abort(403)
-        if sent is None:
+        if not self._receiving.acquire(blocking=False):  # before a byte of it is stored
+            abort(503, "Another file is being received; send it again afterwards.")
+        try:
+            return self._receive()
+        finally:
+            self._receiving.release()
+
+    def _receive(self) -> str:
+        if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
+            abort(403)
+        if (upload := request.files.get("file")) is None:
             abort(400)
-        path, said = receive(sent.stream, sent.filename or "", self._season.folder)
-        return _message(f"{path.name} is in the season", said)
+        path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
+        return _message(f"{path.name} is in the season", lines)
 
     def _asked_for(self) -> list[str]:
         """The recordings that a request names, of those that have a result; all that have one if it names none."""
@@ -200,6 +240,13 @@ def _read_page(path: Path | None) -> str:
     return path.read_text(encoding="utf-8")
 
 
+def export_recording(files: Sequence[str], path: str) -> list[str]:
+    """Write a recording, a file or its parts, as the table of its kind, once a second and repaired."""
+    table = prepare(read_parts([Path(file) for file in files]), Preparation(rate_hz=1.0, repair=True))
+    export_table(table, Path(path), {"rate_hz": 1.0})
+    return []
+
+
 def _attached(name: str, write: Callable[[Path], object]) -> Response:
     """A file to be kept, as ``write`` makes it."""
     with TemporaryDirectory(prefix="seatrial-") as folder:
@@ -216,6 +263,13 @@ def _message(title: str, lines: list[str], again_s: int | None = None) -> str:
 
 def _explained(error: HTTPException) -> tuple[str, int]:
     return _message(error.name, [error.description or ""]), error.code or 500
+
+
+def _unexpected_error(error: Exception) -> tuple[str, int]:
+    """What nobody foresaw, as a page with one line, which the terminal has too."""
+    fault = unexpected(error)
+    LOG.error("%s: %s", printable_name(request.path), fault)
+    return _message("This page failed", [str(fault), "The other pages are not affected."]), 500
 
 
 def _new_nonce() -> None:
@@ -284,50 +338,3 @@ def index_table(runs: Iterable[Run]) -> pd.DataFrame:
         for run in runs for name, index in run.manoeuvre.indices.items()
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=_RUN_COLUMNS)
-
-
-def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[str]]:
-    """Put a recording, or a table as a recording, into a folder; its path, and what was found in it.
-
-    Raises :class:`InputError` for what cannot be read, for a table that leaves a question open, and where a
-    recording of that name is there.
-    """
-    name = secure_filename(filename)
-    if not name:
-        raise InputError("has an invalid file name", where=repr(filename), fix="rename it")
-    with TemporaryDirectory(prefix="seatrial-") as place:
-        given = Path(place) / name
-        with given.open("wb") as copy:
-            shutil.copyfileobj(stream, copy)
-        try:
-            made, said = _recording_of(given)
-        except SeatrialError as error:
-            raise error.at(name) from error
-        return _put(made, folder), said
-
-
-def _recording_of(given: Path) -> tuple[Path, list[str]]:
-    if given.suffix.lower() == ".mcap":
-        return given, [f"{len(channels_of(read_recording(given)))} channels"]
-    made, raw = given.with_suffix(".mcap"), read_raw(given)
-    if is_standard(raw):
-        return made, [str(import_table(given, made))]
-    proposal = propose_for(raw)
-    if proposal.unanswered:
-        raise InputError(
-            f"leaves an open question: {proposal.unanswered[0]}", where=given.name,
-            fix="import it with `seatrial import`, which accepts the answer",
-        )  # fmt: skip
-    summary = import_proposed(raw, proposal, made, made.with_suffix(".columns.toml"))
-    return made, [str(summary), *proposal.warnings]
-
-
-def _put(made: Path, folder: Path) -> Path:
-    """Copy a file into a folder; one of that name stays as it is."""
-    target = folder / f"{made.stem}.mcap"
-    try:
-        with target.open("xb") as copy, made.open("rb") as stream:
-            shutil.copyfileobj(stream, copy)
-    except FileExistsError as error:
-        raise InputError("already exists", where=target.name, fix="rename the file and upload it again") from error
-    return target

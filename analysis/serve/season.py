@@ -26,12 +26,12 @@ from pathlib import Path
 from queue import PriorityQueue
 
 from acquisition.core.errors import InputError, StorageError
+from acquisition.core.files import make_folder
 from acquisition.core.trial import software_version
 from analysis.batch.batch import names_of, recordings_below, result_of
 from analysis.batch.one_recording import WAITING, Row, first_look
 from analysis.batch.workers import Job, failed_row
 from analysis.products import Options, cause_of
-from analysis.tables.files import make_folder
 
 ASKED, LOOK, REST = range(3)
 """What is worked on first: what somebody waits for, a first look at each recording, the analysis of the others."""
@@ -42,7 +42,9 @@ _KEPT = ".season.sqlite"
 _NICENESS = 10
 _CREATE = "CREATE TABLE IF NOT EXISTS season (name TEXT PRIMARY KEY, stamp TEXT, row TEXT)"
 _REPLACE = "INSERT OR REPLACE INTO season VALUES (?, ?, ?)"
-_DIED = "its worker died over it; too little memory, or a fault in native code"
+_LONGEST_S = 3600.0  # an analysis: the recording of a day takes some minutes
+_DIED = "its worker died over it, or took an hour; too little memory, or a fault in native code"
+_MOST_DIAGNOSIS_BYTES = 64_000_000  # one of a season of forty recordings has a few MB
 
 
 def results_folder(folder: Path) -> Path:
@@ -186,10 +188,12 @@ class Season:
 @lru_cache(maxsize=10_000)
 def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[str]]:
     """Verdict and hashes of the recordings of a diagnosis in a ``state``; nothing of what is none."""
+    if state[0] > _MOST_DIAGNOSIS_BYTES or not path.is_file():
+        return "", frozenset()
     try:
         said = json.loads(path.read_text(encoding="utf-8"))
         return str(said["verdict"]), frozenset(str(said["provenance"]["recordings_sha256"]).split(", "))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return "", frozenset()
 
 
@@ -212,7 +216,7 @@ class _Worker:
         self._process: SpawnProcess | None = None
 
     def row_of(self, work: Callable[[Job], Row], job: Job) -> Row | None:
-        """The row that ``work`` makes of a job, or that of its failure; None where it kills the process."""
+        """The row that ``work`` makes of a job, or of its failure; None where it kills the process or hangs."""
         if self._process is None:
             context = get_context("spawn")
             self._pipe, theirs = context.Pipe()
@@ -221,8 +225,11 @@ class _Worker:
             theirs.close()
         try:
             self._pipe.send((work, job))
+            if not self._pipe.poll(_LONGEST_S):
+                raise TimeoutError
             row: Row = self._pipe.recv()
         except (EOFError, OSError):
+            self._process.kill()
             self._process = None
             return None
         return row

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.core.serialisation import to_json
 from acquisition.core.units import KNOT_MPS
 from analysis.manoeuvres.report import left_out_line
@@ -138,5 +138,7 @@ def write_speed_power(result: SpeedPower, folder: Path) -> list[Path]:
     """Write ``speed_power.json`` and the picture. Raises :class:`StorageError`."""
     from analysis.report.figures import write_figure
 
-    plain = write_text(folder / "speed_power.json", json.dumps(as_dict(result), indent=2) + "\n")
-    return [plain, *write_figure(result.plot(), folder, "speed_power", ("png", "svg"))]
+    plain = folder / "speed_power.json"
+    with written_together(plain):
+        write_text(plain, json.dumps(as_dict(result), indent=2) + "\n")
+        return [plain, *write_figure(result.plot(), folder, "speed_power", ("png", "svg"))]

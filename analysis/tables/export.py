@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from datetime import datetime
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.channels import BY_NAME, ChannelsByName, channel_unit, known_channels
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.files import atomic_file, expect_suffix, write_text
+from acquisition.core.files import atomic_file, expect_suffix, write_bytes, write_text, written_together
 from acquisition.core.frames import Quality
 from acquisition.core.named_code import imported
 from acquisition.core.trial import software_version
@@ -128,9 +129,11 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
     beside = path.with_name(f"{path.name}.json")
-    with atomic_file(path) as partial:
-        table.set_axis(index, axis=0).to_csv(partial, index_label="time")
-    return [path, write_text(beside, json.dumps({"file": path.name, **about}, indent=2) + "\n")]
+    with written_together(path):
+        write_text(beside, json.dumps({"file": path.name, **about}, indent=2) + "\n")
+        with atomic_file(path) as partial:
+            table.set_axis(index, axis=0).to_csv(partial, index_label="time")
+    return [path, beside]
 
 
 def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
@@ -195,20 +198,18 @@ def write_sheets(sheets: Mapping[str, pd.DataFrame], path: Path) -> list[Path]:
         raise ConfigurationError(
             "a workbook needs the package xlsxwriter", fix="pip install 'seatrial[excel]'"
         ) from error
-    with (
-        atomic_file(path) as partial,
-        partial.open("wb") as stream,
-        pd.ExcelWriter(
-            stream,
-            engine="xlsxwriter",
-            datetime_format="yyyy-mm-dd hh:mm:ss.000",
-            engine_kwargs={"options": _EXCEL_OPTIONS},
-        ) as writer,
-    ):
+    workbook = BytesIO()  # on a full disk the archive would complain once more when it is deleted
+    with pd.ExcelWriter(
+        workbook,
+        engine="xlsxwriter",
+        datetime_format="yyyy-mm-dd hh:mm:ss.000",
+        engine_kwargs={"options": _EXCEL_OPTIONS},
+    ) as writer:
         writer.book.set_properties({"created": _FIRST_DAY})
         for name, table in sheets.items():
             table.to_excel(writer, sheet_name=name, index=False, freeze_panes=(1, 1))
             writer.sheets[name].set_column(0, 0, 24)
+    write_bytes(path, workbook.getvalue())
     return [path]
 
 

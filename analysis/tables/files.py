@@ -6,22 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.errors import InputError
 from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
-    if folder.is_file():
-        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise storage_error(folder, error) from error
 
 
 METADATA_PREFIX = "seatrial."
@@ -48,8 +38,8 @@ def write_parquet(
     own = {METADATA_PREFIX + key: text for key, text in metadata.items()}
     own[METADATA_PREFIX + "software_version"] = software_version()
     schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **own})
-    with atomic_file(path) as partial:
-        pq.write_table(arrow.cast(schema), partial)
+    with atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
+        pq.write_table(arrow.cast(schema), stream)
 
 
 def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
@@ -60,7 +50,8 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
     if not Path(path).is_file():
         raise InputError("does not exist", where=str(path), fix="check the path")
     try:
-        arrow = pq.read_table(path)
+        with Path(path).open("rb") as stream:
+            arrow = pq.read_table(stream)
         frame = arrow.to_pandas()
     except (pa.ArrowException, OSError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]

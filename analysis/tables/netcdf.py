@@ -198,7 +198,7 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         "history": "\n".join([*steps, f"{software_version()}: export"]),
         "processing_level": "samples as measured" if rate is None else f"resampled to {rate:g} Hz",
         "standard_name_vocabulary": "CF Standard Name Table v93",
-        "date_created": _iso(int(datetime.now(UTC).timestamp())),
+        "date_created": _iso(int(times_ns(table)[-1]) // NANO),  # of the data; a product has no time of day in it
         "comment": _comment(trial),
         **{key: getattr(trial, key) for key in WISHED},
         **_coverage(table, places),

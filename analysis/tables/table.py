@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators, as_text, control_names
 from acquisition.core.arrays import Floats, Ints, Series
+from acquisition.core.budget import RECORDING_CELLS
 from acquisition.core.channel import Channel
 from acquisition.core.channels import (
     BY_NAME,
@@ -37,25 +38,31 @@ from acquisition.core.channels import (
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.files import parse_json
 from acquisition.core.frames import Quality
+from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
-from acquisition.recording.reader import Recording, read_recording
+from acquisition.recording.grouping import Files, read_together
+from acquisition.recording.reader import Recording
 
 _LONGEST_DELAY_S = 3600.0
 
 
-def read_table(path: Path | str) -> pd.DataFrame:
-    """The raw samples of all channels joined on their measured time.
+def read_table(files: Files) -> pd.DataFrame:
+    """The raw samples of all channels of a recording, a file or its parts, joined on their measured time.
 
     The index is UTC in ns, named ``time`` and sorted; a time that one channel has twice stands in two rows.
     Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the sources by channel. Raises
-    :class:`InputError` for what is no recording and :class:`DataShortageError` for one without channels.
+    :class:`InputError` for what is no recording or more than its budget, :class:`DataShortageError` for one without
+    channels.
     """
-    return table_of(read_recording(path))
+    return table_of(read_together(files))
 
 
 def table_of(recording: Recording) -> pd.DataFrame:
     """As :func:`read_table`, of a recording that is already read."""
     series = {name: recording.series[name] for name in channels_of(recording)}
+    size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
+    cells = len(series) * sum(each.measured_ns.size for each in series.values())  # if no two have a time in common
+    RECORDING_CELLS.require(cells, recording.path, size_bytes)
     table = join_channels({name: (each.measured_ns, valid_values(each)) for name, each in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
@@ -119,7 +126,8 @@ def attributes_of(recording: Recording) -> dict[str, Any]:
         "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
     }
     history = _history_in(recording.metadata.get(HISTORY_KEY, {}).get(HISTORY_KEY, ""))
-    return {**attributes, HISTORY_KEY: history} if history else attributes
+    later = {LATER_PARTS: list(map(str, recording.later_parts))} if recording.later_parts else {}
+    return {**attributes, **later, **({HISTORY_KEY: history} if history else {})}
 
 
 def _history_in(text: str) -> list[dict[str, Any]]:
@@ -376,10 +384,11 @@ def provenance_of(
     said = table.attrs.get("recording")
     path = recording or (Path(str(said)) if said else None)
     trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
+    later = map(Path, table.attrs.get(LATER_PARTS, []))
     return {
         "software_version": software_version(),
-        "recording": path.name if path else "",
-        "recording_sha256": sha256_of(path) if path else None,
+        "recording": printable_name(path.name) if path else "",
+        "recording_sha256": sha256_of(path, *later) if path else None,
         "options": dict(options or {}),
         "history": history_of(table),
         "trial": trial,
@@ -398,7 +407,7 @@ def sha256_of(*paths: Path) -> str | None:
     return ", ".join(digests)
 
 
-HISTORY_KEY = "history"
+HISTORY_KEY, LATER_PARTS = "history", "later_parts"
 
 
 def add_step(table: pd.DataFrame, step: str, **options: Any) -> pd.DataFrame:

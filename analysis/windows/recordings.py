@@ -25,8 +25,8 @@ import pandas as pd
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
-from acquisition.core.files import parse_json
-from acquisition.recording.reader import read_recording
+from acquisition.core.files import parse_json, written_together
+from acquisition.recording.grouping import read_parts, whole_recordings
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
@@ -72,21 +72,28 @@ def tables_of_recordings(
     repair: bool = False,
     rebuild_positions: bool = False,
 ) -> dict[str, SecondBySecond]:
-    """Recordings, or a part of each one's time, at 1 Hz, by the trial's name, which is the file's.
+    """Recordings, or a part of each one's time, at 1 Hz, by the trial's name, which is the first file's.
 
     ``repair`` first corrects faults that a check of the whole recording is certain of, ``rebuild_positions``
     the positions as well (:func:`analysis.prepare.prepare`).
     """
     tables = {}
-    for number, (path, trial) in enumerate(zip(paths, trial_names(paths), strict=True)):
-        recording = read_recording(path)
+    recordings = named_recordings(paths)
+    for number, (trial, parts) in enumerate(recordings.items()):
+        recording = read_parts(parts)
         if repair:
             whole = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
             tables[trial] = second_by_second(partial(resample, select(whole, part_percent)))
         else:
             tables[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
-        progress((number + 1) / len(paths))
+        progress((number + 1) / len(recordings))
     return tables
+
+
+def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
+    """The recordings in some files, each with its parts, by :func:`trial_names` of their first files."""
+    recordings = whole_recordings(map(Path, paths))
+    return dict(zip(trial_names([parts[0] for parts in recordings]), recordings, strict=True))
 
 
 def windows_of_tables(
@@ -171,21 +178,21 @@ def windows_of_recordings(
     """
     options = how or WindowOptions()
     refuse_duplicates(paths)
-    parts, motion, names, provenance = [], {}, trial_names(paths), {}
+    pieces, motion, provenance, recordings = [], {}, {}, named_recordings(paths)
     simple = not (options.starts or options.repair or options.remove_delays)
     rate_hz = 1.0 if simple else None
     preparation = Preparation(rate_hz, repair=options.repair, remove_delays=options.remove_delays)
-    for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
-        table = prepare(read_recording(path), preparation, rebuild_positions=options.rebuild_positions)
+    for number, (trial, parts) in enumerate(recordings.items()):
+        table = prepare(read_parts(parts), preparation, rebuild_positions=options.rebuild_positions)
         seconds = table if simple else resample(table, 1.0)
-        parts.append(
+        pieces.append(
             held_windows(seconds, options.horizon_s, options.stride_s, trial=trial, keep_moving=options.keep_moving)
         )
-        provenance[trial] = provenance_of(seconds, asdict(options), path)
-        if options.starts and parts[-1].kept:
+        provenance[trial] = provenance_of(seconds, asdict(options), parts[0])
+        if options.starts and pieces[-1].kept:
             motion[trial] = smooth(table, 1.0)
-        progress((number + 1) / len(paths))
-    windows = replace(require_windows(join_windows(parts), ", ".join(names)), provenance=provenance)
+        progress((number + 1) / len(recordings))
+    windows = replace(require_windows(join_windows(pieces), ", ".join(recordings)), provenance=provenance)
     return add_start_states(windows, motion) if options.starts else windows
 
 
@@ -199,11 +206,12 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
     said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
-    write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
-    if windows.starts is not None:
-        states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
-        about = {"covariance": "SI, angles in radians", **provenance}
-        write_parquet(windows.starts, starts_path(path), states, about)
+    states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
+    with written_together(Path(path)):
+        if windows.starts is not None:
+            about = {"covariance": "SI, angles in radians", **provenance}
+            write_parquet(windows.starts, starts_path(path), states, about)
+        write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
 
 
 def starts_path(path: Path | str) -> Path:

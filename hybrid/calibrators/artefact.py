@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -21,11 +20,11 @@ from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt,
 
 from acquisition.core.actuators import as_text, from_text
 from acquisition.core.arrays import Floats
+from acquisition.core.budget import CALIBRATOR_BYTES
 from acquisition.core.channels import trial_names
-from acquisition.core.errors import InputError, SeatrialError, storage_error
-from acquisition.core.files import read_regular
+from acquisition.core.errors import InputError, SeatrialError
+from acquisition.core.files import make_folder, read_regular, write_bytes, written_together
 from acquisition.core.named_code import absolute, digest_of, in_file
-from analysis.tables.files import make_folder
 from analysis.tables.table import MOST
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, require_shapes
@@ -37,7 +36,6 @@ from hybrid.vessel.plant import Plant, plant_hash, plant_numbers, plant_of
 
 SIDECAR = "calibrator.json"
 FORMAT = 8
-_MOST_BYTES = 1024**3  # the largest of ours has 4 MB; a calibrator of a user's own may keep its training data
 UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
@@ -208,7 +206,7 @@ def _with_code(model: Model, method: str | None, path: Path) -> Model:
 def read_bytes(path: Path) -> bytes:
     """Read a file of an artefact. Raises :class:`InputError`."""
     try:
-        return read_regular(path, _MOST_BYTES)
+        return read_regular(path, CALIBRATOR_BYTES)
     except (FileNotFoundError, NotADirectoryError) as error:
         raise InputError("is not a trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
                          fix="make one with `seatrial train`") from error  # fmt: skip
@@ -304,25 +302,10 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
     make_folder(folder)
-    _write_together(folder, contents | {SIDECAR: text})
+    with written_together(folder / SIDECAR):
+        for name, content in (contents | {SIDECAR: text}).items():
+            write_bytes(folder / name, content)
     return folder / SIDECAR
-
-
-def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
-    """Write a set of files, the sidecar last. Raises :class:`StorageError`."""
-    partial = {name: folder / f".{name}.part" for name in contents}
-    try:
-        for name, content in contents.items():
-            partial[name].write_bytes(content)
-        (folder / SIDECAR).unlink(missing_ok=True)
-        for name, path in partial.items():
-            path.replace(folder / name)
-    except OSError as error:
-        raise storage_error(folder / SIDECAR, error) from error
-    finally:
-        for path in partial.values():
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
 
 
 def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:

@@ -10,10 +10,9 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import AsJson, writes
 from acquisition.core.process import echo, stop_on_signals
 from analysis.cli import RebuildPositions
-from analysis.tables.files import make_folder
 from hybrid.cli import (
     AllowSeenOption,
     AnyOption,
@@ -34,6 +33,7 @@ WATCH_HORIZON_S = 30
 _NICENESS = 5  # the logger goes first
 
 
+@writes(folder="output")
 def train(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the calibrator.")],
@@ -58,7 +58,6 @@ def train(
 
     refuse_untrainable(method)
     reference_model(trials_of(files), vessel)
-    make_folder(output)  # before hours of work
     trained = run(
         files, vessel, method, horizon, stride_s=stride, part=part, any_commands=any_commands,
         repair=repair, rebuild_positions=rebuild_positions, seed=seed,
@@ -100,6 +99,7 @@ def validate(
     print_result(validation.as_dict(), validation, as_json=as_json)
 
 
+@writes(folder="output")
 def evaluate(
     files: Recordings,
     horizon: Annotated[int, typer.Option(min=2, help="The horizon of the predictions, in seconds.")] = 15,
@@ -131,8 +131,6 @@ def evaluate(
     """Compare the methods by cross-validation, with 95 % intervals."""
     from hybrid.scripting import evaluate as run
 
-    if output is not None:
-        make_folder(output)
     if not method:
         say_what_needs_networks("every method but adaptive")
     evaluation = run(

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import AsJson, writes
+from acquisition.core.files import written_together
 from acquisition.core.process import echo
 from acquisition.core.progress import bar, part_of
-from analysis.tables.files import make_folder
 from hybrid.cli import (
     AllowSeenOption,
     CodeOption,
@@ -40,6 +40,7 @@ RebuildIfJitter = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
 
 
+@writes(folder="output")
 def speed_power(
     files: Recordings,
     conditions: Annotated[
@@ -70,6 +71,7 @@ def speed_power(
         echo(f"at {each.power_kw:g} kW: {speed}, {interval}")
 
 
+@writes(folder="output")
 def diagnose(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")],
@@ -108,7 +110,6 @@ def diagnose(
 
     ship = reference_model(trials_of(files), vessel).vessel
     catalogue = catalogue_with(effects or (), without or (), ship)
-    make_folder(output)  # before minutes of work
     with bar("diagnosing") as progress:
         diagnosed = diagnose_files(
             files, ship, tolerance / 100.0, catalogue, percent_of(part),
@@ -142,6 +143,7 @@ def diagnose(
     echo(str(page))
 
 
+@writes("output", "picture")
 def identify(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
@@ -180,6 +182,7 @@ def identify(
     print_result(found.as_dict(), found, as_json=as_json)
 
 
+@writes(folder="output")
 def table3(
     output: Folder = None,
     seed: Seed = 0,
@@ -193,21 +196,22 @@ def table3(
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
 
-    if output is not None:
-        make_folder(output)
     with bar("campaigns") as progress:
         seas = seas_of(papers_jobs(seed, seeds), workers, progress)
     table = table_of(seas)
     if output is not None:
         from hybrid.reproduction.figures import write_figures
-        from hybrid.reproduction.page import write_page
+        from hybrid.reproduction.page import TABLE, write_page
 
-        write_figures([sea for sea in seas if sea.job.seed == seed], output)
-        for path in (*write_table3(table, output), write_page(output)):
+        with written_together(output / TABLE):
+            write_figures([sea for sea in seas if sea.job.seed == seed], output)
+            written = write_table3(table, output)
+        for path in (*written, write_page(output)):
             echo(path, err=True)
     print_result(table.as_dict(), table, as_json=as_json)
 
 
+@writes(folder="output")
 def figures(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the figures.")] = Path(
         "reproduction"
@@ -220,7 +224,6 @@ def figures(
     from hybrid.reproduction.figures import write_figures
     from hybrid.reproduction.table3 import papers_jobs
 
-    make_folder(output)
     with bar("figures") as progress:
         paths = write_figures(seas_of(papers_jobs(seed, 1), progress=progress), output)
     if as_json:
@@ -230,6 +233,7 @@ def figures(
         echo(path)
 
 
+@writes(folder="output")
 def fidelity(
     output: Folder = None,
     seed: Seed = 0,
@@ -247,8 +251,6 @@ def fidelity(
     for each in (method, "data_driven"):
         refuse_untrainable(each)
     sea_state_named(sea_state)
-    if output is not None:
-        make_folder(output)
     code = notebook("fidelity_map")
     with bar("fidelity") as progress:
         found = code.papers_map(sea_state, method, seed, seeds, workers, progress)
@@ -299,14 +301,14 @@ def report(
 ) -> None:
     """Write the report of a trial, a diagnosis, a reproduction or a batch, as HTML and PDF."""
     from acquisition.core.errors import ConfigurationError
-    from acquisition.core.progress import bar
+    from acquisition.core.locks import locked_folder
     from analysis.report.rendering import write_pdf
-    from hybrid.report.folder import Choices
+    from hybrid.report.folder import Choices, report_folder
     from hybrid.report.folder import report as run
     from hybrid.report.sections import FAILED
 
     choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length, method)
-    with bar("report") as progress:
+    with locked_folder(report_folder(folder)), bar("report") as progress:
         pages = run(folder, choices, recordings, part_of(progress, 0, 2) if pdf else progress)
         printed, warnings = list[Path](), list[str]()
         for number, page in enumerate(pages if pdf else ()):

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import AsJson, writes
 from acquisition.core.process import echo
 from acquisition.core.progress import bar
 from hybrid.cli import (
@@ -25,6 +25,7 @@ MANOEUVRES = (
 )
 
 
+@writes(folder="folder")
 def init(
     folder: Annotated[Path, typer.Argument(help="The folder to make.")],
     name: Annotated[str | None, typer.Option(help="Name of ship and trial; default: the folder's.")] = None,
@@ -38,6 +39,7 @@ def init(
         echo(path)
 
 
+@writes(folder="output")
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")] = Path("demo"),
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
@@ -54,6 +56,7 @@ def demo(
     echo(f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference")
 
 
+@writes("output")
 def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", help="The recording to write, OUT.mcap.")],
     vessel: VesselOption = None,
@@ -83,6 +86,7 @@ def simulate(
     echo(f"{samples:,} samples of {duration:g} s in {output}; the truth is in {truth}", err=True)
 
 
+@writes(folder="output")
 def campaign(
     file: Annotated[Path, typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for all output.")],
@@ -129,6 +133,7 @@ def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_
     console.print(catalogue_tables(catalogue))
 
 
+@writes(folder="output")
 def plan(
     manoeuvres: Annotated[list[str] | None, typer.Argument(help=MANOEUVRES)] = None,
     vessel: VesselOption = None,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import AsJson, writes
 from acquisition.core.process import echo
 from hybrid.cli import print_result
 
@@ -30,6 +30,7 @@ _DEVICES = {
 _DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be repeated."
 
 
+@writes("output")
 def new(
     output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
     name: Annotated[str | None, typer.Option(help="The ship's name; by default that of the file.")] = None,
@@ -77,6 +78,7 @@ def new(
     echo(output)
 
 
+@writes("output")
 def check(
     vessel: Annotated[str, typer.Argument(help="A vessel of trials/vessels, or a vessel file.")],
     rpm: Annotated[

@@ -18,7 +18,7 @@ import pandas as pd
 
 from acquisition.core import files
 from acquisition.core.errors import InputError
-from acquisition.core.files import write_text
+from acquisition.core.files import remove_file, write_text, written_together
 from acquisition.core.serialisation import Number, from_json, to_json
 from analysis.tables.files import read_parquet, write_parquet
 from hybrid.diagnosis.result import (
@@ -83,16 +83,19 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
         correlation=extras.correlation,
         remainder_looks_like="" if diagnosis.remainder is None else diagnosis.remainder.looks_like,
     )
-    for name, result, indent in ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2)):
-        if result is None:
-            (folder / name).unlink(missing_ok=True)
-        else:
-            write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
-    for name, table in ((MAP, _map_table(extras)), (TRACKS, _tracks_table(diagnosis.tracks))):
-        if table is None:
-            (folder / name).unlink(missing_ok=True)
-        else:
-            write_parquet(table, folder / name, _units(table), {})
+    results = ((DIAGNOSIS, diagnosis, 2), (SHOWN, shown, None), (LADDER, extras.ladder, 2))
+    tables = ((MAP, _map_table(extras)), (TRACKS, _tracks_table(diagnosis.tracks)))
+    with written_together(folder / DIAGNOSIS):
+        for name, result, indent in results:
+            if result is None:
+                remove_file(folder / name)
+            else:
+                write_text(folder / name, json.dumps(to_json(result), indent=indent) + "\n")
+        for name, table in tables:
+            if table is None:
+                remove_file(folder / name)
+            else:
+                write_parquet(table, folder / name, _units(table), {})
 
 
 def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:

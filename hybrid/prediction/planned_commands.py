@@ -18,8 +18,10 @@ import pandas as pd
 
 from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.arrays import Floats
+from acquisition.core.budget import CONFIGURATION_BYTES
+from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
-from acquisition.tables.table_files import RawTable, parse_times
+from acquisition.tables.table_files import FOREIGN_READER, RawTable, parse_times
 from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.vessel.actuators import angle_columns, control_units
 
@@ -33,7 +35,13 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
     Raises :class:`InputError` naming what is missing, unknown, unsorted or no number.
     """
     try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path, comment="#")
+        if path.suffix == ".parquet":
+            table = read_in_child(FOREIGN_READER, "parquet", path).to_pandas()
+        else:
+            CONFIGURATION_BYTES.require(path.stat().st_size, path, path.stat().st_size)
+            table = pd.read_csv(path, comment="#")
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError("cannot be read as a table of commands", where=str(path), why=str(error)) from error
     names, known = [str(name).strip() for name in table.columns], control_names(actuators)

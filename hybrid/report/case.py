@@ -24,7 +24,7 @@ from analysis.report.pages import Ship
 from analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
 from analysis.tables.resample import resample
 from analysis.tables.table import percent_of, refuse_duplicates, select
-from analysis.windows.recordings import second_by_second, trial_names
+from analysis.windows.recordings import named_recordings, second_by_second
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.artefact import load
@@ -68,17 +68,22 @@ class Case:
     length_m: float | None = None
 
     @cached_property
+    def named_parts(self) -> dict[str, tuple[Path, ...]]:
+        """The recordings, each with its parts, by the names of their trials."""
+        return named_recordings(self.paths)
+
+    @cached_property
     def named_paths(self) -> dict[str, Path]:
-        """The recordings by the names of their trials."""
-        return dict(zip(trial_names(self.paths), self.paths, strict=True))
+        """The first file of each recording."""
+        return {name: parts[0] for name, parts in self.named_parts.items()}
 
     @cached_property
     def _analysed(self) -> tuple[dict[str, Products], dict[str, str]]:
         """What the analysis makes of each recording, and why it can make nothing of some."""
         made, left_out = dict[str, Products](), dict[str, str]()
-        for name, path in self.named_paths.items():
+        for name, parts in self.named_parts.items():
             try:
-                made[name] = self._products_of(path, name)
+                made[name] = self._products_of(parts, name)
             except SeatrialError as error:
                 left_out[name] = str(error.at(""))
         if not made:
@@ -87,13 +92,13 @@ class Case:
             )
         return made, left_out
 
-    def _products_of(self, path: Path, name: str) -> Products:
+    def _products_of(self, parts: Sequence[Path], name: str) -> Products:
         """The analysis of one recording; channels of motion and wind that it lacks are there, and empty."""
-        ship = self._ship_of(read_trial(path).vessel, path)
+        ship = self._ship_of(read_trial(parts[0]).vessel, parts[0])
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
                           length_m=None if ship is None else ship.between_perpendiculars_m,
                           rebuild_positions=None if self.repair else False)  # fmt: skip
-        products = analyse([path], options, name)
+        products = analyse(parts, options, name)
         lacking = [each for each in MOTION if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
@@ -168,7 +173,7 @@ class Case:
         every = self.products
         held = {name: each for name, each in every.items() if each.windows is not None and each.windows.kept}
         used = held or every
-        paths = [self.named_paths[name] for name in used]
+        paths = [path for name in used for path in self.named_parts[name]]
         return dataset_of(
             {name: second_by_second(partial(resample, select(each.table, self.part_percent)))
              for name, each in used.items()},

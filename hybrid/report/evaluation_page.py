@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
 from hybrid.evaluation.study import BASELINES, Evaluation, SplitSummary, Summary
@@ -136,7 +136,8 @@ HEADER = ["method", "start", "mean distance [m]", "end [m]", "north, east [m]", 
 
 def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the JSON ``text`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
-    return [write_text(folder / JSON_FILE, text + "\n"), page_of(evaluation, about).write(folder / PAGE_FILE)]
+    with written_together(folder / JSON_FILE):
+        return [write_text(folder / JSON_FILE, text + "\n"), page_of(evaluation, about).write(folder / PAGE_FILE)]
 
 
 def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:

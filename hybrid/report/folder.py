@@ -15,11 +15,10 @@ from typing import Any, Literal
 from markupsafe import Markup
 
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
-from acquisition.core.files import write_text
+from acquisition.core.files import make_folder, write_text, written_together
 from acquisition.core.progress import Progress, part_of
 from analysis.manoeuvres.indices import as_json
 from analysis.report.rendering import render
-from analysis.tables.files import make_folder
 from analysis.tables.table import sha256_of
 from hybrid.diagnosis.serialisation import read_diagnosis, read_json
 from hybrid.report.case import load_case
@@ -85,10 +84,9 @@ def report(
 
     ``recordings`` is the folder that a batch went through. Raises :class:`InputError` for what cannot be told.
     """
-    if not where.exists():
-        raise InputError("does not exist", where=str(where), fix="give a recording or a folder")
+    folder = report_folder(where)
     if where.is_file():
-        return [trial_report([where], _folder_of(where), choices, progress)]
+        return [trial_report([where], folder, choices, progress)]
     kind = kind_of(where)
     if kind == "batch":
         return batch_reports(where, recordings, choices, progress)
@@ -106,8 +104,17 @@ def report(
                          fix="run `seatrial diagnose` again") from error  # fmt: skip
 
 
+def report_folder(where: Path) -> Path:
+    """Where a report goes: a folder itself, for one recording a folder of its name beside it.
+
+    Raises :class:`InputError` for what is neither, :class:`StorageError` where a file is in the way.
+    """
+    if not where.exists():
+        raise InputError("does not exist", where=str(where), fix="give a recording or a folder")
+    return _folder_of(where) if where.is_file() else where
+
+
 def _folder_of(recording: Path) -> Path:
-    """Where the report of one recording goes: a folder of its name beside it."""
     if recording.suffix != ".mcap":
         raise InputError("is not a recording", where=str(recording), why="reports are made from .mcap files",
                          fix="convert a table with `seatrial import`")  # fmt: skip
@@ -163,19 +170,20 @@ def trial_report(
     )  # fmt: skip
     made = case.products  # what is wrong is said before anything is written
     make_folder(folder)
-    pages = write_interactive_pages(case, folder) if choices.interactive else {}
-    show = sections("trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages)
-    parts = []
-    for number, block in enumerate(BLOCKS):
-        parts.append(show(block).html)
-        progress((number + 1) / len(BLOCKS))
-    indices = {name: as_json(each.manoeuvres) for name, each in made.items()}
-    write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
-    page = render(
-        "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),
-        body=Markup("".join(parts)),  # markup of templates, in which what a recording says is escaped
-    )  # fmt: skip
-    return page.write(folder / PAGE_FILE)
+    with written_together(folder / PAGE_FILE):
+        pages = write_interactive_pages(case, folder) if choices.interactive else {}
+        show = sections("trial.html", folder / "figures", case=case, remark=remark, folder=diagnosis, pages=pages)
+        parts = []
+        for number, block in enumerate(BLOCKS):
+            parts.append(show(block).html)
+            progress((number + 1) / len(BLOCKS))
+        indices = {name: as_json(each.manoeuvres) for name, each in made.items()}
+        write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
+        page = render(
+            "base.html", title=f"Sea trial report: {ship_name(case)}", subtitle=subtitle(case),
+            body=Markup("".join(parts)),  # markup of templates, in which what a recording says is escaped
+        )  # fmt: skip
+        return page.write(folder / PAGE_FILE)
 
 
 def batch_reports(
@@ -198,7 +206,7 @@ def batch_reports(
     for number, row in enumerate(done):
         share = part_of(progress, number, len(done))
         try:
-            pages.append(trial_report([recordings / row["path"]], out / row["name"], own, share))
+            pages.append(trial_report(summary.files[row["name"]], out / row["name"], own, share))
         except SeatrialError as error:
             failed[row["name"]] = str(error)
     index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)

@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from analysis.report.plots import PALETTE
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
@@ -30,7 +30,8 @@ _MOST_SHOWN = 18  # effects in one picture
 def write_plan(plan: Plan, folder: Path) -> list[Path]:
     """Write ``plan.json`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
     text = json.dumps(plan.as_dict()) + "\n"
-    return [write_text(folder / JSON_FILE, text), page_of(plan).write(folder / PAGE_FILE)]
+    with written_together(folder / JSON_FILE):
+        return [write_text(folder / JSON_FILE, text), page_of(plan).write(folder / PAGE_FILE)]
 
 
 def page_of(plan: Plan) -> Page:

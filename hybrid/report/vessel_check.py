@@ -109,7 +109,6 @@ def write_vessel_check(check: VesselCheck, path: Path) -> Path:
     """
     ending = path.suffix.removeprefix(".").lower()
     if ending in PICTURES:
-        path.parent.mkdir(parents=True, exist_ok=True)
         return write_figure(check.plot(), path.parent, path.stem, (ending,))[0]
     return page_of(check).write(path)
 

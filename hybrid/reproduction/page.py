@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rich.console import Group
 
 from acquisition.core.errors import InputError
-from acquisition.core.files import atomic_file, read_json, write_text
+from acquisition.core.files import atomic_file, read_json, write_text, written_together
 from analysis.report.plots import FAINT
 from analysis.report.rendering import Page, render
 from hybrid.prediction.scores import Interval
@@ -77,11 +77,12 @@ def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
     """Write ``table3.json`` and ``table3.csv``, which has the rows. Raises :class:`StorageError`."""
     plain = table.as_dict()
     as_json, as_csv = folder / TABLE, folder / "table3.csv"
-    write_text(as_json, json.dumps(plain, indent=2) + "\n")
-    with atomic_file(as_csv) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, fieldnames=list(plain["rows"][0]))
-        writer.writeheader()
-        writer.writerows(plain["rows"])
+    with written_together(as_json):
+        write_text(as_json, json.dumps(plain, indent=2) + "\n")
+        with atomic_file(as_csv) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.DictWriter(stream, fieldnames=list(plain["rows"][0]))
+            writer.writeheader()
+            writer.writerows(plain["rows"])
     return as_json, as_csv
 
 

@@ -20,7 +20,7 @@ from acquisition.core.files import atomic_file, read_json
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from analysis.batch.one_recording import Row
-from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, map_calls, run_jobs
+from analysis.batch.workers import Job, attempt, batch_folder, check_address, map_calls, run_jobs
 from analysis.products import Options
 from analysis.tables.table import sha256_of
 from hybrid.effects import apply_effects, vessel_plant
@@ -137,7 +137,7 @@ def run_campaign(
         TrialJob(trial.name, str(out / f"{trial.name}.mcap"), str(out), Options(), trial=trial)
         for trial in trials_of(campaign)
     ]
-    with exclusive_folder(out):
+    with batch_folder(out):
         if workers == 1 and scheduler is None:
             rows = map_calls([(make, job) for job in jobs], 1, progress)
         else:
@@ -169,7 +169,6 @@ def _made(job: Job) -> Row:
     truth_path, plan = recording.with_suffix(".truth.json"), fingerprint(trial)
     if recording.is_file() and _plan_of(truth_path) == plan:
         return {"status": "done", "cause": "", "sha256": sha256_of(recording), "reused": True}
-    truth_path.unlink(missing_ok=True)
     table, truth = simulate_trial(
         trial.vessel, trial.sea_state, trial.manoeuvre, trial.duration_s, trial.rate_hz, trial.seed, trial.hidden,
         noise=trial.noise, heading_deg=trial.heading_deg,

@@ -19,7 +19,7 @@ import pandas as pd
 from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
 from analysis.kinematics import to_ship
@@ -237,8 +237,10 @@ def record_trial(
         sea_state=truth["sea_state"]["name"],
         crew_notes=f"simulated {truth['manoeuvre']}",
     )
-    write_table(table, path, sheet, source="simulated")
-    write_truth({**truth, **known}, path.with_suffix(".truth.json"))
+    truth_path = path.with_suffix(".truth.json")
+    with written_together(truth_path):
+        write_table(table, path, sheet, source="simulated")
+        write_truth({**truth, **known}, truth_path)
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:

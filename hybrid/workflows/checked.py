@@ -20,7 +20,8 @@ from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import ENVIRONMENT, VELOCITY
 from acquisition.core.frames import Quality
-from acquisition.recording.reader import Recording, read_recording
+from acquisition.recording.grouping import Files, read_recordings, read_together
+from acquisition.recording.reader import Recording
 from analysis.quality.check import check_recording
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS
@@ -189,12 +190,11 @@ def checked_files(
 ) -> Checked:
     """The tables of all recordings by :func:`checked_tables`; each sentence begins with the name of its file."""
     tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
-    for file in map(Path, files):
-        recording = read_recording(file)
+    for recording in read_recordings(map(Path, files)):
         found = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
         tables += found.tables
-        remarks += [f"{file.name}: {each}" for each in found.remarks]
-        repairs += [f"{file.name}: {each}" for each in found.repairs]
+        remarks += [f"{recording.path.name}: {each}" for each in found.remarks]
+        repairs += [f"{recording.path.name}: {each}" for each in found.repairs]
     return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
 
@@ -203,7 +203,7 @@ def _in_words(done: Repair) -> str:
 
 
 def usable_tables(
-    recordings: Mapping[str, Path],
+    recordings: Mapping[str, Files],
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
     repaired: bool = False,
@@ -211,9 +211,9 @@ def usable_tables(
 ) -> tuple[dict[str, pd.DataFrame], tuple[str, ...]]:
     """One raw table for each recording by name, with a gap where :func:`checked_tables` parts it, and remarks."""
     tables, remarks = dict[str, pd.DataFrame](), list[str]()
-    for name, path in recordings.items():
+    for name, files in recordings.items():
         checked = checked_tables(
-            read_recording(path), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
+            read_together(files), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
         )
         tables[name] = joined(checked.tables)
         remarks += [f"{name}: {remark}" for remark in checked.remarks]

@@ -20,6 +20,7 @@ from pathlib import Path
 from acquisition.config.configuration import load_config
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
+from acquisition.core.files import write_text
 from acquisition.core.progress import bar
 from acquisition.core.trial import Trial
 from acquisition.emulator import NullModem, Playback, emulate
@@ -171,8 +172,7 @@ def _configuration(path: Path, can_device: str, serial_device: str, port: int) -
     dbc = TEMPLATE.parent / "vessels" / "thrusters.dbc"
     text = text.replace('"CAN_LINE"', f'"{can_device}"').replace('"SERIAL_LINE"', f'"{serial_device}"')
     text = text.replace("port = 14554", f"port = {port}").replace("vessels/thrusters.dbc", str(dbc))
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_text(path, text)
 
 
 def _free_udp_port() -> int:

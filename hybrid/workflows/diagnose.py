@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.arrays import Floats
-from acquisition.core.files import write_text
+from acquisition.core.files import remove_file, write_text, written_together
 from acquisition.core.progress import Progress, part_of
 from acquisition.core.trial import software_version
 from analysis.tables.table import NANO, refuse_duplicates, times_ns
@@ -28,7 +28,7 @@ from hybrid.diagnosis.linearise import linear_model, model_of, next_states, true
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.nuisance_basis import force_range
 from hybrid.diagnosis.result import Diagnosis, Estimate, Extras, IdentifiedCorrection
-from hybrid.diagnosis.serialisation import write_figure_data
+from hybrid.diagnosis.serialisation import DIAGNOSIS, write_figure_data
 from hybrid.diagnosis.verdict import Conclusion
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of, vessel_plant
@@ -291,14 +291,15 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
 
     Raises :class:`StorageError`.
     """
-    write_figure_data(run.diagnosis, run.extras, folder)
-    _write_regimes(run.conclusion, folder / "regimes.py")
-    if run.refit is None:
-        (folder / "identified.toml").unlink(missing_ok=True)
-    else:
-        save_vessel(run.refit, folder / "identified.toml")
-    save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
-    return write_report(run.diagnosis, run.extras, folder)
+    with written_together(folder / DIAGNOSIS):
+        write_figure_data(run.diagnosis, run.extras, folder)
+        _write_regimes(run.conclusion, folder / "regimes.py")
+        if run.refit is None:
+            remove_file(folder / "identified.toml")
+        else:
+            save_vessel(run.refit, folder / "identified.toml")
+        save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
+        return write_report(run.diagnosis, run.extras, folder)
 
 
 def _write_regimes(conclusion: Conclusion, path: Path) -> None:
@@ -306,7 +307,7 @@ def _write_regimes(conclusion: Conclusion, path: Path) -> None:
     if found:
         write_text(path, as_file(found))
     else:
-        path.unlink(missing_ok=True)
+        remove_file(path)
 
 
 def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pandas as pd
 from pymap3d import ned2geodetic
@@ -10,7 +11,7 @@ from pymap3d import ned2geodetic
 from acquisition.config.vessel_file import vessel_names
 from acquisition.core.actuators import VESSELS
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import write_text
+from acquisition.core.files import write_text, written_together
 from acquisition.recording.parts import safe_name
 from acquisition.tables.import_table import refuse_overwriting
 from hybrid.simulation.trial import Noise, simulate_trial
@@ -44,8 +45,11 @@ def start_folder(folder: Path, name: str = "", *, force: bool = False) -> list[P
         texts[each] = (TEMPLATES / each).read_text(encoding="utf-8").replace("NAME", name)
     for each in (*texts, "example.csv"):
         refuse_overwriting(folder / each, force)
-    written = [write_text(folder / each, text) for each, text in texts.items()]
-    return [*written, write_text(folder / "example.csv", _example_table(load_vessel(written[0])))]
+    with TemporaryDirectory(prefix="seatrial-init-") as scratch:
+        ship = load_vessel(write_text(Path(scratch) / "vessel.toml", texts["vessel.toml"]))
+    texts["example.csv"] = _example_table(ship)
+    with written_together(folder / "vessel.toml"):
+        return [write_text(folder / file, text) for file, text in texts.items()]
 
 
 def _example_ship(name: str) -> str:

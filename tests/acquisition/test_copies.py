@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -18,7 +19,7 @@ from acquisition.logger.copies import Copies, copy_part, same
 from acquisition.logger.record import record
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
-from tests.acquisition.conftest import config_text, free_port
+from tests.acquisition.conftest import PATIENCE_S, config_text, free_port
 
 NAMES = [
     "trial_20260517T120000Z.mcap", "trial_20260517T120000Z_part00002.mcap", "trial_20260517T120000Z_part00003.mcap",
@@ -38,7 +39,10 @@ class Aboard:
             (self.here / name).write_bytes(bytes([number]) * SIZE)
         (self.here / "other_20260101T000000Z.mcap").write_bytes(b"x" * SIZE)
         written = SimpleNamespace(
-            paused=False, path=self.here / NAMES[-1], tell=lambda level, text: self.told.append(f"{level}: {text}")
+            paused=False,
+            path=self.here / NAMES[-1],
+            paths=[self.here / NAMES[-1]],
+            tell=lambda level, text: self.told.append(f"{level}: {text}"),
         )
         self.copies = Copies(CopiesSection(self.there, keep_gb), self.here, "trial", cast(RecordingParts, written))
         self.copies.look()  # the first look sees how long they are
@@ -50,6 +54,25 @@ class Aboard:
 @pytest.fixture
 def aboard(tmp_path: Path) -> Aboard:
     return Aboard(tmp_path, SIZE * 1.5 / 1e9)
+
+
+def test_a_copy_that_hangs_does_not_keep_the_recorder_from_ending(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("_LONGEST_FINISH_S", "_LONGEST_STOP_S", "_LOOK_EVERY_S"):
+        monkeypatch.setattr(copies_module, name, 0.05)
+    hanging, release = threading.Event(), threading.Event()
+
+    def hang(path: Path, folder: Path, rest: object) -> None:
+        hanging.set()
+        release.wait(PATIENCE_S)
+
+    monkeypatch.setattr(copies_module, "copy_part", hang)
+    aboard = Aboard(tmp_path, None)
+    assert aboard.copies.start()
+    assert hanging.wait(PATIENCE_S)
+    aboard.copies.stop()
+    release.set()
 
 
 def test_what_is_finished_is_copied_and_what_grows_is_not(tmp_path: Path) -> None:

@@ -529,12 +529,12 @@ def test_a_receiver_that_has_just_been_switched_on_does_not_set_the_logs_time(tm
 
 
 def test_a_recorder_knows_both_protocols_of_a_line(tmp_path: Path) -> None:
-    """A refusal of either counts."""
+    """A refusal of either counts, as one of the processing does."""
     (tmp_path / "trial.toml").write_text(config_text(f'type = "udp"\nport = {free_port()}\n'))
     config = load_config(tmp_path / "trial.toml")
     parts = RecordingParts(tmp_path, config.trial, config.attachments, config.recording, {})
     recorder = Recorder(config, parts)
-    assert len(recorder.health.sources["gate"].refusals) == 2
+    assert len(recorder.health.sources["gate"].refusals) == 3
     parts.close()
 
 

@@ -134,10 +134,6 @@ def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch
     assert texts(recording).count("the queue is full") == 1
 
 
-def wait_until_ended(recorder: Recorder) -> None:
-    wait_for(lambda: recorder.ended)
-
-
 @pytest.mark.parametrize("error", [SourceError("pulled"), ValueError("a driver's own"), RuntimeError("another")])
 def test_whatever_a_driver_raises_the_source_is_opened_again(run: Run, error: Exception) -> None:
     source = FakeSource("line", reads([frame()], error, [frame()]))
@@ -214,18 +210,35 @@ def test_a_source_that_hangs_is_left_behind(run: Run, monkeypatch: pytest.Monkey
     assert "does not stop and is left behind" in texts(recording)
 
 
-@pytest.mark.parametrize("error", [StorageError("disk full"), ZeroDivisionError("a bug")])
-def test_what_breaks_the_recording_ends_it_and_is_raised(
+@pytest.mark.parametrize("error", [StorageError("disk full"), ZeroDivisionError("a bug"), MemoryError()])
+def test_frames_that_cannot_be_recorded_are_counted_and_do_not_end_the_recorder(
     run: Run, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
-    """With a source that goes on flooding: stop must neither hang nor keep silent."""
+    """With a source that goes on flooding; what is recorded after the failures is whole."""
+    write_raw, failures = RecordingParts.write_raw, iter(range(20))
 
-    def fail(self: RecordingParts, each: Frame) -> None:
-        raise error
+    def fail_at_first(self: RecordingParts, frame: Frame) -> None:
+        if next(failures, None) is not None:
+            raise error
+        write_raw(self, frame)
 
-    monkeypatch.setattr(RecordingParts, "write_raw", fail)
-    with pytest.raises(type(error), match=str(error)):
-        run(FakeSource("line", lambda: [frame() for _ in range(50)]), wait_until_ended)
+    monkeypatch.setattr(RecordingParts, "write_raw", fail_at_first)
+    alive = []
+
+    def until_recorded(recorder: Recorder) -> None:
+        wait_for(lambda: recorder.health.samples > 0)
+        alive.append(not recorder.ended)
+
+    with pytest.raises(StorageError, match="20 messages could not be written"):
+        run(FakeSource("line", lambda: [frame() for _ in range(50)]), until_recorded)
+    assert alive == [True]
+
+
+def test_a_value_that_breaks_the_processing_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("acquisition.logger.derive.Derivation.remember", lambda self, sample: 1 / 0)
+    recording = run(FakeSource("line", reads([frame(), frame()])))
+    assert recording.raw["/raw/nmea0183/line"] == 2
+    assert texts(recording).count("could not be interpreted: ZeroDivisionError") == 1
 
 
 def test_a_frame_that_breaks_a_decoder_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

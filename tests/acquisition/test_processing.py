@@ -63,6 +63,7 @@ def process(tmp_path: Path) -> Process:
             for line, at_s, body in said:
                 at_ns = round(at_s * SECOND)
                 processing.process(Frame(line, "nmea0183", sentence(body).strip(), START_NS + at_ns, at_ns))
+            processing.report_handovers()
         return read_recording(tmp_path / "x.mcap"), health
 
     return recorded
@@ -207,7 +208,8 @@ def test_a_rate_falls_when_a_channel_falls_silent() -> None:
 def test_the_picture_fits_its_terminal(width: int, height: int, process: Process) -> None:
     """No name and no number is cut, no line is broken in two, and the newest events are those that stay."""
     _, health = process(TWO_LINES, [("first", 0.1 * number, fix(30.0)) for number in range(5)])
-    health.events.extend((START_NS, "warning", f"event {number} " + "long " * 40) for number in range(10))
+    for number in range(10):
+        health.events.append((START_NS, "warning", f"event {number} " + "long " * 40))
     console = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, color_system=None)
     health.part = "a_rather_long_name_of_a_trial_20260517T120000Z.mcap"
     health.free_bytes, health.bytes_per_s = 64_000_000_000, 120_000.0

@@ -440,7 +440,8 @@ def test_a_run_sheet_that_is_damaged_is_kept_under_another_name(tmp_path: Path) 
     assert sum(found.refused.values()) >= 1
     assert read_recording(tmp_path / "saved.mcap").trial == Trial()
     with (tmp_path / "saved.mcap").open("rb") as stream:
-        assert [each.metadata for each in make_reader(stream).iter_metadata()] == [sheet.metadata]
+        (metadata,) = (each.metadata for each in make_reader(stream).iter_metadata())
+        assert sheet.metadata.items() <= metadata.items()
 
 
 BOMB = zstandard.compress(bytes(48 * 2**20))
@@ -638,7 +639,7 @@ def test_a_reader_notices_a_chunk_that_became_a_private_record(tmp_path: Path, l
     """The top bit of its kind makes a chunk a record that every reader must pass over."""
     start = larger.spans[7][0]
     (tmp_path / "private.mcap").write_bytes(flipped(larger.data, (start, 7)))
-    with pytest.raises(InputError, match=r"is damaged: 575 messages of 600; .*seatrial recover"):
+    with pytest.raises(InputError, match=rf"is damaged near byte {start}: .*seatrial recover"):
         read_recording(tmp_path / "private.mcap")
 
 

@@ -98,7 +98,7 @@ def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[Summar
     assert sorted(name for _, names in summary.failures for name in names) == sorted(
         name for name, row in rows.items() if row["status"] == "failed"
     )
-    assert not [path for path in out.rglob(".*") if path.name != ".lock"]
+    assert not list(out.rglob(".*"))
 
 
 def test_the_index_has_a_row_for_each_with_its_path(first_run: tuple[Summary, Path], batch_folder: Path) -> None:
@@ -193,7 +193,7 @@ def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_d
     causes = {row["name"]: row["cause"] for row in summary.rows}
     assert {name for name, cause in causes.items() if not cause} == {"trial_001", "trial_005", "trial_006"}
     assert f"its worker died {MOST_ATTEMPTS} times" in causes["trial_002"]
-    assert causes["trial_003"].startswith("RuntimeError: never trial_003 seen (test_batch.py:")
+    assert "RuntimeError: never trial_003 seen" in causes["trial_003"]
     assert causes["trial_004"] == "took longer than 1 s"
     assert (summary.done, summary.failed, len(summary.failures)) == (3, 3, 3)
 
@@ -225,7 +225,7 @@ def test_two_batches_do_not_write_into_one_folder(one: Path, tmp_path: Path) -> 
     out.mkdir()
     with (out / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(StorageError, match="another batch"):
+        with pytest.raises(StorageError, match="another command"):
             run_batch(one, out)
 
 
@@ -311,7 +311,7 @@ def test_sigterm_to_all_of_it_ends_it_as_cleanly_as_an_interrupt(batch_folder: P
     running = start_command(batch_folder, tmp_path / "out", "--workers", "1")
     assert _stopped(tmp_path / "out", running, signal.SIGTERM, whole_group=True) == TERMINATED
     assert running.returncode == 143
-    assert not list((tmp_path / "out").rglob(".part-*"))
+    assert not list((tmp_path / "out").rglob(".*.part"))
 
 
 def test_stopped_twice_and_resumed_is_as_never_stopped(
@@ -322,7 +322,7 @@ def test_stopped_twice_and_resumed_is_as_never_stopped(
     running = start_command(batch_folder, out, "--workers", "1")
     assert _stopped(out, running, signal.SIGTERM, whole_group=False) == TERMINATED
     assert running.returncode == 143
-    assert not list(out.rglob(".part-*"))
+    assert not list(out.rglob(".*.part"))
     running = start_command(batch_folder, out, "--workers", "1")
     said = _stopped(out, running, signal.SIGINT, whole_group=True)  # the workers hear it too, as from a terminal
     assert said == ["seatrial: interrupted; what is done stays, the same command goes on from there"]

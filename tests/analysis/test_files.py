@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.core.errors import StorageError
-from analysis.tables.files import make_folder
+from acquisition.core.files import make_folder
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:

@@ -244,8 +244,7 @@ def test_one_cause_reads_the_same_for_every_recording_that_has_it() -> None:
     assert {cause_of(error) for error in errors} == {"is empty; give another"}
     with pytest.raises(ValueError, match="Expecting") as caught:
         json.loads("{")
-    assert cause_of(caught.value).startswith("JSONDecodeError: ")
-    assert "(decoder.py:" in cause_of(caught.value)
+    assert "JSONDecodeError: Expecting property name" in cause_of(caught.value)
 
 
 def test_windows_and_their_starts_say_where_they_come_from(recording: Path, result: Path) -> None:

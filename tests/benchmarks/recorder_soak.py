@@ -1,7 +1,9 @@
 """A week at sea in minutes: every frame of it through the recorder's threads, and what that does to its memory.
 
-Eight sentences a second, as fast as the recorder takes them, stamped with the week's own times; parts of 20 MB.
-Prints memory and open files on the way, and what was recorded. Run with the number of days:
+Eight sentences a second, as fast as the recorder takes them, stamped with the week's own times; parts of 20 MB. In
+each hundredth of the week the network goes and comes back, the disk is full for a while, or the computer's clock is
+set, by up to a year. Prints memory and open files on the way, and what was recorded; fails unless all was,
+once. Run with the number of days:
 ``python tests/benchmarks/recorder_soak.py 7``.
 """
 
@@ -9,16 +11,19 @@ from __future__ import annotations
 
 import gc
 import os
+import random
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 from acquisition.config.configuration import load_config
+from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, now_ns
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.logger import pipeline
+from acquisition.logger import maintenance, pipeline
 from acquisition.logger.pipeline import Recorder
+from acquisition.recording import storage
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 
@@ -50,9 +55,11 @@ class Week:
         self.wanted, self.said = int(days * 86_400 * MESSAGES_HZ), 0
         self.started = now_ns()
         self.recorder: Recorder | None = None
+        self.connected = True
 
     def open(self) -> None:
-        """Nothing to open."""
+        if not self.connected:
+            raise SourceError("does not answer", where="line")
 
     def close(self) -> None:
         """Nothing to close."""
@@ -60,6 +67,8 @@ class Week:
     def read(self, timeout_s: float) -> list[Frame] | None:
         if self.said >= self.wanted:
             return None
+        if not self.connected:
+            raise SourceError("the network is gone", where="line")
         if self.recorder is None or len(self.recorder._inbox) > 4 * BLOCK:
             time.sleep(0.001)
             return []
@@ -84,6 +93,37 @@ class Week:
         return Frame("line", "nmea0183", body, self.started[0] + at_ns, self.started[1] + at_ns)
 
 
+class Faults:
+    """What goes wrong in a week, one after the other, each for some fraction of a second of the computer's time."""
+
+    def __init__(self, week: Week) -> None:
+        self._week, self._random = week, random.Random(7)
+        self._clock_ns, self._full = 0, False
+        self.counts = {"network": 0, "disk": 0, "clock": 0}
+        free_bytes = storage.free_bytes
+        storage.free_bytes = lambda folder: (0, 10**12) if self._full else free_bytes(folder)
+        maintenance.now_ns = self._now_ns
+
+    def _now_ns(self) -> tuple[int, int]:
+        wall_ns, monotonic_ns = now_ns()
+        return wall_ns + self._clock_ns, monotonic_ns
+
+    def begin(self) -> None:
+        """Let the next thing go wrong."""
+        kind = min(self.counts, key=lambda name: self.counts[name])
+        self.counts[kind] += 1
+        if kind == "network":
+            self._week.connected = False
+        elif kind == "disk":
+            self._full = True
+        else:
+            self._clock_ns = self._random.choice((-1, 1)) * self._random.randrange(365 * 86_400) * 10**9
+
+    def end(self) -> None:
+        """Let everything work again; the clock stays as it was set."""
+        self._week.connected, self._full = True, False
+
+
 def state() -> str:
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return f"{pages * os.sysconf('SC_PAGE_SIZE') / 1e6:.1f} MB, {len(os.listdir('/proc/self/fd'))} open files"  # noqa: PTH208
@@ -99,9 +139,14 @@ def main(days: float) -> None:
         week.recorder = recorder = Recorder(config, parts)
         started_s = time.monotonic()
         recorder.start()
-        told = 0
+        told = hundredths = 0
+        faults = Faults(week)
         while not recorder.ended:
             time.sleep(0.5)
+            faults.end()
+            if week.said * 100 // week.wanted > hundredths:
+                hundredths = week.said * 100 // week.wanted
+                faults.begin()
             if week.said * 10 // week.wanted > told:
                 told = week.said * 10 // week.wanted
                 gc.collect()
@@ -113,7 +158,9 @@ def main(days: float) -> None:
         recorded = sum(sum(each.raw.values()) for each in recordings)
         span_days = (max(each.end_ns for each in recordings) - recordings[0].start_ns) / 86_400e9
         print(f"said {week.said:,}, recorded {recorded:,}, dropped {dropped:,}; {len(parts.paths)} parts")
-        print(f"{span_days:.2f} days, all parts closed: {all(each.closed for each in recordings)}")
+        print(f"{span_days:.2f} days by clocks that were set, faults {faults.counts}")
+        print(f"all parts closed: {all(recording.closed for recording in recordings)}")
+        sys.exit(recorded != week.said or not all(recording.closed for recording in recordings))
 
 
 if __name__ == "__main__":

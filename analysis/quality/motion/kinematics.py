@@ -210,10 +210,10 @@ def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
     grid_s = np.arange(start, max(end, start) + 1e-6, motion.step_s)
     block_s = min(float(np.clip((end - start) / _BLOCKS, *_BLOCK_S)), (end - start) / _FEWEST_BLOCKS)
     length = int(max(block_s, _SHORTEST_BLOCK_S) / motion.step_s + 1e-6)
-    starts = block_starts(motion, grid_s, length)
-    if len(starts) < _FEWEST_BLOCKS:
+    starts = block_starts(motion, grid_s, max(length, 1))
+    if length < 2 or len(starts) < _FEWEST_BLOCKS:  # a block of one sample shows no motion
         raise DataShortageError(
-            f"holds {len(starts)} stretches of {length * motion.step_s:.0f} s with all motion channels",
+            f"holds {len(starts)} stretches of {max(length, 2) * motion.step_s:.0f} s with all motion channels",
             why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
         )  # fmt: skip
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)

@@ -1,0 +1,251 @@
+"""Which files are one recording, and its times by one clock.
+
+A recorder whose computer's clock is set goes on in a new part, by the new time. Its parts state how far UTC is from
+the monotonic clock, which nobody sets. Where they were recorded in one boot, and also state how long the computer
+has slept, during which the monotonic clock stands, the times on both sides of the step are those of one recording,
+moved onto one clock. Where they do not state it, what lies on either side of a step is a recording of its own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from mcap import records as mcap
+
+from acquisition.core.arrays import Ints, Series
+from acquisition.core.errors import InputError
+from acquisition.core.text import printable
+from acquisition.recording.reader import Recording, open_recording, read_recording, recording_size
+from acquisition.recording.scan import Damage, scan
+
+NEW_PART_NS = 1_000_000_000
+"""A clock that is set by so much is another clock; what is less is followed slowly."""
+_TIME = r"\d{8}T\d{6}Z"
+_RECORDER_NAME = re.compile(rf".*_{_TIME}.*\.mcap")
+_LATER_PART = re.compile(rf"(.*_{_TIME})_part\d+(?:_\d+)?")
+_MOST_RECORDS = 100  # before the first message: header, run sheet, configuration with its DBC files, part, clock
+_MOST_NS = 2**61  # 73 years: two such numbers and a time still fit into 64 bits
+_KEPT = "kept"
+Metadata = Mapping[str, Mapping[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class PartClock:
+    """The clock of a part: UTC less the monotonic clock [ns], the boot, how long the computer had slept [ns].
+
+    ``is_synchronised`` says that NTP or PTP kept it when the part began; None and "" stand for what is not stated.
+    """
+
+    offset_ns: int | None = None
+    boot: str = ""
+    slept_ns: int | None = None
+    is_synchronised: bool = False
+
+    @classmethod
+    def of(cls, metadata: Metadata) -> PartClock:
+        """The clock that a part states."""
+        texts = metadata.get("clock", {})
+        offset_ns, slept_ns = (_integer(texts.get(key)) for key in ("utc_minus_monotonic_ns", "slept_ns"))
+        return cls(offset_ns, texts.get("boot", ""), slept_ns, texts.get("host_clock", "").startswith(_KEPT))
+
+    def is_another_than(self, before: PartClock) -> bool:
+        """Whether it was set since, as far as both state it."""
+        if self.offset_ns is None or before.offset_ns is None:
+            return False
+        return abs(self.offset_ns - before.offset_ns) >= NEW_PART_NS
+
+    def ahead_of(self, before: PartClock) -> int | None:
+        """By how much it is ahead of an earlier one, the time slept left out [ns]; None where that is not sure."""
+        numbers = self.offset_ns, before.offset_ns, self.slept_ns, before.slept_ns
+        if None in numbers or not self.boot or self.boot != before.boot:
+            return None
+        offset_ns, earlier_offset_ns, slept_ns, earlier_slept_ns = (number or 0 for number in numbers)
+        return offset_ns - slept_ns - earlier_offset_ns + earlier_slept_ns
+
+
+def _integer(text: str | None) -> int | None:
+    with suppress(TypeError, ValueError):
+        number = int(text)  # type: ignore[arg-type]
+        return number if abs(number) < _MOST_NS else None
+    return None
+
+
+def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
+    """Recordings as their files, in the order given: the parts of one recording together, as they came.
+
+    A part belongs to the one that it says it follows, else to the one that its name says; not where the clock was
+    set between them by nobody knows how much.
+    """
+    paths = list(paths)
+    by_place = {(path.parent, path.name): path for path in paths}
+    recordings: dict[Path, list[Path]] = {}
+    first_of: dict[Path, Path] = {}
+    by_stem: dict[Path, Path] = {}
+    for path in _in_chain_order(paths, by_place):
+        match = _LATER_PART.fullmatch(path.stem)
+        stem = path.parent / (match[1] if match else path.stem)
+        follows = by_place.get((path.parent, _follows(path)), by_stem.get(stem) if match else None)
+        before = first_of.get(follows) if follows is not None else None
+        is_free = before is not None and recordings[before][-1] == follows  # no other part follows it already
+        first = before if before and follows and is_free and _is_joinable(follows, path) else path
+        recordings.setdefault(first, []).append(path)
+        first_of[path], by_stem[stem] = first, path
+    order = {path: number for number, path in enumerate(paths)}
+    return [tuple(recordings[first]) for first in sorted(recordings, key=order.__getitem__)]
+
+
+def _in_chain_order(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], Path]) -> Iterator[Path]:
+    """The paths in their order, but each after the one that it follows; of a circle each once."""
+    seen: set[Path] = set()
+    for path in paths:
+        chain = []
+        while path is not None and path not in seen:
+            seen.add(path)
+            chain.append(path)
+            path = by_place.get((path.parent, _follows(path)))  # type: ignore[assignment]
+        yield from reversed(chain)
+
+
+def _follows(path: Path) -> str:
+    return _head(path).get("part", {}).get("follows", "")
+
+
+def _is_joinable(part: Path, later: Path) -> bool:
+    """Whether the times of both can be brought onto one clock."""
+    before, clock = PartClock.of(_head(part)), PartClock.of(_head(later))
+    return not clock.is_another_than(before) or clock.ahead_of(before) is not None
+
+
+def _head(path: Path) -> Metadata:
+    """What a file says of its part and clock; nothing for a name that no recorder gives, and for what is none."""
+    if not _RECORDER_NAME.fullmatch(path.name):
+        return {}
+    try:
+        state = path.stat()
+        return _read_head(path, (state.st_ino, state.st_mtime_ns))
+    except OSError:
+        return {}
+
+
+@lru_cache(maxsize=100_000)
+def _read_head(path: Path, _: tuple[int, int]) -> Metadata:
+    """The metadata before the first message of a file in a state, of which only the beginning is read."""
+    metadata: dict[str, dict[str, str]] = {}
+    with suppress(InputError), open_recording(path) as stream:
+        for number, entry in enumerate(scan(stream)):
+            if isinstance(entry, Damage) or isinstance(entry.record, mcap.Chunk | mcap.Message):
+                break
+            if isinstance(entry.record, mcap.Metadata):
+                metadata[entry.record.name] = printable(entry.record.metadata)
+            if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
+                break
+    return metadata
+
+
+Files = Path | str | Sequence[Path | str]
+"""A recording: its file, or those of its parts."""
+
+
+def read_recordings(paths: Iterable[Path]) -> Iterator[Recording]:
+    """The recordings in some files, one after the other, each with its parts. Raises as :func:`read_parts`."""
+    return map(read_parts, whole_recordings(paths))
+
+
+def read_together(files: Files) -> Recording:
+    """The recording in a file, or in parts in any order.
+
+    Raises :class:`InputError` for files that are not of one recording, and as :func:`read_parts`.
+    """
+    paths = [Path(files)] if isinstance(files, Path | str) else sorted(map(Path, files))
+    recordings = whole_recordings(paths)
+    if len(recordings) != 1:
+        for path in paths:
+            recording_size(path)  # one that is not there is the reason
+        raise InputError(
+            "are not the parts of one recording", where=", ".join(path.name for path in paths),
+            why="they do not follow each other, or the clock was set between them by an unknown time",
+            fix="give one recording at a time",
+        )  # fmt: skip
+    return read_parts(recordings[0])
+
+
+def read_parts(paths: Sequence[Path]) -> Recording:
+    """One recording in parts, the files in their order: samples one after the other, run sheet of the last.
+
+    Where the clock was set between parts, their times are moved onto one clock: of those that were kept by NTP or
+    PTP the last, else the last. Raises as :func:`read_recording`.
+    """
+    parts, remark = _align_clocks([read_recording(path) for path in paths])
+    samples: dict[str, list[Series]] = {}
+    for part in parts:
+        for name, series in part.series.items():
+            samples.setdefault(name, []).append(series)
+    first = parts[0]
+    spans = [part for part in parts if part.messages] or parts
+    return replace(
+        parts[-1], path=first.path, later_parts=tuple(paths[1:]), metadata=first.metadata,
+        series={name: Series.joined(pieces) for name, pieces in samples.items()},
+        raw=dict(sum((Counter(part.raw) for part in parts), Counter())),
+        events=[event for part in parts for event in part.events],
+        messages=sum(part.messages for part in parts), predictions=sum(part.predictions for part in parts),
+        closed=all(part.closed for part in parts),
+        start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),
+        clock=remark,
+    )  # fmt: skip
+
+
+def _align_clocks(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
+    """The parts with their times by one clock, and what is to be known of them."""
+    clocks = [PartClock.of(part.metadata) for part in parts]
+    synchronised = [clock for clock in clocks if clock.is_synchronised]
+    ahead_ns = [(synchronised or clocks)[-1].ahead_of(clock) or 0 for clock in clocks]
+    moves_ns = [ahead if abs(ahead) >= NEW_PART_NS else 0 for ahead in ahead_ns]
+    aligned = [_shift(part, by_ns) if by_ns else part for part, by_ns in zip(parts, moves_ns, strict=True)]
+    return aligned, "; ".join(filter(None, (_first_part_text(parts[0]), _moves_text(moves_ns))))
+
+
+def _first_part_text(part: Recording) -> str:
+    """That a recording begins with a later part, and why that began."""
+    texts = part.metadata.get("part", {})
+    if not texts.get("follows"):
+        return ""
+    return f"it begins with part {texts.get('number')}, which follows {texts['follows']}: {texts.get('reason')}"
+
+
+def _moves_text(moves_ns: Sequence[int]) -> str:
+    """How many parts have their times moved, and by how much."""
+    moves = Counter(by_ns for by_ns in moves_ns if by_ns)
+    if not moves:
+        return ""
+    texts = [f"of {count} of its {len(moves_ns)} parts by {by_ns / 1e9:+,.3f} s" for by_ns, count in moves.items()]
+    return f"the computer's clock was set meanwhile: times are moved, {', '.join(texts)}, by its monotonic clock"
+
+
+def _shift(part: Recording, by_ns: int) -> Recording:
+    """A part whose times by the computer's clock are moved; those by another clock, as of a satellite, stay."""
+
+    def move(series: Series) -> Series:
+        received_ns = series.received_ns + by_ns
+        return replace(series, received_ns=received_ns, measured_ns=_shift_times(series, received_ns, by_ns))
+
+    return replace(
+        part,
+        series={name: move(series) for name, series in part.series.items()},
+        events=[(time_ns + by_ns, text) for time_ns, text in part.events],
+        start_ns=part.start_ns + by_ns,
+        end_ns=part.end_ns + by_ns,
+    )
+
+
+def _shift_times(series: Series, received_ns: Ints, by_ns: int) -> Ints:
+    """Times of measurement: one that is nearer to the reception by the new clock is not of the old one."""
+    measured_ns = series.measured_ns
+    is_old = np.abs(measured_ns - series.received_ns) <= np.abs(measured_ns - received_ns)
+    return np.asarray(np.where(is_old, measured_ns + by_ns, measured_ns))

@@ -1,0 +1,196 @@
+"""What other libraries make of spreadsheets, .mat, NetCDF and Parquet files, as a script of its own.
+
+None of these libraries can be told how much a file may take: a sheet with one cell in its last corner makes
+calamine reserve the whole grid, a few bytes of .mat or HDF5 declare arrays of any size. The script limits itself,
+then reads, and writes the pickled result to stdout. It imports nothing of Seatrial, to begin quickly.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import resource
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, BinaryIO
+
+_REFUSED = 3
+_DEEPEST = 32  # groups in groups: of one that holds itself there is no end
+
+
+class _Cells:
+    """How many cells a file may still give."""
+
+    def __init__(self, allowance: int) -> None:
+        self.left = allowance
+
+    def take(self, count: int) -> None:
+        """Count cells. Raises ValueError when there are too many."""
+        self.left -= count
+        if self.left < 0:
+            raise ValueError("it holds more cells than its budget; SEATRIAL_BUDGET=10 raises that tenfold")
+
+
+def read_sheets(path: str, cells: _Cells) -> dict[str, list[list[Any]]]:
+    """The rows of all sheets by name."""
+    import python_calamine
+
+    book, rows = python_calamine.CalamineWorkbook.from_path(path), {}
+    for name in book.sheet_names:
+        sheet = book.get_sheet_by_name(name)
+        cells.take(sheet.total_height * sheet.total_width)
+        rows[name] = sheet.to_python()
+    return rows
+
+
+def read_parquet(path: str, cells: _Cells) -> Any:
+    """The table, as Arrow has it."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    metadata = pq.read_metadata(path)
+    cells.take(max(metadata.num_rows, 1) * max(metadata.num_columns, 1))
+    table = pq.read_table(path)
+    for number, field in enumerate(table.schema):
+        if pa.types.is_dictionary(field.type):  # a long text of many rows would take its room later, without limits
+            plain = field.with_type(field.type.value_type)
+            table = table.set_column(number, plain, table.column(number).cast(plain.type))
+    return table
+
+
+def read_mat(path: str, cells: _Cells) -> dict[str, Any]:
+    """The variables of a MATLAB file of any version."""
+    from scipy.io import loadmat
+
+    try:
+        found: dict[str, Any] = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        found = _variables_of_hdf5(path)
+    _count(found, cells)
+    return found
+
+
+def _count(value: Any, cells: _Cells) -> None:
+    if isinstance(value, dict):
+        for item in value.values():
+            _count(item, cells)
+    else:
+        cells.take(int(getattr(value, "size", 1)))
+
+
+def _variables_of_hdf5(path: str) -> dict[str, Any]:
+    """The variables of a MATLAB 7.3 file, as :func:`scipy.io.loadmat` gives those of older ones."""
+    import h5py
+    import numpy as np
+
+    def value_of(item: Any, file: Any, depth: int = 0) -> Any:
+        if depth > _DEEPEST:
+            raise ValueError("its groups hold each other")
+        if isinstance(item, h5py.Group):
+            return {name: value_of(member, file, depth + 1) for name, member in _members(item)}
+        values = _values(item)
+        if item.dtype == h5py.ref_dtype:
+            members = [value_of(file[reference], file, depth + 1) for reference in np.ravel(values)]
+            return members[0] if len(members) == 1 else np.array(members, dtype=object)
+        if item.attrs.get("MATLAB_empty", 0):
+            return ""
+        values = np.squeeze(values.T)
+        return "".join(map(chr, values.ravel())) if item.attrs.get("MATLAB_class") == b"char" else values
+
+    with h5py.File(path) as file:
+        return {name: value_of(item, file) for name, item in _members(file)}
+
+
+def _members(group: Any) -> Iterator[tuple[str, Any]]:
+    """What is in a group. Raises ValueError for a link to another file, which nobody has given us."""
+    import h5py
+
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+            raise ValueError(f"its {name!r} is in another file; copy it into this one")  # noqa: TRY004
+        yield name, group[name]
+
+
+def _values(dataset: Any) -> Any:
+    if dataset.is_virtual or dataset.external:
+        raise ValueError(f"the values of its {dataset.name!r} are in another file; copy them into this one")
+    return dataset[()]
+
+
+Variables = dict[str, tuple[tuple[str, ...], Any, dict[str, Any]]]
+
+
+def read_netcdf(path: str, cells: _Cells) -> tuple[Variables, dict[str, Any]]:
+    """Each variable's dimensions, values and attributes, and the file's attributes."""
+    from scipy.io import netcdf_file
+
+    with netcdf_file(path, mmap=False) as file:
+        variables: Variables = {}
+        for name, item in file.variables.items():
+            values = item.data
+            cells.take(values.size)
+            plain = values.astype(values.dtype.newbyteorder("="))
+            variables[name] = tuple(item.dimensions), plain, _plain(item._attributes)
+        return variables, _plain(file._attributes)
+
+
+def read_netcdf_4(path: str, cells: _Cells) -> tuple[Variables, dict[str, Any]]:
+    """The same of a NetCDF-4 file, which is one of HDF5."""
+    import h5py
+
+    with h5py.File(path) as file:
+        variables: Variables = {}
+        for name, item in _members(file):
+            if isinstance(item, h5py.Dataset) and item.ndim:
+                cells.take(item.size)
+                scales = [list(dimension.values()) for dimension in item.dims]
+                dimensions = tuple(scale[0].name if scale else item.name for scale in scales)
+                variables[name] = dimensions, _values(item), _plain(item.attrs)
+        return variables, _plain(file.attrs)
+
+
+def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes that say something by themselves, not those that refer to other parts of the file."""
+    return {
+        name: value.decode(errors="replace") if isinstance(value, bytes) else value
+        for name, value in attributes.items()
+        if name not in ("DIMENSION_LIST", "REFERENCE_LIST")
+    }
+
+
+READERS: dict[str, Callable[[str, _Cells], Any]] = {
+    "sheets": read_sheets,
+    "parquet": read_parquet,
+    "mat": read_mat,
+    "netcdf": read_netcdf,
+    "netcdf_4": read_netcdf_4,
+}
+
+
+def main() -> int:
+    """Read one file under limits and write what is in it to stdout."""
+    reader, path, memory_bytes, cpu_seconds, cells = sys.argv[1:]
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for kind, limit in ((resource.RLIMIT_DATA, int(memory_bytes)), (resource.RLIMIT_CPU, int(cpu_seconds))):
+        hard = resource.getrlimit(kind)[1]
+        lowest = limit if hard == resource.RLIM_INFINITY else min(limit, hard)
+        resource.setrlimit(kind, (lowest, hard))
+    with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as output:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints is no part of the result
+        return _write(READERS[reader], path, _Cells(int(cells)), output)
+
+
+def _write(read: Callable[[str, _Cells], Any], path: str, cells: _Cells, output: BinaryIO) -> int:
+    try:
+        pickle.dump(read(path, cells), output, protocol=5)
+        output.flush()
+    except MemoryError:
+        return 1
+    except Exception as error:  # a damaged file makes these libraries fail in every possible way
+        sys.stderr.write((str(error).strip().splitlines() or [type(error).__name__])[0])
+        return _REFUSED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
