@@ -27,6 +27,7 @@ DEBUG_VARIABLE = "SEATRIAL_DEBUG"
 
 _LONGEST_REASON = 300  # characters: a validator's message may quote the whole input
 _PACKAGES = ("acquisition", "analysis", "hybrid")
+_LOOP = "Symlink loop"  # as pathlib begins what it says of links that lead to themselves
 _CURES = {
     ENOSPC: "make room on the disk",
     EACCES: "choose another folder, or ask for the right to write there",
@@ -112,6 +113,8 @@ def unexpected(error: BaseException) -> SeatrialError:
     if isinstance(error, OSError):
         where = str(error.filename or "")
         return SeatrialError("the system refused", where=where, why=error.strerror or str(error))
+    if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):
+        return SeatrialError("the system refused", why=str(error), fix="remove the link")
     if isinstance(error, MemoryError):
         what, why, fix = "there is not enough memory", str(error), "give less at once, or use a larger computer"
     else:

@@ -22,7 +22,9 @@ from traceback import format_exception, walk_tb
 from types import FunctionType, ModuleType
 from typing import Any
 
+from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.errors import ConfigurationError, SeatrialError
+from acquisition.core.files import read_regular
 
 _LOG, _TOLD = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 
@@ -145,7 +147,7 @@ def _entries(group: str) -> dict[str, EntryPoint]:
 def _attribute(file: Path, name: str) -> Any:
     """The object that a file defines under this name. Raises :class:`ConfigurationError`."""
     try:
-        content = file.read_bytes()
+        content = read_regular(file, CONFIGURATION_BYTES)
     except OSError as error:
         why, fix = error.strerror or str(error), "give a Python file as FILE.py:NAME"
         raise ConfigurationError("cannot be read", where=str(file), why=why, fix=fix) from error

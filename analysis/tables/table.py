@@ -36,7 +36,7 @@ from acquisition.core.channels import (
     trial_names,
 )
 from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.files import parse_json
+from acquisition.core.files import open_regular, parse_json
 from acquisition.core.frames import Quality
 from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
@@ -400,7 +400,7 @@ def sha256_of(*paths: Path) -> str | None:
     digests = []
     try:
         for path in paths:
-            with path.open("rb") as stream:
+            with open_regular(path) as stream:
                 digests.append(hashlib.file_digest(stream, "sha256").hexdigest())
     except OSError:
         return None

@@ -11,6 +11,7 @@ order by ``time`` holds for one horizon: then the plan is over.
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
+from acquisition.core.files import read_regular
 from acquisition.tables.table_files import FOREIGN_READER, RawTable, parse_times
 from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.vessel.actuators import angle_columns, control_units
@@ -38,8 +40,7 @@ def read_commands(path: Path, actuators: Actuators) -> pd.DataFrame:
         if path.suffix == ".parquet":
             table = read_in_child(FOREIGN_READER, "parquet", path).to_pandas()
         else:
-            CONFIGURATION_BYTES.require(path.stat().st_size, path, path.stat().st_size)
-            table = pd.read_csv(path, comment="#")
+            table = pd.read_csv(BytesIO(read_regular(path, CONFIGURATION_BYTES)), comment="#")
     except InputError:
         raise
     except (OSError, ValueError) as error:
