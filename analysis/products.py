@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from acquisition.core.errors import SeatrialError, unexpected
+from acquisition.core.text import printable_name
 from acquisition.recording.grouping import read_parts
 from acquisition.recording.reader import Recording
 from analysis.estimation.smoother import smooth
@@ -80,7 +81,7 @@ class Products:
 
 def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products:
     """The analysis of one recording, the file or its parts; what its channels do not allow is left out and said."""
-    recording, name = read_parts(paths), name or paths[0].stem
+    recording, name = read_parts(paths), name or printable_name(paths[0].stem)
     raw = table_of(recording)
     raw.attrs["recording"] = name  # not its path, which differs from place to place
     quality = check_recording(recording, raw)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from acquisition.core.progress import bar
+from acquisition.core.text import printable_name
 from acquisition.recording.grouping import read_recordings, read_together
 from acquisition.recording.reader import describe
 from analysis.tables.table import percent_of, read_table, require, table_actuators, table_of
@@ -65,7 +66,7 @@ def write(
     from acquisition.tables.import_table import actuators_in_columns
 
     target, channels = Path(path), {each.name: each for each in (*declared_in(table.attrs), *declared)}
-    said = {"name": target.stem, "vessel": vessel, "channels": as_text(channels.values()), **trial}
+    said = {"name": printable_name(target.stem), "vessel": vessel, "channels": as_text(channels.values()), **trial}
     hers = actuators_in_columns(map(str, table), Trial(channels=said["channels"]))
     write_table(table, target, Trial(**{"actuators": actuators_as_text(hers), **said}), source="table")
     return target

@@ -24,6 +24,7 @@ from acquisition.core.channels import known_channels
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.files import read_json, temporary_folder, write_text
 from acquisition.core.serialisation import to_json
+from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
 from acquisition.recording.grouping import read_parts
 from acquisition.recording.reader import Recording, recording_size
@@ -98,7 +99,7 @@ def origin_of(paths: Sequence[Path], options: Options, name: str = "") -> dict[s
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {
-        "recording": name or paths[0].stem,
+        "recording": name or printable_name(paths[0].stem),
         "bytes": size,
         "sha256": digest,
         "options": asdict(options),

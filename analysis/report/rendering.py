@@ -130,5 +130,6 @@ def write_pdf(page: Path) -> Path:
     os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # or fontTools writes the time of day into each font
     path = page.with_suffix(".pdf")
     with atomic_file(path) as partial:
-        HTML(filename=str(page)).write_pdf(partial)
+        text = page.read_text(encoding="utf-8")  # by the name alone it does not find one that is no UTF-8
+        HTML(string=text, base_url=page.absolute().as_uri()).write_pdf(partial)
     return path

@@ -26,6 +26,7 @@ from acquisition.core.actuators import from_text
 from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
 from acquisition.core.files import parse_json, written_together
+from acquisition.core.text import printable_name
 from acquisition.recording.grouping import read_parts, whole_recordings
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
@@ -112,7 +113,7 @@ def windows_of_tables(
 
 def trial_names(paths: Sequence[Path]) -> list[str]:
     """The files' names without suffix, numbered where files in different folders are called the same."""
-    stems = [Path(path).stem for path in paths]
+    stems = [printable_name(Path(path).stem) for path in paths]
     alone = {stem for stem in stems if stems.count(stem) == 1}
     names, taken = [], set(alone)
     for stem in stems:

@@ -25,6 +25,7 @@ from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, SeatrialError
 from acquisition.core.files import make_folder, read_regular, write_bytes, written_together
 from acquisition.core.named_code import absolute, digest_of, in_file
+from acquisition.core.text import printable_name
 from analysis.tables.table import MOST
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, require_shapes
@@ -316,13 +317,13 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
         channels=trial_names(trained.plant.layout),
-        vessel=Reference(trained.vessel, plant_hash(trained.plant), plant_numbers(trained.plant)),
+        vessel=Reference(printable_name(trained.vessel), plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]) if trained.data_driven else None,
         files=digests,
         region_m=_semi_axes(trained.region_m),
         reserve=_stored_fallback(trained.fallback),
-        data=trained.sources,
+        data=tuple(replace(source, path=Path(printable_name(source.path))) for source in trained.sources),
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
         actuators=as_text(trained.plant.layout),

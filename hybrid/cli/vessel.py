@@ -10,6 +10,7 @@ import typer
 
 from acquisition.cli import AsJson, writes
 from acquisition.core.process import echo
+from acquisition.core.text import printable_name
 from hybrid.cli import print_result
 
 _ASKED = {
@@ -62,7 +63,7 @@ def new(
 
     made = new_vessel(
         output,
-        name=name or output.stem,
+        name=name or printable_name(output.stem),
         length_m=numbers["length"], beam_m=numbers["beam"], draught_m=numbers["draught"], block=numbers["block"],
         service_speed_mps=numbers["service_speed"],
         propellers=listed["propeller"], rudders=listed["rudder"], azimuths=listed["azimuth"],

@@ -20,6 +20,7 @@ from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import write_text, written_together
+from acquisition.core.text import printable_name
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
 from analysis.kinematics import to_ship
@@ -228,7 +229,7 @@ def record_trial(
     """
     latitude_deg, longitude_deg = ORIGIN_DEG
     sheet = Trial(
-        name=path.stem,
+        name=printable_name(path.stem),
         vessel=truth["vessel"],
         actuators=as_text(truth["plant"].layout),
         place=place,

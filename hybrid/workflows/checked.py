@@ -20,6 +20,7 @@ from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import ENVIRONMENT, VELOCITY
 from acquisition.core.frames import Quality
+from acquisition.core.text import printable_name
 from acquisition.recording.grouping import Files, read_recordings, read_together
 from acquisition.recording.reader import Recording
 from analysis.quality.check import check_recording
@@ -192,9 +193,9 @@ def checked_files(
     tables, remarks, repairs = list[pd.DataFrame](), list[str](), list[str]()
     for recording in read_recordings(map(Path, files)):
         found = checked_tables(recording, part_percent, repaired=repaired, rebuild_positions=rebuild_positions)
-        tables += found.tables
-        remarks += [f"{recording.path.name}: {each}" for each in found.remarks]
-        repairs += [f"{recording.path.name}: {each}" for each in found.repairs]
+        tables, name = [*tables, *found.tables], printable_name(recording.path.name)
+        remarks += [f"{name}: {remark}" for remark in found.remarks]
+        repairs += [f"{name}: {repair}" for repair in found.repairs]
     return Checked(tuple(tables), tuple(remarks), tuple(repairs), repaired)
 
 

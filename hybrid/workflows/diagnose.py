@@ -19,6 +19,7 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.files import remove_file, write_text, written_together
 from acquisition.core.progress import Progress, part_of
+from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
 from analysis.tables.table import NANO, refuse_duplicates, times_ns
 from hybrid.diagnosis.acceptance import HELD_OUT_LEVEL, chance_of_gains
@@ -204,7 +205,7 @@ def diagnose_files(
     said = reference_model(trials_of(files), vessel).said
     provenance = {
         "software_version": software_version(),
-        "recordings": ", ".join(Path(file).name for file in files),
+        "recordings": ", ".join(printable_name(Path(file).name) for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
         "rebuild_positions": "where their stamps jitter" if rebuild_positions is None else rebuild_positions,

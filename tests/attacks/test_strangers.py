@@ -10,6 +10,8 @@ import re
 import shutil
 import signal
 import socket
+import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,7 @@ from safetensors.numpy import save as save_tensors
 
 import seatrial as st
 from acquisition.core.errors import InputError, SeatrialError, unexpected
+from tests.attacks.commands import run, run_seatrial
 from tests.conftest import Command, Done, Simulated
 
 
@@ -777,3 +780,63 @@ def test_result_that_is_none_is_no_row_of_the_index(change: dict[str, Any]) -> N
     row = {"name": "a", "status": "done", "cause": "", "findings": 3, "start": "2026-03-01T00:00:00+00:00"}
     assert is_row(row)
     assert not is_row({**row, **change}) or set(change) <= {"start", "samples", "name"}
+
+
+# What a terminal, a pipe and a signal do to a command
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["INT", "TERM"])
+@pytest.mark.parametrize("name", ["info", "check", "smooth", "export", "validate", "predict", "report", "diagnose"])
+def test_signal_ends_a_command_without_a_traceback(
+    name: str, number: int, code: int, place: Path, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(self: object) -> Iterator[object]:
+        os.kill(os.getpid(), number)
+        time.sleep(5.0)
+        yield
+
+    monkeypatch.setattr("acquisition.recording.reader.MessageStream.batches", interrupted)
+    monkeypatch.setattr("acquisition.recording.reader.MessageStream.__iter__", interrupted)
+    done = command(*(word.replace("INPUT", "voyage.mcap") for word in INPUTS[name]))
+    assert done.code in (130, code)
+    assert "Traceback" not in done.err
+    assert not list(place.glob("*.part"))
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize(
+    "redirection",
+    [">&-", "2>&-", "<&-", ">&- 2>&- <&-", "| true", "> /dev/full", "2> /dev/full", "> /dev/full 2>&1"],
+)
+@pytest.mark.parametrize("arguments", ["info voyage.mcap", "check voyage.mcap --json", "effects", "info none.mcap"])
+def test_missing_or_failing_stream_ends_in_no_traceback(arguments: str, redirection: str, place: Path) -> None:
+    """A full disk loses what was asked for: that is a failure; a reader that has gone is none."""
+    script = f'set -o pipefail; "{sys.executable}" -m seatrial {arguments} {redirection}'
+    outcome = run(["bash", "-c", script], place).survived()
+    lost = "/dev/full" in redirection and not redirection.startswith("2")
+    assert outcome.code == int("none" in arguments or lost)
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize(
+    "environment", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}], ids=str
+)
+@pytest.mark.parametrize("name", ["voy\udcffage", "voy\x1b[2Jage", "Überfahrt ✓", "voy\nage"])
+def test_name_that_the_terminal_cannot_show_is_no_failure(
+    name: str, environment: dict[str, str], place: Path
+) -> None:
+    (place / "voyage.mcap").rename(place / f"{name}.mcap")
+    outputs = ("windows", "-o", "w.parquet"), ("export", "-o", f"{name}.csv"), ("report",), ("train", "-o", name)
+    for arguments in (("info",), ("check",), *outputs):
+        run_seatrial(*arguments, os.fsencode(f"{name}.mcap"), cwd=place, environment=environment).done()
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("mode", [0o000, 0o200], ids=["no rights", "write only"])
+def test_file_without_the_right_to_read_is_refused(mode: int, place: Path) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("the superuser may read everything")
+    for name in ("voyage.mcap", "table.csv"):
+        (place / name).chmod(mode)
+    run_seatrial("info", "voyage.mcap", cwd=place).refused()
+    run_seatrial(*IMPORT, "--yes", cwd=place).refused()
