@@ -19,8 +19,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from errno import EINVAL, EISDIR
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from acquisition.core.budget import JSON_BYTES, Budget
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
@@ -37,7 +38,7 @@ def require_regular(path: Path | str) -> None:
     _refuse_irregular(os.stat(path).st_mode, path)  # noqa: PTH116 - also for a path with a NUL
 
 
-def open_regular(path: Path | str) -> BinaryIO:
+def open_regular(path: Path | str) -> BufferedReader:
     """A regular file to read, anything else is refused as by :func:`require_regular`, without waiting for it."""
     require_regular(path)  # before it is opened: opening is enough to start some devices
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)

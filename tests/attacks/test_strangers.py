@@ -228,6 +228,7 @@ def test_calibrator_opens_no_vessel_file_by_its_path(strangers_folder: Path, voy
     assert "ship" in str(st.predict(voyage, "+200", strangers_folder, horizon_s=15).model)
 
 
+@pytest.mark.attack
 def test_result_of_a_batch_cannot_name_another_folder(voyage: Path, tmp_path: Path, command: Command) -> None:
     """A report is written for each result, into the folder that bears its recording's name."""
     (tmp_path / "recordings").mkdir()
@@ -434,6 +435,7 @@ def test_recording_with_such_texts_is_listed(text: str, tmp_path: Path, command:
         unobeyed(done.out + done.err)
 
 
+@pytest.mark.attack
 @hostile
 @pytest.mark.parametrize("place", ["column", "cell", "name of the file"])
 def test_table_with_such_texts_is_imported_or_refused(
@@ -452,6 +454,7 @@ def test_table_with_such_texts_is_imported_or_refused(
     unobeyed(done.out + done.err)
 
 
+@pytest.mark.attack
 @pytest.mark.parametrize("name", [*COMMANDS_ON_A_FILE])
 @hostile
 def test_complaint_about_a_file_shows_its_name(name: str, text: str, tmp_path: Path, command: Command) -> None:
@@ -461,6 +464,7 @@ def test_complaint_about_a_file_shows_its_name(name: str, text: str, tmp_path: P
     unobeyed(done.out + done.err)
 
 
+@pytest.mark.attack
 @hostile
 def test_wrong_usage_shows_escaped_arguments(text: str, command: Command) -> None:
     for arguments in (("recover", "a.mcap", text), (text,), ("info", f"--{text}"), ("simulate", "--seed", text)):
@@ -506,6 +510,14 @@ ENDINGS = {
 }  # fmt: skip
 
 
+IRREGULAR = "socket", "zero", "full", "folder", "circle", "broken link"
+
+
+def longer(value: object) -> Any:
+    """A value of a parameter whose attacks are left to ``make attack``."""
+    return pytest.param(value, marks=pytest.mark.attack)
+
+
 def make_irregular(kind: str, path: Path) -> None:
     if kind == "pipe":
         os.mkfifo(path)
@@ -522,7 +534,9 @@ def make_irregular(kind: str, path: Path) -> None:
         path.symlink_to(f"/dev/{kind}")
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket", "zero", "full", "folder", "circle", "broken link"])
+@pytest.mark.parametrize(
+    "kind", ["pipe", *map(longer, ("socket", "zero", "full", "folder", "circle", "broken link"))]
+)
 @pytest.mark.parametrize("name", INPUTS)
 def test_input_that_is_no_file_is_refused(name: str, kind: str, place: Path, command: Command) -> None:
     """A pipe without a writer, and a device without an end, would be read for ever."""
