@@ -57,6 +57,7 @@ from acquisition.core.channels import BY_NAME, channel_names, trial_names, with_
 from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import absolute
+from acquisition.core.times import Order
 from acquisition.core.trial import Trial
 from acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
@@ -399,11 +400,13 @@ class TcpSource(_Port, _Lines):
 class FileSource(_Lines):
     """A log of sentences, CAN frames or whole messages, told apart by what is in it, read once to its end.
 
-    ``can_file`` is an older name of one with CAN frames.
+    ``can_file`` is an older name of one with CAN frames. ``date_order`` says what comes first in the dates before
+    its sentences, where the log leaves that open.
     """
 
     type: Literal["file", "can_file"]
     path: AbsolutePath
+    date_order: Order | None = None
 
 
 _ABBREVIATIONS = (

@@ -13,8 +13,8 @@ from typing import Any
 from acquisition.core.budget import CPU_SECONDS, MEMORY_BYTES, TABLE_CELLS, how_to_raise
 from acquisition.core.errors import InputError
 
-REFUSED = 3
-"""The exit code of a script that refuses a file, and says why on stderr."""
+_REFUSED = 3  # the exit code of a script that refuses a file, and says why on stderr
+_MOST_LETTERS = 300
 
 
 def read_in_child(script: Path, reader: str, path: Path) -> Any:
@@ -45,8 +45,10 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
         code = process.wait()
         stderr.seek(0)
         said = stderr.read().decode(errors="replace").strip().splitlines()
-    if code == REFUSED:
-        raise InputError(f"is not a readable {path.suffix} table", where=str(path), why=said[-1] if said else "")
+    if code == _REFUSED:
+        raise InputError(
+            f"is not a readable {path.suffix} table", where=str(path), why=said[-1][:_MOST_LETTERS] if said else ""
+        )
     if code or not received:
         memory, seconds = int(limits[0]), int(limits[1])
         why = f"the budget of a file of {size_bytes:,} bytes is {memory:,} bytes of memory and {seconds} s"

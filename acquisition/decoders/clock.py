@@ -22,6 +22,8 @@ _POSSIBLE_NS = range(
     (dt.date(2010, 1, 1) - _EPOCH).days * 86_400 * 10**9, (dt.date(2100, 1, 1) - _EPOCH).days * 86_400 * 10**9
 )
 DAY_NS = 86_400 * NANO
+_GPS_EPOCH_NS = (dt.date(1980, 1, 6) - _EPOCH).days * DAY_NS
+_GPS_ROUND_NS = 1024 * 7 * DAY_NS  # the week number of GPS' L1 signal has ten bits
 
 
 def utc_ns(date: dt.date, seconds_of_day: float) -> int:
@@ -36,6 +38,22 @@ def utc_ns(date: dt.date, seconds_of_day: float) -> int:
 def is_possible(time_ns: int) -> bool:
     """Whether a time that a source tells can be true at all."""
     return time_ns in _POSSIBLE_NS
+
+
+def rolled_over_ns(time_ns: int, latest_ns: int) -> int | None:
+    """The time that a receiver means which counts weeks to 1,024 and has begun again; None where it means none.
+
+    ``latest_ns`` is a moment that it cannot be later than by more than a day.
+
+    >>> meant_ns = rolled_over_ns(utc_ns(dt.date(2006, 10, 1), 5.0), utc_ns(dt.date(2027, 1, 1), 0))
+    >>> meant_ns == utc_ns(dt.date(2026, 5, 17), 5.0)
+    True
+    """
+    since_round_ns = (time_ns - _GPS_EPOCH_NS) % _GPS_ROUND_NS
+    meant_ns = time_ns + _GPS_ROUND_NS
+    if since_round_ns < DAY_NS or not is_possible(meant_ns) or meant_ns > latest_ns + DAY_NS:
+        return None  # in the first day of a round: a receiver that does not know the time yet
+    return meant_ns
 
 
 def nearest_day(seconds_of_day: float, now_ns: int) -> int:

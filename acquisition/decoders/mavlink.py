@@ -34,6 +34,7 @@ Values = list[tuple[str, float]]
 UNKNOWN_VELOCITY = 32_767
 """What our own encoder sends in GLOBAL_POSITION_INT where it knows no velocity; no vessel makes 328 m/s."""
 _UNKNOWN = 65_535  # of speeds, courses and headings in 16 bits
+_NO_RPM = -1.0  # what ArduPilot sends of a shaft without a sensor, or with one that fails
 _FIX_IN_SPACE = 3
 _FIX_OF_TYPE = {0: 0, 1: 0, 2: 0, 3: 1, 4: 2, 5: 5, 6: 4}  # by the numbers of GGA
 _MICRO_NS = 1000
@@ -251,9 +252,15 @@ class MavlinkDecoder(Decoder):
             said = [(label, [each for each in values if each[0] not in ours]) for label, values in said]
             said.append((kind, self._declared.read(kind, message)))
         for label, values in said:
-            source = f"{frame.origin}/{self._system_id}:{label}"
+            source = f"{frame.origin}/{self._sender(message)}:{label}"
             groups += self.clock.group(frame, source, self._possible(values), told_ns)
         return groups
+
+    def _sender(self, message: Any) -> str:
+        """The system, with the component where it is not the autopilot: a companion is a source of its own."""
+        component = message.get_srcComponent()
+        is_autopilot = component == dialect.MAV_COMP_ID_AUTOPILOT1
+        return f"{self._system_id}" if is_autopilot else f"{self._system_id}.{component}"
 
     def _values(self, kind: str, message: Any, frame: Frame) -> list[tuple[str, Values]]:
         """What a message says, a list a group, each with what its source is labelled with."""
@@ -267,13 +274,14 @@ class MavlinkDecoder(Decoder):
             case "NAMED_VALUE_FLOAT":
                 return [(kind, self._named_value(message))]
             case "RPM":
-                return [(kind, list(zip(self._shafts, (message.rpm1, message.rpm2), strict=False)))]
+                rpm = (nan if value == _NO_RPM else value for value in (message.rpm1, message.rpm2))
+                return [(kind, list(zip(self._shafts, rpm, strict=False)))]
             case "RAW_RPM":  # its unit is rpm, whatever the field is called
                 return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
                 return [(kind, _local_velocity(message)), ("GPS_GLOBAL_ORIGIN", self._local_position(message))]
             case "GPS_RAW_INT":
-                self.fixes[f"{frame.origin}/{self._system_id}"] = _fix(message)
+                self.fixes[f"{frame.origin}/{self._sender(message)}"] = _fix(message)
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []

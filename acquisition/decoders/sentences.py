@@ -31,6 +31,7 @@ from acquisition.core.actuators import (
 from acquisition.core.frames import Quality
 from acquisition.core.units import KNOT_MPS
 
+_ROUNDED_KMH = 0.15  # knots and km/h, each to a tenth
 _NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
 _DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")
 _TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d*)?)")
@@ -41,6 +42,7 @@ NOT_VALID = "not marked valid"
 # Dead reckoning, typed in by hand, a simulator: true enough to be recorded, and to be looked at.
 _SUSPECT_MODES = frozenset("EMS")
 _SUSPECT_FIXES = frozenset("678")
+_BEST_MODES = "RFPDAEMSN"
 _FIX_OF_MODE = {"N": 0, "A": 1, "D": 2, "P": 3, "R": 4, "F": 5, "E": 6, "M": 7, "S": 8}
 
 
@@ -77,11 +79,15 @@ class Fields:
         return _SIGNS[letter] * (int(found[1]) + float(found[2]) / 60.0)
 
     def speed_mps(self, *places: tuple[int, str]) -> float | None:
-        """The first speed that is given, of those at an index in a unit; so the finest unit comes first."""
+        """The first speed that is given, of those at an index in a unit; so the finest unit comes first.
+
+        The letter behind a number names its unit, the place only where that is empty: some devices leave the
+        first of two speeds out, and not its place.
+        """
         for index, unit in places:
-            speed = self.measured(index, unit)
-            if speed is not None:
-                return speed * MPS_OF_UNIT[unit]
+            speed, factor = self.number(index), MPS_OF_UNIT.get(self.text(index + 1) or unit)
+            if speed is not None and factor is not None:
+                return speed * factor
         return None
 
     def seconds_of_day(self, index: int) -> float | None:
@@ -148,6 +154,21 @@ def _gga(fields: Fields) -> Reading:
     )
 
 
+def _gns(fields: Fields) -> Reading:
+    """The fix of a receiver of several constellations: of their modes, one letter each, the best holds."""
+    modes = [mode for mode in _BEST_MODES if mode in fields.text(5)]
+    if not modes or modes[0] == "N":
+        return Reading(refused=NOT_VALID, fix=0)
+    height_m, geoid_m = fields.number(8), fields.number(9)
+    return Reading(
+        _position(fields, 1),
+        quality=_quality(modes[0]),
+        seconds_of_day=fields.seconds_of_day(0),
+        fix=_FIX_OF_MODE[modes[0]],
+        height_m=None if height_m is None else height_m + (geoid_m or 0.0),
+    )
+
+
 def _gst(fields: Fields) -> Reading:
     """The errors of the fix: standard deviations of latitude, longitude and height [m]."""
     north_m, east_m, up_m = (fields.number(index) for index in (5, 6, 7))
@@ -209,9 +230,20 @@ def _vtg(fields: Fields) -> Reading:
     mode = fields.text(8)
     if mode == "N":
         return Reading(refused=NOT_VALID)
+    if len(fields) == 4 and not any(fields.text(index).isalpha() for index in range(4)):
+        return _vtg_without_letters(fields)
     course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
     values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
     return Reading(values, quality=_quality(mode))
+
+
+def _vtg_without_letters(fields: Fields) -> Reading:
+    """Before NMEA 2.3: course true and magnetic, speed in knots and km/h; a cut one has none that agree."""
+    course, knots, kmh = (fields.number(index) for index in (0, 2, 3))
+    if knots is None or kmh is None or abs(knots * 1.852 - kmh) > _ROUNDED_KMH:
+        return Reading(refused="a form that is not known")
+    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", knots * KNOT_MPS))
+    return Reading(values)
 
 
 def _ths(fields: Fields) -> Reading:
@@ -280,6 +312,7 @@ def _mwd(fields: Fields) -> Reading:
 
 _READERS: dict[str, Reader] = {
     "GGA": _gga,
+    "GNS": _gns,
     "GST": _gst,
     "GLL": _gll,
     "RMC": _rmc,

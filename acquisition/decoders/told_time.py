@@ -10,6 +10,7 @@ import re
 from functools import partial
 
 from acquisition.core.frames import NANO
+from acquisition.core.times import Order, Stamp, find_stamp
 from acquisition.decoders.clock import DAY_NS, is_possible
 
 _pattern = partial(re.compile, flags=re.ASCII)  # what is no ASCII is no space and no digit
@@ -17,26 +18,10 @@ ZONE = r"(?P<zone>Z|UTC|[+-]\d\d(?::?\d\d)?)?Z?"
 """What names a zone in a pattern."""
 SENTENCE_BEHIND = _pattern(r"(?P<before>[^$!\\]{0,200})(?P<inner>(?:[$!][A-Za-z0-9]{3,},|\\[a-z]{1,3}:).*)")
 """A sentence, or its TAG block, with what stands before it."""
-_TIMES = (
-    _pattern(
-        r"(?<!\d)(?P<year>\d{4})[-/](?P<month>\d\d)[-/](?P<day>\d\d)[-T ,_;\t]+(?P<clock>\d\d:\d\d:\d\d)"
-        rf"(?:[.,](?P<fraction>\d{{1,9}}))?\s?{ZONE}"
-    ),
-    _pattern(  # the logs of American research vessels (SCS): the month comes first
-        r"(?<!\d)(?P<month>\d\d)/(?P<day>\d\d)/(?P<year>\d{4})[ ,;\t]+(?P<clock>\d\d:\d\d:\d\d)"
-        r"(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z)?"
-    ),
-    _pattern(
-        r"(?<!\d)(?P<year>\d{4})(?P<month>\d\d)(?P<day>\d\d)T(?P<clock>\d{6})"
-        rf"(?:\.(?P<fraction>\d{{1,9}}))?{ZONE}"
-    ),
-    _pattern(
-        r"(?<!\d)(?P<year>\d{4})[:-](?P<yearday>\d{3})[:T](?P<clock>\d\d:\d\d:\d\d)(?:\.(?P<fraction>\d{1,9}))?"
-        r"(?P<zone>Z)?"
-    ),
-)
 _UNIX = _pattern(r"(?<![\d.])(\d{10}\.\d{1,9}|\d{19}|\d{16}|\d{13}|\d{10})(?![\d.])")
 _CLOCK = _pattern(r"(?<!\d)(\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?")
+_DATE_LIKE = _pattern(r"\d{1,4}[^\d\s:,;][A-Za-z\d]{1,9}\D\d{1,4}|\d{8}|[A-Za-z]{3} +\d{1,2}\b")
+_MOST_STAMPS = 20_000
 _SECONDS = _pattern(r"[\[(]?\s*(\d{1,9})\.(\d{1,9})(?![\d.])")
 
 
@@ -72,48 +57,69 @@ def day_ns(clock: str, fraction: str | None) -> int | None:
     return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-def told_time(text: str) -> tuple[int | None, int] | None:
-    """The time in what stands before a sentence, and the turn of its clock [ns]; None where there is none.
+class StatedTimes:
+    """The times that stand beside a log's sentences; ``order`` is that of its dates, ``year`` of dates without one.
 
-    A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
-    the log began. A time that cannot be is None itself.
-
-    >>> told_time("NAV 2013/11/20 05:00:04.5 GPS ") == told_time("1384923604.5 ") == (1384923604500000000, 0)
-    True
+    Until the order is known, dates that may mean two days are collected in ``stamps``, the first of them.
     """
-    for pattern in _TIMES:
-        if found := pattern.search(text):
-            return possible_ns(_date_time_ns(found.groupdict())), 0
-    if found := _UNIX.search(text):
-        digits, _, fraction = found[1].partition(".")
-        return possible_ns(int((digits + fraction).ljust(19, "0"))), 0
-    if found := _CLOCK.search(text):
-        return day_ns(found[1], found[2]), DAY_NS
-    if found := _SECONDS.match(text):
-        return int(found[1]) * NANO + int(found[2].ljust(9, "0")), 0
-    return None
+
+    def __init__(self, order: Order | None = None, year: int | None = None) -> None:
+        self.order, self.year = order, year
+        self.stamps: list[Stamp] = []
+        self.last: Stamp | None = None
+        self.unread_date = ""  # the first text with a time of day whose date was not understood
+        self.unknown_zone = ""
+
+    def read(self, text: str) -> tuple[int | None, int] | None:
+        """The time in what stands beside a sentence, and the turn of its clock [ns]; None where there is none.
+
+        A date and a time, UTC unless it has a zone; seconds to nanoseconds since 1970; a time of day; seconds since
+        the log began. A time that cannot be is None itself.
+
+        >>> read = StatedTimes().read
+        >>> read("NAV 2013/11/20 05:00:04.5 GPS ") == read("1384923604.5 ") == (1384923604500000000, 0)
+        True
+        """
+        self.last = stamp = find_stamp(text)
+        if stamp is not None:
+            if len(self.stamps) < _MOST_STAMPS:
+                self.stamps.append(stamp)
+            self.unknown_zone = self.unknown_zone or stamp.zone
+            return self._of_stamp(stamp), 0
+        if match := _UNIX.search(text):
+            digits, _, fraction = match[1].partition(".")
+            return possible_ns(int((digits + fraction).ljust(19, "0"))), 0
+        if match := _CLOCK.search(text):
+            if not self.unread_date and _DATE_LIKE.search(text):
+                self.unread_date = text.strip()
+            return day_ns(match[1], match[2]), DAY_NS
+        if match := _SECONDS.match(text):
+            return int(match[1]) * NANO + int(match[2].ljust(9, "0")), 0
+        return None
+
+    def _of_stamp(self, stamp: Stamp) -> int | None:
+        order = self.order if self.order in stamp.orders else stamp.orders[-1]
+        if not stamp.has_year and self.year is None:
+            return None
+        try:
+            return possible_ns(stamp.utc_ns(order, None if stamp.has_year else self.year))
+        except ValueError:  # the 29th of February of a year that has none
+            return None
 
 
 def told_utc_ns(text: str) -> int | None:
-    """The UTC that a text tells [ns since 1970]; None where it tells none, or one that cannot be.
+    """The UTC that a text tells [ns since 1970]; None where it tells none, one that cannot be, or may mean two.
 
     >>> told_utc_ns("2023-11-03T09:41:02.769765Z ")
     1699004462769765000
     """
-    found = told_time(text)
-    return None if found is None or found[1] else possible_ns(found[0])
+    times = StatedTimes()
+    result = times.read(text)
+    if result is None or result[1] or (times.last is not None and len(times.last.orders) > 1):
+        return None
+    return possible_ns(result[0])
 
 
 def possible_ns(time_ns: int | None) -> int | None:
     """A time that can be true at all; None for another."""
     return time_ns if time_ns is not None and is_possible(time_ns) else None
-
-
-def _date_time_ns(parts: dict[str, str]) -> int | None:
-    year, month, day, clock = parts["year"], parts.get("month", "01"), parts.get("day", "01"), parts["clock"]
-    if int(month) > 12:  # then it was the day
-        month, day = day, month
-    if ":" not in clock:
-        clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
-    time_ns = zoned_ns(f"{year}-{month}-{day}", clock, parts["fraction"], parts["zone"], dt.UTC)
-    return None if time_ns is None else time_ns + (int(parts.get("yearday", "1")) - 1) * DAY_NS

@@ -47,7 +47,7 @@ _RECIPES = (
             ("wind_speed_water_mps", "heading_deg", *_SPEEDS, "speed_through_water_mps")),
     _Recipe(("north_m", "east_m"), "latitude_deg", ("longitude_deg",)),
 )  # fmt: skip
-_POSITION = ("GGA", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
+_POSITION = ("GGA", "GNS", "RMC", "GLL", "129025", "129029", "GLOBAL_POSITION_INT", "GPS_RAW_INT")
 _CARRIERS = {
     **dict.fromkeys(("north_m", "east_m"), _POSITION),
     "heading_deg": ("HDT", "THS", "HDG", "HDM", "127250", "ATTITUDE"),

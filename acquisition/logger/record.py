@@ -217,6 +217,10 @@ def _tell_troubles(source: Source, seen: SourceHealth, reading: _Reading) -> Non
     if bad := seen.reasons.get(BAD_DATA):
         places = "place" if bad == 1 else "places"
         reading.tell("warning", f"{source.name}: no packet that can be read at {bad:,} {places} of the log")
+    refusals = sorted(seen.reasons.items(), key=lambda item: -item[1])
+    refused = [f"{reason} ({count:,})" for reason, count in refusals if reason != BAD_DATA]
+    if refused:
+        reading.tell("info", f"{source.name}: not used, but recorded raw: {', '.join(refused)}")
     if damage := getattr(source, "damage", ""):
         reading.tell("error", f"{source.name}: {damage}")
 

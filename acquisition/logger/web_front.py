@@ -1,4 +1,4 @@
-"""What browsers and viewers of the recorder meet first: it hears few at once, briefly, and only those meant.
+"""What browsers and viewers of the recorder meet first: few clients at once, briefly, and only those entitled.
 
 A page from anywhere can make a browser aboard ask here, and a name elsewhere can be made to point here. Both give
 themselves away: by the name under which they ask (``Host``), and by where they come from (``Origin``). A client
@@ -121,7 +121,7 @@ def parse_request(received: bytes) -> Request:
 
 
 class WebFront:
-    """Listens on ``address`` and ``port`` and hands those that are meant to ``serve``; a context manager.
+    """Listens on ``address`` and ``port`` and hands entitled requests to ``serve``; a context manager.
 
     ``serve`` gets the client's socket, which is closed afterwards, and its request, in a thread of its own. Raises
     OSError on entering where the port cannot be had.
@@ -152,7 +152,7 @@ class WebFront:
         self._socket.close()
         with self._lock:
             for client in (*self._asking, *self._served):
-                _shut(client)
+                _end_connection(client)
 
     def _listen(self) -> None:
         while not self._stopping.is_set():
@@ -164,11 +164,11 @@ class WebFront:
                 self._stopping.wait(_RETRY_S)
 
     def _admit(self, client: socket.socket) -> None:
-        """Hear a client; of too many that are still asking, the first must go."""
+        """Admit a client; of too many whose request is incomplete, the first is disconnected."""
         with self._lock:
             self._asking[client] = None
             if len(self._asking) > MOST_CLIENTS:
-                _shut(next(iter(self._asking)))
+                _end_connection(next(iter(self._asking)))
         try:
             threading.Thread(target=self._attend, args=(client,), name=self._name, daemon=True).start()
         except RuntimeError:
@@ -217,7 +217,7 @@ class WebFront:
             client.sendall(response(refusal.status, f"{text}\n".encode(errors="replace")))
 
 
-def _shut(connection: socket.socket) -> None:
+def _end_connection(connection: socket.socket) -> None:
     """End a connection that another thread may be waiting on, which then closes it."""
     with suppress(OSError):
         connection.shutdown(socket.SHUT_RDWR)

@@ -40,13 +40,13 @@ Metadata = Mapping[str, Mapping[str, str]]
 class PartClock:
     """The clock of a part: UTC less the monotonic clock [ns], the boot, how long the computer had slept [ns].
 
-    ``is_kept`` says that NTP or PTP kept it when the part began; None and "" stand for what is not stated.
+    ``is_synchronised`` says that NTP or PTP kept it when the part began; None and "" stand for what is not stated.
     """
 
     offset_ns: int | None = None
     boot: str = ""
     slept_ns: int | None = None
-    is_kept: bool = False
+    is_synchronised: bool = False
 
     @classmethod
     def of(cls, metadata: Metadata) -> PartClock:
@@ -66,8 +66,8 @@ class PartClock:
         numbers = self.offset_ns, before.offset_ns, self.slept_ns, before.slept_ns
         if None in numbers or not self.boot or self.boot != before.boot:
             return None
-        ours, theirs, ours_slept, theirs_slept = (number or 0 for number in numbers)
-        return ours - ours_slept - theirs + theirs_slept
+        offset_ns, earlier_offset_ns, slept_ns, earlier_slept_ns = (number or 0 for number in numbers)
+        return offset_ns - slept_ns - earlier_offset_ns + earlier_slept_ns
 
 
 def _integer(text: str | None) -> int | None:
@@ -88,20 +88,20 @@ def whole_recordings(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     recordings: dict[Path, list[Path]] = {}
     first_of: dict[Path, Path] = {}
     by_stem: dict[Path, Path] = {}
-    for path in _after_those_they_follow(paths, by_place):
+    for path in _in_chain_order(paths, by_place):
         match = _LATER_PART.fullmatch(path.stem)
-        stem = path.with_name(match[1]) if match else path.with_suffix("")
+        stem = path.parent / (match[1] if match else path.stem)
         follows = by_place.get((path.parent, _follows(path)), by_stem.get(stem) if match else None)
         before = first_of.get(follows) if follows is not None else None
         is_free = before is not None and recordings[before][-1] == follows  # no other part follows it already
-        first = before if before and follows and is_free and _is_continued(follows, path) else path
+        first = before if before and follows and is_free and _is_joinable(follows, path) else path
         recordings.setdefault(first, []).append(path)
         first_of[path], by_stem[stem] = first, path
     order = {path: number for number, path in enumerate(paths)}
     return [tuple(recordings[first]) for first in sorted(recordings, key=order.__getitem__)]
 
 
-def _after_those_they_follow(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], Path]) -> Iterator[Path]:
+def _in_chain_order(paths: Sequence[Path], by_place: Mapping[tuple[Path, str], Path]) -> Iterator[Path]:
     """The paths in their order, but each after the one that it follows; of a circle each once."""
     seen: set[Path] = set()
     for path in paths:
@@ -117,7 +117,7 @@ def _follows(path: Path) -> str:
     return _head(path).get("part", {}).get("follows", "")
 
 
-def _is_continued(part: Path, later: Path) -> bool:
+def _is_joinable(part: Path, later: Path) -> bool:
     """Whether the times of both can be brought onto one clock."""
     before, clock = PartClock.of(_head(part)), PartClock.of(_head(later))
     return not clock.is_another_than(before) or clock.ahead_of(before) is not None
@@ -139,11 +139,11 @@ def _read_head(path: Path, _: tuple[int, int]) -> Metadata:
     """The metadata before the first message of a file in a state, of which only the beginning is read."""
     metadata: dict[str, dict[str, str]] = {}
     with suppress(InputError), open_recording(path) as stream:
-        for number, found in enumerate(scan(stream)):
-            if isinstance(found, Damage) or isinstance(found.record, mcap.Chunk | mcap.Message):
+        for number, entry in enumerate(scan(stream)):
+            if isinstance(entry, Damage) or isinstance(entry.record, mcap.Chunk | mcap.Message):
                 break
-            if isinstance(found.record, mcap.Metadata):
-                metadata[found.record.name] = printable(found.record.metadata)
+            if isinstance(entry.record, mcap.Metadata):
+                metadata[entry.record.name] = printable(entry.record.metadata)
             if number > _MOST_RECORDS or {"part", "clock"} <= metadata.keys():
                 break
     return metadata
@@ -182,7 +182,7 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     Where the clock was set between parts, their times are moved onto one clock: of those that were kept by NTP or
     PTP the last, else the last. Raises as :func:`read_recording`.
     """
-    parts, remark = _on_one_clock([read_recording(path) for path in paths])
+    parts, remark = _align_clocks([read_recording(path) for path in paths])
     samples: dict[str, list[Series]] = {}
     for part in parts:
         for name, series in part.series.items():
@@ -201,17 +201,17 @@ def read_parts(paths: Sequence[Path]) -> Recording:
     )  # fmt: skip
 
 
-def _on_one_clock(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
+def _align_clocks(parts: Sequence[Recording]) -> tuple[list[Recording], str]:
     """The parts with their times by one clock, and what is to be known of them."""
     clocks = [PartClock.of(part.metadata) for part in parts]
-    kept = [clock for clock in clocks if clock.is_kept]
-    ahead_ns = [(kept or clocks)[-1].ahead_of(clock) or 0 for clock in clocks]
+    synchronised = [clock for clock in clocks if clock.is_synchronised]
+    ahead_ns = [(synchronised or clocks)[-1].ahead_of(clock) or 0 for clock in clocks]
     moves_ns = [ahead if abs(ahead) >= NEW_PART_NS else 0 for ahead in ahead_ns]
-    moved = [_moved(part, by_ns) if by_ns else part for part, by_ns in zip(parts, moves_ns, strict=True)]
-    return moved, "; ".join(filter(None, (_beginning(parts[0]), _moves_text(moves_ns))))
+    aligned = [_shift(part, by_ns) if by_ns else part for part, by_ns in zip(parts, moves_ns, strict=True)]
+    return aligned, "; ".join(filter(None, (_first_part_text(parts[0]), _moves_text(moves_ns))))
 
 
-def _beginning(part: Recording) -> str:
+def _first_part_text(part: Recording) -> str:
     """That a recording begins with a later part, and why that began."""
     texts = part.metadata.get("part", {})
     if not texts.get("follows"):
@@ -228,12 +228,12 @@ def _moves_text(moves_ns: Sequence[int]) -> str:
     return f"the computer's clock was set meanwhile: times are moved, {', '.join(texts)}, by its monotonic clock"
 
 
-def _moved(part: Recording, by_ns: int) -> Recording:
+def _shift(part: Recording, by_ns: int) -> Recording:
     """A part whose times by the computer's clock are moved; those by another clock, as of a satellite, stay."""
 
     def move(series: Series) -> Series:
         received_ns = series.received_ns + by_ns
-        return replace(series, received_ns=received_ns, measured_ns=_moved_times(series, received_ns, by_ns))
+        return replace(series, received_ns=received_ns, measured_ns=_shift_times(series, received_ns, by_ns))
 
     return replace(
         part,
@@ -244,7 +244,7 @@ def _moved(part: Recording, by_ns: int) -> Recording:
     )
 
 
-def _moved_times(series: Series, received_ns: Ints, by_ns: int) -> Ints:
+def _shift_times(series: Series, received_ns: Ints, by_ns: int) -> Ints:
     """Times of measurement: one that is nearer to the reception by the new clock is not of the old one."""
     measured_ns = series.measured_ns
     is_old = np.abs(measured_ns - series.received_ns) <= np.abs(measured_ns - received_ns)

@@ -82,7 +82,8 @@ class RecordingParts(MessageSink):
             self._open_part("recording started")
             self._mount = mount_point(folder)
         except OSError as error:
-            raise error if isinstance(error, StorageError) else storage_error(folder, error) from error
+            place = folder / f"{self._stem}.mcap"
+            raise error if isinstance(error, StorageError) else storage_error(place, error) from error
 
     @property
     def path(self) -> Path:

@@ -86,7 +86,7 @@ class Tail:
         self.cut = self.cut or size < self._offset != len(MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
             return {}
-        self._meter.file_bytes = size
+        self._meter.grow(size)
         samples: dict[str, SeriesBuilder] = {}
         places = self._places(size)
         for place in self._wanted(places):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
 from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.nmea0183 import checksum, cut_at_sentences, has_sentence, sentences_in, split_tag
-from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, day_ns, possible_ns, told_time, zoned_ns
+from acquisition.decoders.told_time import SENTENCE_BEHIND, ZONE, StatedTimes, day_ns, possible_ns, zoned_ns
 from acquisition.sources.actisense import MARK, Stored, message_entry, stored_message
 
 MILLI_NS = 1_000_000
@@ -318,8 +318,9 @@ class LineReader:
     ``unreadable`` counts those that are neither an entry nor a comment.
     """
 
-    def __init__(self, form: str = "") -> None:
+    def __init__(self, form: str = "", times: StatedTimes | None = None) -> None:
         self.unreadable = 0
+        self.times = times or StatedTimes()
         self._forms = [each for name, forms in LINE_FORMS.items() if form in ("", name) for each in forms]
 
     def entries(self, piece: bytes) -> list[Entry]:
@@ -336,7 +337,7 @@ class LineReader:
     def _sentence(self, text: str) -> Entry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
         if text[-3:-2] != "*" and (found := _ENDING.fullmatch(text)):
-            return _at(self._sentence(found["inner"]), told_time(found["after"]))
+            return _at(self._sentence(found["inner"]), self.times.read(found["after"]))
         line = text.encode("latin-1")
         tagged = split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
@@ -374,9 +375,9 @@ class LineReader:
             return None
         if found := SENTENCE_BEHIND.fullmatch(text):
             inner = found["inner"].removesuffix('"') if found["before"].endswith('"') else found["inner"]
-            return _at(self._sentence(inner), told_time(found["before"]))
+            return _at(self._sentence(inner), self.times.read(found["before"]))
         found = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
-        return None if found is None else _at(self._bare(found["inner"]), told_time(found["before"]))
+        return None if found is None else _at(self._bare(found["inner"]), self.times.read(found["before"]))
 
 
 def _of_stored(stored: Stored) -> Entry | None:

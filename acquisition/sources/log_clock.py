@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from statistics import median_low
 
-from acquisition.core.frames import NANO, FrameFlag
-from acquisition.decoders.clock import DAY_NS, is_possible, utc_ns
+from acquisition.core.frames import NANO, FrameFlag, iso, now_ns
+from acquisition.decoders.clock import DAY_NS, is_possible, rolled_over_ns, utc_ns
 from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import (
@@ -52,6 +52,10 @@ class LogClock:
                 "it has no times of its own; what the bus or a sentence tells is taken, mostly whole seconds"
             )
         self._learn(timed, changed_ns)
+        rolled_over = next((entry for entry in head if _is_rolled_over(entry)), None)
+        if rolled_over is not None:
+            date = iso(told_utc_ns(rolled_over) or 0)[:10]
+            self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
         self._begin()
         next((each for each in head if self.time_ns(each) is not None), None)  # what comes before has it, too
         self._begin()
@@ -111,6 +115,8 @@ class LogClock:
             last_ns = max(time_ns for time_ns, _ in since)
             began_ns = (changed_ns - last_ns) // DAY_NS * DAY_NS
             self.remark = "it tells times of day but no date; that of the file's last change is taken"
+        elif not began_ns:
+            self.remark = "its times count from its beginning, and it has no date: the moment of reading is taken"
         self._epoch_ns = began_ns
 
 
@@ -132,7 +138,7 @@ def _whole_days(time_ns: int) -> int:
 def told_utc_ns(entry: Entry) -> int | None:
     """The UTC that a message or a sentence tells [ns since 1970]; None for all others."""
     if entry.protocol == "nmea0183":
-        stated = map(_sentence_utc_ns, sentences_in(entry.payload))
+        stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, sentences_in(entry.payload)))
         return next((utc for utc in stated if utc is not None), None)
     group = parameter_group(entry.identifier)[0]
     whole = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
@@ -142,15 +148,26 @@ def told_utc_ns(entry: Entry) -> int | None:
     return told if told is not None and is_possible(told) else None
 
 
-def _sentence_utc_ns(line: bytes) -> int | None:
-    """The UTC that a sentence tells [ns since 1970]; None for all others."""
+def _possible_ns(time_ns: int | None) -> int | None:
+    """A time that can be true, or that a receiver means whose weeks have rolled over; None for others."""
+    if time_ns is None or is_possible(time_ns):
+        return time_ns
+    return rolled_over_ns(time_ns, now_ns()[0])
+
+
+def _is_rolled_over(entry: Entry) -> bool:
+    stated = map(_sentence_ns, sentences_in(entry.payload)) if entry.protocol == "nmea0183" else ()
+    return any(time_ns is not None and _possible_ns(time_ns) not in (None, time_ns) for time_ns in stated)
+
+
+def _sentence_ns(line: bytes) -> int | None:
+    """The date and time that a sentence states [ns since 1970]; None for all others."""
     tag, fields = split_sentence(split_tag(line).sentence) or ("", [])
     read = _TELL_TIME.get(tag[-3:])
     reading = Reading() if read is None else read(Fields(fields))
     if reading.date is None or reading.seconds_of_day is None:
         return None
-    time_ns = utc_ns(reading.date, reading.seconds_of_day)
-    return time_ns if is_possible(time_ns) else None
+    return utc_ns(reading.date, reading.seconds_of_day)
 
 
 def _are_differences(times_ns: list[int | None]) -> bool:

@@ -10,6 +10,7 @@ nobody does, it is received as fast as it is read.
 
 from __future__ import annotations
 
+import datetime as dt
 import logging
 import os
 import struct
@@ -27,13 +28,15 @@ from can.io import blf
 from acquisition.config.sections import FileSource
 from acquisition.core.budget import LOG_BYTES
 from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
+from acquisition.core.times import Order, Stamp, date_order
 from acquisition.decoders.nmea0183 import has_sentence
+from acquisition.decoders.told_time import StatedTimes
 from acquisition.sources import SQLITE, LogReader, looks_like
 from acquisition.sources.bounded import BoundedLog, Lines
 from acquisition.sources.can_bus import flags_of
 from acquisition.sources.file_forms import FILE_FORMS, read_lines
 from acquisition.sources.line_forms import LINE_FORMS, Entry, LineReader
-from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock
+from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock, told_utc_ns
 
 _LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
 _MOST_FRAMES_AT_ONCE = 300
@@ -101,6 +104,7 @@ class LogFile(LogReader):
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
         self._newest_ns: int | None = None  # as the log tells it
+        self._date_remark = ""
         self.timed = True  # whether the last frame had a time, of whatever kind
 
     @property
@@ -120,7 +124,7 @@ class LogFile(LogReader):
 
     @property
     def remark(self) -> str:
-        return self._clock.remark
+        return self._date_remark or self._clock.remark
 
     def _begin(self, file: BinaryIO) -> None:
         head = file.read(_HEAD_BYTES)
@@ -130,15 +134,22 @@ class LogFile(LogReader):
             raise ValueError(f"it looks like {looks_like(head)}")
         path: Path = self._config.path
         make = _maker(head, self._config.form, partial(BoundedLog, path, packed=packed))
-        log = self._log = make()
+        log = self._log = make(StatedTimes(self._config.date_order))
         entries = iter(log)
-        beginning = list(islice(entries, _HEAD_ENTRIES))
+        beginning, stated = _beginning(entries, log.times)
         if head and not any(map(_is_sound, chain(beginning, entries))):
             why = log.damage or f"it looks like {looks_like(head)}"
             raise ValueError(f"nothing in it can be recorded: {why}; supported are {UNDERSTOOD}")
         log.close()
-        self._clock = LogClock(beginning, path.stat().st_mtime_ns)
-        self._log = make()
+        tail = b"" if packed else _last_bytes(file)
+        changed_ns = path.stat().st_mtime_ns
+        times, self._date_remark = _settled(log.times, stated, tail, self._config.date_order, changed_ns)
+        if times.order != log.times.order or times.year is not None:
+            log = make(times)
+            beginning, _ = _beginning(iter(log), times)
+            log.close()
+        self._clock = LogClock(beginning, changed_ns)
+        self._log = make(times)
         self._entries = iter(self._log)
         self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 
@@ -178,8 +189,11 @@ def _inflated(beginning: bytes) -> bytes:
 class _Log:
     """A log by a function that reads it; what is broken where it ends before its time is its ``damage``."""
 
-    def __init__(self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str) -> None:
-        self._reader = LineReader(form)
+    def __init__(
+        self, read: Callable[[BinaryIO, LineReader], Iterator[Entry]], file: BinaryIO, form: str, times: StatedTimes
+    ) -> None:
+        self.times = times
+        self._reader = LineReader(form, times)
         self._entries = read(file, self._reader)
         self.damage = ""
         self.close = file.close
@@ -195,7 +209,52 @@ class _Log:
             self.damage = str(error)
 
 
-def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[], _Log]:
+def _beginning(entries: Iterator[Entry], times: StatedTimes) -> tuple[list[Entry], list[tuple[Stamp, int]]]:
+    """A log's first entries, and the dates beside those that state the UTC themselves."""
+    beginning, stated = list[Entry](), list[tuple[Stamp, int]]()
+    for entry in islice(entries, _HEAD_ENTRIES):
+        beginning.append(entry)
+        if times.last is not None and (utc_ns := told_utc_ns(entry)) is not None:
+            stated.append((times.last, utc_ns))
+    return beginning, stated
+
+
+def _last_bytes(file: BinaryIO) -> bytes:
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(size - _HEAD_BYTES, 0))
+    return file.read(_HEAD_BYTES)
+
+
+def _settled(
+    times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, given: Order | None, changed_ns: int
+) -> tuple[StatedTimes, str]:
+    """The reader of the dates of a log whose beginning and end were read, and a remark on what is not stated."""
+    ending = StatedTimes()
+    for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
+        pass
+    stamps = [*times.stamps, *ending.stamps]
+    order, why = (given, "as configured") if given else date_order(stamps, stated)
+    year, remark = None, ""
+    first = next(iter(times.stamps), None)
+    if first is not None and not first.has_year:
+        year = (dt.datetime.fromtimestamp(changed_ns / 1e9, dt.UTC)).year
+        remark = f"its dates, like {first.text!r}, have no year; that of the file's last change, {year}, is taken"
+        if stated:
+            year = dt.datetime.fromtimestamp(stated[0][1] / 1e9, dt.UTC).year
+            remark = f"its dates, like {first.text!r}, have no year; {year} is that of a sentence in it"
+    elif first is not None and not why:
+        remark = (
+            f"its dates, like {first.text!r}, may have the day or the month first: {order} is taken;"
+            f' say date_order = "day-first" or "month-first" in [[source]]'
+        )
+    elif times.unread_date:
+        remark = f"the date in {times.unread_date!r} could not be read; that of the file's last change is taken"
+    elif times.unknown_zone:
+        remark = f"the zone {times.unknown_zone} stands for several: its times are taken for UTC"
+    return StatedTimes(order, year), remark
+
+
+def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callable[[StatedTimes], _Log]:
     """What begins to read a log: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
@@ -204,7 +263,7 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
     is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
         read = partial(_library_log, library)
-    return lambda: _Log(read or read_lines, open_file(), form)
+    return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
 def _is_sound(entry: Entry) -> bool:

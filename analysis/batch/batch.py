@@ -158,12 +158,12 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
         raise InputError("is no folder" if folder.exists() else "does not exist", where=str(folder),
                          fix="give the folder of the recordings")  # fmt: skip
     paths: list[Path] = []
-    closed: list[OSError] = []
-    for place, folders, files in os.walk(folder, onerror=closed.append):
-        folders[:] = [name for name in folders if os.path.realpath(Path(place, name)) != str(out)]
+    unreadable: list[OSError] = []
+    for root, folders, files in os.walk(folder, onerror=unreadable.append):
+        folders[:] = [name for name in folders if os.path.realpath(Path(root, name)) != str(out)]
         names = (name for name in (*folders, *files) if name.endswith(".mcap") and not name.startswith("."))
-        paths += (Path(place, name) for name in names)
-    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in closed)}))
+        paths += (Path(root, name) for name in names)
+    return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
 def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:
@@ -181,12 +181,14 @@ def result_names(paths: list[str]) -> list[str]:
     ['a_', 'a/b', 'index.html_', '_c/B', '_c/b_']
     """
     texts = ["/".join(map(_folder_name, path.removesuffix(".mcap").split("/"))) for path in paths]
-    taken = set(map(_same, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents}))
+    taken = set(
+        map(_comparable, _RESERVED | {parent.as_posix() for text in texts for parent in Path(text).parents})
+    )
     names = []
     for name in texts:
-        while _same(name) in taken:
+        while _comparable(name) in taken:
             name += "_"
-        taken.add(_same(name))
+        taken.add(_comparable(name))
         names.append(name)
     return names
 
@@ -202,7 +204,7 @@ def _folder_name(text: str) -> str:
     return name
 
 
-def _same(name: str) -> str:
+def _comparable(name: str) -> str:
     """What is equal for names that some file systems take for one."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 

@@ -71,7 +71,7 @@ def make_app(season: Season, upload_mb: float | None = None) -> Flask:
     app.after_request(_secured)
     app.register_error_handler(SeatrialError, lambda error: (_message("This cannot be done", [str(error)]), 422))
     app.register_error_handler(HTTPException, _explained)
-    app.register_error_handler(Exception, _unforeseen)
+    app.register_error_handler(Exception, _unexpected_error)
     pages = _Pages(season, upload_mb, token)
     environment()  # what pages are drawn with, before anybody waits
     for path, page in pages.addresses().items():
@@ -215,9 +215,9 @@ class _Pages:
     def _receive(self) -> str:
         if not secrets.compare_digest(request.form.get("token", "").encode(), self._token.encode()):
             abort(403)
-        if (sent := request.files.get("file")) is None:
+        if (upload := request.files.get("file")) is None:
             abort(400)
-        path, lines = receive(sent.stream, sent.filename or "", self._season.folder)
+        path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
         return _message(f"{path.name} is in the season", lines)
 
     def _asked_for(self) -> list[str]:
@@ -265,7 +265,7 @@ def _explained(error: HTTPException) -> tuple[str, int]:
     return _message(error.name, [error.description or ""]), error.code or 500
 
 
-def _unforeseen(error: Exception) -> tuple[str, int]:
+def _unexpected_error(error: Exception) -> tuple[str, int]:
     """What nobody foresaw, as a page with one line, which the terminal has too."""
     fault = unexpected(error)
     LOG.error("%s: %s", printable_name(request.path), fault)

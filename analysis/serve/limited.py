@@ -37,14 +37,14 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
     if not _turns.acquire(timeout=longest_s):
         raise InputError("others are being read", fix="try again in a minute")
     context = get_context("spawn")
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_attend, args=(theirs, function, arguments), daemon=True)
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_attend, args=(sender, function, arguments), daemon=True)
     try:
         process.start()
-        theirs.close()  # or the end of the process would pass unnoticed
-        if not ours.poll(longest_s):
+        sender.close()  # or the end of the process would pass unnoticed
+        if not receiver.poll(longest_s):
             raise InputError(f"took longer than {longest_s:g} s to read", fix="read it on the command line")
-        answer = json.loads(ours.recv_bytes())  # no pickle: whoever sends it has read a stranger's file
+        answer = json.loads(receiver.recv_bytes())  # no pickle: whoever sends it has read a stranger's file
     except (EOFError, OSError) as error:
         process.join()
         raise InputError(
@@ -54,7 +54,7 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
     finally:
         process.kill()
         process.join()
-        ours.close()
+        receiver.close()
         _turns.release()
     if "error" in answer:
         raise SeatrialError(str(answer["error"]))

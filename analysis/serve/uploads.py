@@ -33,45 +33,45 @@ def receive(stream: IO[bytes], filename: str, folder: Path) -> tuple[Path, list[
     if not name or len(name.encode()) > _LONGEST_NAME_BYTES:
         raise InputError("has an invalid file name", where=repr(filename[:_LONGEST_NAME_BYTES]), fix="rename it")
     with TemporaryDirectory(prefix="seatrial-") as place:
-        given = Path(place) / name
-        with given.open("wb") as copy:
+        source = Path(place) / name
+        with source.open("wb") as copy:
             shutil.copyfileobj(stream, copy)
         try:
-            lines = call_limited(make_recording, str(given))
+            lines = call_limited(make_recording, str(source))
         except SeatrialError as error:  # whoever sent it knows nothing of our folders
             raise InputError(str(error).replace(f"{place}/", ""), where=name) from error
-        return _put(_made_of(given), folder), lines
+        return _put(_recording_path(source), folder), lines
 
 
-def make_recording(given: str) -> list[str]:
+def make_recording(source: str) -> list[str]:
     """Make a recording of a file, beside it, unless it is one, and say what is in it."""
-    path = Path(given)
-    made = _made_of(path)
-    if made == path:
+    path = Path(source)
+    recording = _recording_path(path)
+    if recording == path:
         return [f"{len(channels_of(read_recording(path)))} channels"]
     raw = read_raw(path)
     if is_standard(raw):
-        return [str(import_table(path, made))]
+        return [str(import_table(path, recording))]
     proposal = propose_for(raw)
     if proposal.unanswered:
         raise InputError(
             f"leaves an open question: {proposal.unanswered[0]}",
             fix="import it with `seatrial import`, which accepts the answer",
         )
-    summary = import_proposed(raw, proposal, made, made.with_suffix(".columns.toml"))
+    summary = import_proposed(raw, proposal, recording, recording.with_suffix(".columns.toml"))
     return [str(summary), *proposal.warnings]
 
 
-def _made_of(given: Path) -> Path:
-    return given if given.suffix.lower() == ".mcap" else given.with_suffix(".mcap")
+def _recording_path(source: Path) -> Path:
+    return source if source.suffix.lower() == ".mcap" else source.with_suffix(".mcap")
 
 
-def _put(made: Path, folder: Path) -> Path:
+def _put(recording: Path, folder: Path) -> Path:
     """Copy a file into a folder, complete or not at all; one of that name stays as it is."""
-    target = folder / f"{made.stem}.mcap"
+    target = folder / f"{recording.stem}.mcap"
     with locked_briefly(target):
         if os.path.lexists(target):
             raise InputError("already exists", where=target.name, fix="rename the file and upload it again")
         with atomic_file(target) as partial:
-            shutil.copyfile(made, partial)
+            shutil.copyfile(recording, partial)
     return target

@@ -246,7 +246,7 @@ def log(tmp_path: Path) -> Log:
         (["TIROT,-30.0,V"], "yaw_rate_dps", "ROT comes, but is marked as not valid: see to the sensor"),
         (["GPGGA,120000.00,,,,,0,,,,M,,M,,"], "north_m", "GGA comes, but is marked as not valid"),
         (["HEHDT,,T"], "heading_deg", "HDT comes, but its fields are empty: see to the sensor"),
-        (["HEHDT,12.3,T"], "north_m", "nothing that comes carries it: GGA, RMC, GLL, 129025 or 129029 would"),
+        (["HEHDT,12.3,T"], "north_m", "nothing that comes carries it: GGA, GNS, RMC, GLL, 129025 or 129029 would"),
     ],
 )  # fmt: skip
 def test_each_missing_channel_has_one_reason(log: Log, bodies: list[str], channel: str, reason: str) -> None:

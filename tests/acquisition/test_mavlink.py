@@ -106,6 +106,9 @@ def satellites(fix_type: int, latitude: int, longitude: int, speed: int, course:
         ),
         (M.wind_encode(-90.0, 7.5, 0.0), {"wind_direction_deg": -90.0, "wind_speed_mps": 7.5}, {}),
         (M.rpm_encode(-100.5, nan), {"port_rpm": -100.5}, {"not available": 1}),
+        (M.rpm_encode(-100.0, -1.0), {"port_rpm": -100.0}, {"not available": 1}),
+        (M.rpm_encode(-1.0, -1.0), {}, {"not available": 2}),
+        (M.rpm_encode(-1.5, -0.5), {"port_rpm": -1.5, "starboard_rpm": -0.5}, {}),
         (M.raw_rpm_encode(0, 120.0), {"port_rpm": 120.0}, {}),
         (M.raw_rpm_encode(1, -90.0), {"starboard_rpm": -90.0}, {}),
         (M.raw_rpm_encode(2, -90.0), {}, {}),
@@ -301,3 +304,12 @@ def test_height_and_errors_of_a_fix_are_known_as_far_as_they_are_told() -> None:
         ours = decoder()
         sent(ours, message)
         assert list(ours.fixes.values()) == [fix]
+
+
+@pytest.mark.parametrize("component", [1, 191, 240])
+def test_each_component_of_a_system_is_a_source_of_its_own(component: int) -> None:
+    link = decoder()
+    autopilot = {sample.source for sample in sent(link, attitude())}
+    companion = {sample.source for sample in sent(link, attitude(), component=component)}
+    assert autopilot == {"link/1:ATTITUDE"}
+    assert companion == ({"link/1:ATTITUDE"} if component == 1 else {f"link/1.{component}:ATTITUDE"})

@@ -134,10 +134,6 @@ def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch
     assert texts(recording).count("the queue is full") == 1
 
 
-def wait_until_ended(recorder: Recorder) -> None:
-    wait_for(lambda: recorder.ended)
-
-
 @pytest.mark.parametrize("error", [SourceError("pulled"), ValueError("a driver's own"), RuntimeError("another")])
 def test_whatever_a_driver_raises_the_source_is_opened_again(run: Run, error: Exception) -> None:
     source = FakeSource("line", reads([frame()], error, [frame()]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import resource
 import shutil
 import signal
@@ -239,8 +238,3 @@ def control_group(kind: str) -> Iterator[Path]:
                 group.rmdir()
                 break
             time.sleep(0.05)
-
-
-def sequence_of(paths: Iterable[Path]) -> list[str]:
-    """Part numbers in file names."""
-    return [match[1] for path in paths if (match := re.search(r"_part(\d+)", path.stem))]

@@ -277,7 +277,10 @@ def test_error_that_nobody_foresaw_is_one_line_beside_its_recording(error: Excep
     (3, 1.0, CHANNELS), (1, 1.0, CHANNELS), (1, 2.0, POSE_AND_THRUSTER), (600, 0.04, CHANNELS),
     (1, 1.0, ("wind_speed_mps",)), (3, 10.0, POSE_AND_THRUSTER),
 ], ids=lambda value: value if not isinstance(value, tuple) else f"{len(value)} channels")  # fmt: skip
-@pytest.mark.parametrize("change", ["as it is", "constant", "zero", "half missing"])
+@pytest.mark.parametrize("change", [
+    "as it is", "half missing", pytest.param("constant", marks=pytest.mark.attack),
+    pytest.param("zero", marks=pytest.mark.attack),
+])  # fmt: skip
 def test_shortest_recordings_are_analysed_or_say_what_they_lack(
     seconds: int, rate_hz: float, names: tuple[str, ...], change: str, tmp_path: Path
 ) -> None:

@@ -58,14 +58,14 @@ def test_any_exception_is_one_line(
     def fail(path: Path) -> None:
         raise error
 
-    monkeypatch.setattr("acquisition.recording.reader.read_recording", fail)
+    monkeypatch.setattr("acquisition.recording.grouping.read_together", fail)
     line = refused(command("info", "trial.mcap"))
     assert words in line
     assert len(line) < 600
 
 
 def test_debug_variable_shows_the_traceback(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.recording.reader.read_recording", lambda path: 1 // 0)
+    monkeypatch.setattr("acquisition.recording.grouping.read_together", lambda paths: 1 // 0)
     monkeypatch.setenv("SEATRIAL_DEBUG", "1")
     done = command("info", "trial.mcap")
     assert done.code == 1
@@ -455,7 +455,7 @@ def test_complaint_about_a_file_shows_its_name(name: str, text: str, tmp_path: P
 
 @hostile
 def test_wrong_usage_shows_escaped_arguments(text: str, command: Command) -> None:
-    for arguments in (("info", "a.mcap", text), (text,), ("info", f"--{text}"), ("simulate", "--seed", text)):
+    for arguments in (("recover", "a.mcap", text), (text,), ("info", f"--{text}"), ("simulate", "--seed", text)):
         done = command(*arguments)
         assert done.code == 2
         unobeyed(done.out + done.err)

@@ -1,0 +1,233 @@
+"""Times as text: what a text states of date, time of day and zone, and which order of day and month a log means.
+
+A text such as 06/05/2026 does not state whether the day or the month comes first. Nothing is decided about a single
+text: :func:`date_order` decides by all of a log's, by times of another origin beside them, and by continuity.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal
+
+NANO = 1_000_000_000
+DAY_NS = 86_400 * NANO
+Order = Literal["year-first", "day-first", "month-first"]
+ORDERS: tuple[Order, ...] = ("year-first", "day-first", "month-first")
+_EARLIEST_YEAR, _LATEST_YEAR = 1970, 2099  # two digits are of this century
+_LONGEST_LOG_DAYS = 31.0  # a log that lasts longer by one order than by the other is not read so
+_MUCH_LONGER = 10.0  # a month in the place of a day makes a day a month
+_STATED_NS = 36 * 3600 * NANO  # a local time and UTC are no further apart
+
+_MONTHS = {
+    month: number
+    for number, names in enumerate(
+        ("jan gen ene", "feb fév fev", "mar mär mrz maa", "apr avr abr", "may mai mag mei maj", "jun giu",
+         "jul lug", "aug aoû ago", "sep set", "oct okt out ott", "nov", "dec dez des dic déc"), start=1,
+    )
+    for month in names.split()
+}  # fmt: skip
+"""Months by the first three letters of their names in western European languages."""
+_ZONES_H = {
+    "z": 0.0, "ut": 0.0, "utc": 0.0, "gmt": 0.0, "wet": 0.0, "west": 1.0, "cet": 1.0, "mez": 1.0, "cest": 2.0,
+    "mesz": 2.0, "eet": 2.0, "eest": 3.0, "msk": 3.0, "est": -5.0, "edt": -4.0, "cdt": -5.0, "mst": -7.0,
+    "mdt": -6.0, "pst": -8.0, "pdt": -7.0, "akst": -9.0, "akdt": -8.0, "hst": -10.0, "nst": -3.5, "ndt": -2.5,
+    "brt": -3.0, "jst": 9.0, "kst": 9.0, "hkt": 8.0, "sgt": 8.0, "awst": 8.0, "aest": 10.0, "aedt": 11.0,
+    "nzst": 12.0, "nzdt": 13.0,
+}  # fmt: skip
+"""Hours ahead of UTC of zones by their abbreviations."""
+_SEVERAL_ZONES = frozenset({"cst", "ist", "bst", "ast", "sst", "gst", "amt", "ect", "wst"})
+
+_NAME = r"[A-Za-zäéû]{3,9}\.?"
+_ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
+_CLOCK = (
+    r"(?P<clock>\d{1,2}:\d\d(?::\d\d)?)(?:(?<=:\d\d:\d\d)[.,:](?P<fraction>\d{1,9}))?"
+    r"(?:\s?(?P<half>[AaPp])\.?[Mm]\.?)?" + _ZONE
+)
+_GAP = r"(?:[T ,_;\t:-]|at )+"
+_pattern = partial(re.compile)
+_YEAR_DAY = _pattern(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T]" + _CLOCK)
+_COMPACT = _pattern(
+    r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-](?P<clock>\d{6})(?:[.,](?P<fraction>\d{1,9}))?" + _ZONE
+)
+_NUMBERS = _pattern(
+    r"(?<![\d.:])(?P<a>\d{4}|\d{1,2})(?P<sign>[-/. ])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{4}|\d{1,2})(?![\d:])"
+    + _GAP + _CLOCK
+)  # fmt: skip
+_NAMED = _pattern(rf"(?<!\d)(?P<a>\d{{1,2}})[-/. ]?(?P<name>{_NAME})[-/. ,]?(?P<c>\d{{4}}|\d{{2}})" + _GAP + _CLOCK)
+_YEAR_NAMED = _pattern(rf"(?<!\d)(?P<c>\d{{4}})[-/. ](?P<name>{_NAME})[-/. ](?P<a>\d{{1,2}})" + _GAP + _CLOCK)
+_NAME_FIRST = _pattern(
+    rf"(?P<name>{_NAME})[ .]+(?P<a>\d{{1,2}})(?:,? (?P<c>\d{{4}}))?"
+    + _GAP
+    + _CLOCK
+    + r"(?: (?P<year>\d{4})(?!\d))?"
+)
+_PATTERNS = (_YEAR_DAY, _COMPACT, _NUMBERS, _NAMED, _YEAR_NAMED, _NAME_FIRST)
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """A date and a time of day as a text states them; ``text`` is the place in it.
+
+    ``numbers`` are those of the date as they stand there, ``orders`` those in which they are a date. Without
+    ``has_year`` the first number is no year but 0. ``offset_s`` is the zone's, None where the text names none, and
+    ``zone`` its name where that stands for several.
+    """
+
+    text: str
+    numbers: tuple[int, int, int]
+    orders: tuple[Order, ...]
+    clock_ns: int
+    offset_s: int | None = None
+    zone: str = ""
+    has_year: bool = True
+
+    def local_ns(self, order: Order, year: int | None = None) -> int:
+        """The time as ns since 1970 in its own zone. Raises :class:`ValueError` where there is no such date."""
+        date = _date(self.numbers if year is None else (year, *self.numbers[1:]), order)
+        return (date - dt.date(1970, 1, 1)).days * DAY_NS + self.clock_ns
+
+    def utc_ns(self, order: Order, year: int | None = None) -> int:
+        """The time as ns since 1970; without a zone it is UTC. Raises :class:`ValueError`."""
+        return self.local_ns(order, year) - (self.offset_s or 0) * NANO
+
+
+def find_stamp(text: str) -> Stamp | None:
+    """The first date with a time of day in a text; None where there is none that is possible.
+
+    >>> find_stamp("17-May-2026 02:00:01.25 PM CEST")
+    Stamp(text='17-May-2026 02:00:01.25 PM CEST', numbers=(17, 5, 2026), orders=('day-first',), \
+clock_ns=50401250000000, offset_s=7200, zone='', has_year=True)
+    >>> find_stamp("06/05/2026 12:00:00").orders
+    ('day-first', 'month-first')
+    """
+    for pattern in _PATTERNS:
+        match = pattern.search(text)
+        stamp = None if match is None else _stamp(match)
+        if stamp is not None:
+            return stamp
+    return None
+
+
+def _stamp(match: re.Match[str]) -> Stamp | None:
+    parts = match.groupdict()
+    clock_ns = _clock_ns(parts["clock"], parts.get("fraction"), parts.get("half"))
+    dates = _numbers(parts)
+    if clock_ns is None or dates is None:
+        return None
+    numbers, candidates = dates
+    has_year = bool(numbers[0] or candidates != ("year-first",))
+    tried = numbers if has_year else (2024, *numbers[1:])  # a leap year has every day
+    orders = tuple(order for order in candidates if _is_date(tried, order))
+    if not orders:
+        return None
+    zone = (parts.get("zone") or "").strip()
+    offset_s = _offset_s(zone)
+    if offset_s is None and zone.lower() not in _SEVERAL_ZONES:
+        zone = ""  # a word that is no zone: GPS, NAV
+    text = match[0].strip()
+    return Stamp(text, numbers, orders, clock_ns, offset_s, "" if offset_s is not None else zone, has_year)
+
+
+def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
+    """The numbers of a date, and the orders that they can stand in."""
+    if parts.get("yearday"):
+        first = dt.date(int(parts["a"] or 0), 1, 1)
+        date = first + dt.timedelta(days=int(parts["yearday"] or 1) - 1)
+        return (date.year, date.month, date.day), ("year-first",)
+    if parts.get("name"):
+        month = _MONTHS.get((parts["name"] or "")[:3].lower())
+        if month is None:
+            return None
+        year = parts.get("c") or parts.get("year")
+        if not year:
+            return (0, month, int(parts["a"] or 0)), ("year-first",)
+        return (int(parts["a"] or 0), month, int(year)), ("day-first",)
+    numbers = int(parts["a"] or 0), int(parts["b"] or 0), int(parts["c"] or 0)
+    if len(parts["a"] or "") == 4:
+        return numbers, ("year-first",)
+    if len(parts["c"] or "") == 4:
+        # dates with points have the day first wherever they are written so, with slashes the year last
+        return numbers, ("day-first",) if parts.get("sign") == "." else ("day-first", "month-first")
+    return numbers, {".": ("day-first",), "/": ("day-first", "month-first")}.get(parts.get("sign") or "", ORDERS)
+
+
+def _date(numbers: Sequence[int], order: Order) -> dt.date:
+    a, b, c = numbers
+    year, month, day = {"year-first": (a, b, c), "day-first": (c, b, a), "month-first": (c, a, b)}[order]
+    if year < 100:
+        year += 2000
+    if not _EARLIEST_YEAR <= year <= _LATEST_YEAR:
+        raise ValueError("no year of a log")
+    return dt.date(year, month, day)
+
+
+def _is_date(numbers: Sequence[int], order: Order) -> bool:
+    try:
+        _date(numbers, order)
+    except ValueError:
+        return False
+    return True
+
+
+def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
+    """A time of day as ns since midnight; None where there is none."""
+    if ":" not in clock:
+        clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
+    hours, minutes, seconds = (int(part) for part in f"{clock}:0".split(":")[:3])
+    if half:
+        if not 1 <= hours <= 12:
+            return None
+        hours = hours % 12 + (12 if half in "pP" else 0)
+    if hours > 23 or minutes > 59 or seconds > 59:
+        return None
+    return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
+
+
+def _offset_s(zone: str) -> int | None:
+    """How far a zone is ahead of UTC [s]; None for no zone and for one that is not known.
+
+    >>> _offset_s("UTC+02:00"), _offset_s("GMT-3"), _offset_s("-0330"), _offset_s("CEST"), _offset_s("CST")
+    (7200, -10800, -12600, 7200, None)
+    """
+    match = re.fullmatch(r"(?:UTC|GMT)?([+-])(\d{1,2})(?::?(\d\d))?", zone)
+    if match:
+        seconds = 3600 * int(match[2]) + 60 * int(match[3] or 0)
+        return -seconds if match[1] == "-" else seconds
+    hours = _ZONES_H.get(zone.lower())
+    return None if hours is None else round(3600 * hours)
+
+
+def date_order(
+    stamps: Sequence[Stamp], stated: Iterable[tuple[Stamp, int]] = (), usual: Order = "month-first"
+) -> tuple[Order, str]:
+    """The order of the numbers in a log's dates, and why; the reason is empty where nothing decides.
+
+    ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
+    order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
+    tenth of what it lasts by the other. ``usual`` is taken where nothing decides.
+    """
+    possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
+    if len(possible) == 1:
+        return possible[0], "no other order is possible"
+    beside = list(stated)
+    agreeing = [order for order in possible if beside and _agrees(beside, order)]
+    if len(agreeing) == 1:
+        return agreeing[0], "as the date beside it"
+    spans = sorted((_span_days(stamps, order), order) for order in possible)
+    if len(spans) > 1 and spans[0][0] <= _LONGEST_LOG_DAYS and spans[0][0] * _MUCH_LONGER < spans[1][0]:
+        return spans[0][1], f"else it would last {spans[1][0]:.0f} days"
+    return (usual if usual in possible or not possible else possible[0]), ""
+
+
+def _agrees(stated: Sequence[tuple[Stamp, int]], order: Order) -> bool:
+    near = [abs(stamp.utc_ns(order) - utc_ns) < _STATED_NS for stamp, utc_ns in stated if order in stamp.orders]
+    return sum(near) > len(stated) / 2
+
+
+def _span_days(stamps: Sequence[Stamp], order: Order) -> float:
+    times = [stamp.local_ns(order) for stamp in stamps if stamp.has_year]
+    return (max(times) - min(times)) / DAY_NS if times else 0.0
