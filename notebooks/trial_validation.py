@@ -33,16 +33,9 @@ figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 import seatrial as st
 
 case = st.load_case(
-    recordings,
-    calibrator,
-    vessel,
-    horizon_s,
-    part=part,
-    repair=repair,
-    allow_seen=allow_seen,
-    length_m=length_m,
+    recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen, length_m=length_m,
     method=method,
-)
+)  # fmt: skip
 show = st.sections("trial.html", figures_folder, case=case, remark="", folder=diagnosis, pages={})
 show("cover")
 

@@ -15,7 +15,7 @@ Every message says what, where, why and what to do, in that order, on one line.
 
 from __future__ import annotations
 
-from errno import EACCES, ENOSPC, EPERM, EROFS
+from errno import EACCES, EEXIST, ENOSPC, EPERM, EROFS
 from pathlib import Path
 from traceback import walk_tb
 from typing import Self
@@ -95,7 +95,8 @@ def storage_error(path: Path | str, error: OSError, what: str = "cannot be writt
     """
     path = Path(path)
     why, fix = error.strerror or str(error), _CURES.get(error.errno or 0, "choose another place")
-    blocking = next((each for each in path.parents if each.is_file()), None)
+    places = (path, *path.parents) if error.errno == EEXIST else path.parents  # a folder that is to be made
+    blocking = next((place for place in places if place.is_file()), None)
     if blocking is not None:
         why, fix = f"{blocking} is a file, not a folder", "choose another folder"
     elif path.is_dir() and error.errno not in _CURES:

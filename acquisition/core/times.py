@@ -152,7 +152,8 @@ def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[
     if len(parts["c"] or "") == 4:
         # dates with points have the day first wherever they are written so, with slashes the year last
         return numbers, ("day-first",) if parts.get("sign") == "." else ("day-first", "month-first")
-    return numbers, {".": ("day-first",), "/": ("day-first", "month-first")}.get(parts.get("sign") or "", ORDERS)
+    by_sign: dict[str, tuple[Order, ...]] = {".": ("day-first",), "/": ("day-first", "month-first")}
+    return numbers, by_sign.get(parts.get("sign") or "", ORDERS)
 
 
 def _date(numbers: Sequence[int], order: Order) -> dt.date:

@@ -47,12 +47,12 @@ _LONGEST_DELAY_S = 3600.0
 
 
 def read_table(files: Files) -> pd.DataFrame:
-    """The raw samples of all channels of a recording, a file or its parts, joined on their measured time.
+    """The raw samples of all channels joined on their measured time.
 
-    The index is UTC in ns, named ``time`` and sorted; a time that one channel has twice stands in two rows.
-    Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the sources by channel. Raises
-    :class:`InputError` for what is no recording or more than its budget, :class:`DataShortageError` for one without
-    channels.
+    ``files`` is a recording, or its parts. The index is UTC in ns, named ``time`` and sorted; a time that one
+    channel has twice stands in two rows. Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the
+    sources by channel. Raises :class:`InputError` for what is no recording or more than its budget,
+    :class:`DataShortageError` for one without channels.
     """
     return table_of(read_together(files))
 
