@@ -239,7 +239,7 @@ class Recording:
         self.thread = threading.Thread(target=self.run)
 
     def run(self) -> None:
-        paths, _ = record(load_config(self.folder / "trial.toml"), self.folder / "out", 60.0, self.stop)
+        paths, _ = record(load_config(self.folder / "trial.toml"), self.folder / "out", None, self.stop)
         self.paths.extend(paths)
 
     def say(self, count: int) -> None:
