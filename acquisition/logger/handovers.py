@@ -48,20 +48,18 @@ class _Cause:
 
 
 class Handovers:
-    """The changes that are not reported yet, by the line or device that fell silent or returned."""
+    """The changes not reported yet: their ``causes``, by the line or device that fell silent or returned."""
 
     def __init__(self) -> None:
-        self._causes: dict[tuple[str, bool], _Cause] = {}
+        self.causes: dict[tuple[str, bool], _Cause] = {}
 
     def add(self, handover: Handover, frame: Frame) -> None:
         """Note a change that came with a frame."""
         cause = handover.parties[handover.returned], handover.returned
-        self._causes.setdefault(cause, _Cause(frame)).handovers[handover.channel] = handover
+        self.causes.setdefault(cause, _Cause(frame)).handovers[handover.channel] = handover
 
     def due(self, now_ns: float) -> list[tuple[Frame, str]]:
         """What is to be reported by now [monotonic, ns]: the frame that each began with, and its text."""
-        if not self._causes:
-            return []
-        due = [key for key, cause in self._causes.items() if now_ns - cause.first.monotonic_ns >= _GATHERED_NS]
-        causes = [self._causes.pop(key) for key in due]
+        due = [key for key, cause in self.causes.items() if now_ns - cause.first.monotonic_ns >= _GATHERED_NS]
+        causes = [self.causes.pop(key) for key in due]
         return [(cause.first, cause.text) for cause in causes]

@@ -89,26 +89,26 @@ class ChannelHealth:
     usual_hz: float = 0.0  # the best rate that one sensor has kept up so far
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=2000))
     _sensor: str = ""
-    _span: tuple[int, int] = 0, 0  # when the present one began [ns], and the samples in it
+    _began_ns: int = 0  # when the present span of learning began
+    _samples: int = 0  # in it
     _rates_hz: deque[float] = field(default_factory=lambda: deque(maxlen=_MOST_SPANS))
 
     def count_in(self, sample: Sample) -> None:
+        now_ns = sample.monotonic_ns
         self.count += 1
-        self.times_ns.append(sample.monotonic_ns)
+        self.times_ns.append(now_ns)
         if sample.source != self.source and sensor_of(sample.source) != self._sensor:
-            self._sensor, self._span = sensor_of(sample.source), (sample.monotonic_ns, 0)
+            self._sensor, self._began_ns, self._samples = sensor_of(sample.source), now_ns, 0
             self._rates_hz.clear()
         self.value, self.source = sample.value, sample.source
-        self._learn(sample.monotonic_ns)
+        if now_ns - self._began_ns >= _RATE_OVER_NS:
+            self._learn(now_ns)
+        self._samples += 1
 
     def _learn(self, now_ns: int) -> None:
         """The usual rate: the median of some spans, which no burst, gap or overlap of two senders reaches."""
-        began_ns, count = self._span
-        if now_ns - began_ns < _RATE_OVER_NS:
-            self._span = began_ns, count + 1
-            return
-        self._rates_hz.append(count * 1e9 / (now_ns - began_ns))
-        self._span = now_ns, 1
+        self._rates_hz.append(self._samples * 1e9 / (now_ns - self._began_ns))
+        self._began_ns, self._samples = now_ns, 0
         if len(self._rates_hz) >= _LEAST_SPANS:
             self.usual_hz = max(self.usual_hz, min(median_low(self._rates_hz), _HIGHEST_RATE_HZ))
 

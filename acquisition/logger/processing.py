@@ -118,7 +118,8 @@ class FrameProcessor:
             self._tell(frame, text, "warning")
 
     def _interpret(self, frame: Frame) -> None:
-        self.report_handovers(frame.monotonic_ns)
+        if self._handovers.causes:
+            self.report_handovers(frame.monotonic_ns)
         self._end_storm(frame)
         if frame.origin in self._addresses and not self._addresses[frame.origin].admit(frame):
             return

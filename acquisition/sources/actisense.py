@@ -139,8 +139,10 @@ class Cutter:
 
 
 def _lines(text: bytes) -> list[bytes]:
-    stripped = [line.strip(b"\0 \t") for line in _LINE_END.split(text)]
-    return [piece for line in stripped if line for piece in _in_pieces(line)]
+    lines = [stripped for line in _LINE_END.split(text) if (stripped := line.strip(b"\0 \t"))]
+    if max(map(len, lines), default=0) <= _LONGEST_LINE_BYTES:
+        return lines
+    return [piece for line in lines for piece in _in_pieces(line)]
 
 
 def _in_pieces(line: bytes) -> list[bytes]:

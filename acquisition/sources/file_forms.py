@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Iterator
-from itertools import chain
 from typing import BinaryIO, NamedTuple
 
 from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_flags
@@ -29,8 +28,8 @@ def read_lines(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
     """Lines of text, and Actisense's messages as a program wrote them to a file."""
     cutter = Cutter()
     while block := file.read(_BLOCK_BYTES):
-        yield from chain.from_iterable(map(reader.entries, cutter.push(block)))
-    yield from chain.from_iterable(map(reader.entries, cutter.end()))
+        yield from reader.entries(cutter.push(block))
+    yield from reader.entries(cutter.end())
 
 
 _EBL_PART = re.compile(
@@ -51,14 +50,14 @@ def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
                 told_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
                 time_ns = told_ns if is_possible(told_ns) else time_ns
             pieces = [_checked(tag[1:])] if tag[:1] == b"\x07" else cutter.push(raw)
-            for entry in chain.from_iterable(map(reader.entries, pieces)):
+            for entry in reader.entries(pieces):
                 yield entry if time_ns is None else entry._replace(time_ns=time_ns, turn_ns=0)
             reader.unreadable += not tag and not raw
         if len(data) - at > _LONGEST_RECORD:  # a tag without an end
             reader.unreadable, at = reader.unreadable + 1, at + 2
         data = data[at:]
     pieces = cutter.end()
-    yield from chain.from_iterable(map(reader.entries, pieces))
+    yield from reader.entries(pieces)
     if data or any(piece.startswith(MARK) for piece in pieces):
         raise ValueError(_CUT_OFF)
 

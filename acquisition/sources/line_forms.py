@@ -10,8 +10,9 @@ import base64
 import binascii
 import datetime as dt
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import chain
 from typing import NamedTuple
 
 from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, Protocol, can_flags
@@ -323,9 +324,11 @@ class LineReader:
         self.times = times or StatedTimes()
         self._forms = [each for name, forms in LINE_FORMS.items() if form in ("", name) for each in forms]
 
-    def entries(self, piece: bytes) -> list[Entry]:
-        """The entries in a line or a message."""
-        return [entry for part in parts_of(piece) if (entry := self.entry(part)) is not None]
+    def entries(self, pieces: Sequence[bytes]) -> Iterator[Entry]:
+        """The entries in lines and messages, each read when it is asked for."""
+        has_packed = _PACKED.search(b"\n".join(pieces)) is not None  # asked once: lines are many
+        parts = chain.from_iterable(map(parts_of, pieces)) if has_packed else pieces
+        return filter(None, map(self.entry, parts))
 
     def entry(self, piece: bytes) -> Entry | None:
         """The entry in a line or a message, if there is one; of a line that :func:`parts_of` leaves as it is."""

@@ -141,7 +141,7 @@ class LogFile(LogReader):
             why = log.damage or f"it looks like {looks_like(head)}"
             raise ValueError(f"nothing in it can be recorded: {why}; supported are {UNDERSTOOD}")
         log.close()
-        tail = b"" if packed else _last_bytes(file)
+        tail = _last_bytes(file) if log.times.stamps and not packed else b""
         changed_ns = path.stat().st_mtime_ns
         times, self._date_remark = _settled(log.times, stated, tail, self._config.date_order, changed_ns)
         if times.order != log.times.order or times.year is not None:

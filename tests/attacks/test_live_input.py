@@ -303,7 +303,7 @@ from tests.attacks.test_live_input import ENDLESS, NOON_NS, LineAssembler
 line, reader, assembler = ENDLESS[sys.argv[1]], LineReader(), LineAssembler("line")
 for _ in range(100):
     assert all(len(frame.payload) <= 8192 for frame in assembler.push(line + b"\\r\\n", (NOON_NS, NOON_NS)))
-    reader.entries(line)
+    list(reader.entries([line]))
 """
 
 
