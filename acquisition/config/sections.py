@@ -116,7 +116,7 @@ AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
 Form = Literal[
     "nmea0183", "candump", "canboat", "yacht_devices", "n2k_ascii", "ikonvert", "seasmart", "mxpgn", "garmin",
-    "opencpn", "actisense", "ebl", "ydvr", "yd_can", "pcap", "pcapng",
+    "opencpn", "actisense", "ebl", "ydvr", "yd_can", "pcap", "pcapng", "asc",
 ]  # fmt: skip
 """The formats of gateways and log files, by the names in ``acquisition/sources``."""
 Port = Annotated[int, Field(ge=1, le=65_535)]

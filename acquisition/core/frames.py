@@ -5,6 +5,7 @@ They are named tuples, since thousands are made every second.
 
 from __future__ import annotations
 
+import re
 import time
 from datetime import UTC, datetime, timedelta
 from enum import IntEnum, IntFlag
@@ -55,7 +56,8 @@ class Frame(NamedTuple):
 
     ``payload`` is one CAN frame's data, or a whole message's (:attr:`FrameFlag.WHOLE`), one NMEA 0183 line
     without its line end, one MAVLink datagram, or one MQTT message after its topic and a zero byte.
-    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame; ``sender`` is a network address.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame. ``sender`` is a network address; of
+    a CAN frame of a log that has several buses it is the interface or channel.
     """
 
     origin: str
@@ -85,6 +87,19 @@ class Sample(NamedTuple):
     source_ns: int | None = None
     clock: str = "receiver"
     quality: Quality = Quality.NOT_EVALUATED
+
+
+_NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
+_LONGEST_NAME = 32  # letters of what stands behind the @ in a label; a TAG block's source has at most 15
+
+
+def safe_label(name: str) -> str:
+    """A name off the wire as it can stand in a label.
+
+    >>> safe_label("can 0/1")
+    'can_0_1'
+    """
+    return _NOT_IN_A_LABEL.sub("_", name[:_LONGEST_NAME])
 
 
 _SATELLITE_TALKERS = frozenset({"GN", "GP", "GL", "GA", "GB", "BD", "GI", "GQ", "QZ"})

@@ -127,4 +127,4 @@ def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> 
     if config.dbc is None:
         return [nmea2000]
     known = with_declared(tuple(each.channel for each in declared))
-    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices, known)]
+    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000, known)]

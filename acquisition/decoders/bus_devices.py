@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acquisition.config.sections import Device
+from acquisition.core.frames import safe_label
 from acquisition.decoders import Notices
 
 _NO_ADDRESS = 254  # claimed by a device that found none free
@@ -34,12 +35,16 @@ _LEADS_TO = {
 
 
 class BusDevices:
-    """The devices of one bus, as configured and as heard."""
+    """The devices of one bus, as configured and as heard; ``bus`` tells it apart from others of the same log."""
 
-    def __init__(self, configured: tuple[Device, ...], notices: Notices) -> None:
-        self._by_iso_name = {each.iso_name: each.name for each in configured if each.iso_name is not None}
-        self._by_address = {each.address: each.name for each in configured if each.address is not None}
-        self._provides = {each.name: _quantities(each.channels) for each in configured if each.channels is not None}
+    def __init__(self, configured: tuple[Device, ...], notices: Notices, bus: str = "") -> None:
+        self.at_bus = f"@{safe_label(bus)}" if bus else ""
+        names = {id(each): each.name + self.at_bus for each in configured}
+        self._by_iso_name = {each.iso_name: names[id(each)] for each in configured if each.iso_name is not None}
+        self._by_address = {each.address: names[id(each)] for each in configured if each.address is not None}
+        self._provides = {
+            names[id(each)]: _quantities(each.channels) for each in configured if each.channels is not None
+        }
         self._notices = notices
         self._name_at: dict[int, str] = {}
         self._label_of: dict[str, str] = {}
@@ -51,7 +56,7 @@ class BusDevices:
         if label is None:
             label = self._usual_label(address)
             if label in self._label_of.values():  # whose it was has moved away, and nobody has claimed it since
-                label = f"{address}-unclaimed"
+                label = f"{address}-unclaimed{self.at_bus}"
             self._label_at[address] = label
         return label
 
@@ -92,10 +97,10 @@ class BusDevices:
     def _new_label(self, address: int, name: str) -> str:
         """The label of a NAME that was never heard before."""
         label = self._by_iso_name.get(name) or self._usual_label(address)
-        return name if label in self._label_of.values() else label
+        return name + self.at_bus if label in self._label_of.values() else label
 
     def _usual_label(self, address: int) -> str:
-        return self._by_address.get(address, str(address))
+        return self._by_address.get(address, f"{address}{self.at_bus}")
 
 
 def _quantities(wanted: Sequence[str]) -> frozenset[str]:

@@ -26,9 +26,7 @@ from acquisition.core.files import read_regular
 from acquisition.core.frames import Frame, FrameFlag, Group
 from acquisition.core.units import Linear
 from acquisition.decoders import Decoder
-from acquisition.decoders.bus_devices import BusDevices
-from acquisition.decoders.clock import SourceClock
-from acquisition.decoders.nmea2000 import parameter_group
+from acquisition.decoders.nmea2000 import Nmea2000Decoder, parameter_group
 from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 
 _NO_VALUE = re.compile(
@@ -112,19 +110,17 @@ class _Wanted(NamedTuple):
 
 
 class DbcDecoder(Decoder):
-    """The configured signals of one DBC file on one bus; ``devices`` tells who has which address there."""
+    """The configured signals of one DBC file; ``buses`` tells who has which address on the bus of a frame."""
 
     def __init__(
         self,
         path: Path,
         signals: dict[str, Signal],
-        clock: SourceClock,
-        devices: BusDevices | None = None,
+        buses: Nmea2000Decoder,
         known: Mapping[str, Channel] = BY_NAME,
     ) -> None:
         super().__init__()
-        self._clock = clock
-        self._devices = devices or BusDevices((), self.notices)
+        self._buses = buses
         self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}
         database = load_dbc(path)
         for channel, entry in signals.items():
@@ -141,15 +137,16 @@ class DbcDecoder(Decoder):
         if message is None:
             return []
         raw = self._raw(message, frame.payload)
-        device = self._devices.label(address) if extended else f"{frame.identifier:03X}"
+        bus = self._buses.bus(frame)
+        device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
         values = [
             (each.channel, value)
             for each in wanted
             # of multiplexed signals a frame carries some only
-            if each.signal.name in raw and self._devices.may_provide(device, each.channel)
+            if each.signal.name in raw and bus.devices.may_provide(device, each.channel)
             if (value := self._value(raw[each.signal.name], each, extended)) is not None
         ]
-        return self._clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
+        return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
 
     def _raw(self, message: DbcMessage, payload: bytes) -> dict[str, float]:
         """The raw values in a frame; bytes beyond the message are nobody's."""

@@ -22,18 +22,17 @@ from acquisition.config.sections import Clock, Thrusters
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Fix, Frame, Group, sensor_of
+from acquisition.core.frames import Fix, Frame, Group, safe_label, sensor_of
 from acquisition.core.units import Linear
 from acquisition.decoders import DeclaredReaders, Decoder
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
+from acquisition.decoders.receivers import Receivers
 from acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
 _TAG_BLOCK = re.compile(rb"\\([\x20-\x7e]*?)\*([0-9A-Fa-f]{2})\\")
 _SECONDS = re.compile(r"(\d{1,10})(?:\.(\d{1,9}))?")
 _MILLISECONDS = re.compile(r"\d{13}")
-_NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
-_LONGEST_SOURCE = 32  # letters of a TAG block's source; the standard has 15
 _MOST_SENSORS = 1_000  # whose fixes are kept: any talker and any source of a TAG block names one
 _SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
 _LONGEST_TAG = 16  # letters; no maker's own is known that has more, and noise must not name devices without end
@@ -45,6 +44,8 @@ _EMBEDDED = re.compile(  # no sentence begins inside another: where one seems to
 )
 _ALONE = re.compile(rb"(?:\\[^\\$!]{1,200}\\)?[$!][" + _TEXT + rb"]*+\*[0-9A-Fa-f]{2}")
 """Nearly every line: nothing but one sentence, of which only the sum is to be looked at."""
+_WITH_A_FIX = frozenset({"VTG", "GST"})
+"""Sentences that follow a position without repeating it."""
 _LABEL = re.compile(rb"[\t" + _TEXT + rb"]{0,200}")
 
 
@@ -82,7 +83,7 @@ def split_tag(line: bytes) -> TaggedSentence:
     if found is None or int(found[2], 16) != checksum(found[1]):
         return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
     items = dict(item.split(":", 1) for item in found[1].decode("ascii").split(",") if ":" in item)
-    source = _NOT_IN_A_LABEL.sub("_", items.get("s", "")[:_LONGEST_SOURCE])
+    source = safe_label(items.get("s", ""))
     return TaggedSentence(line[found.end() :], unix_ns(items.get("c", "")), source)
 
 
@@ -238,6 +239,7 @@ class Nmea0183Decoder(Decoder):
     ) -> None:
         super().__init__()
         self._tell_gga: set[str] = set()
+        self._receivers = Receivers(self.notices)
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
@@ -291,8 +293,20 @@ class Nmea0183Decoder(Decoder):
         self, reading: Reading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
     ) -> list[Group]:
         label = _label(frame.origin, talker, kind, tagged, reading)
+        number = self._receiver(kind, sensor_of(label), reading)
+        if number > 1:
+            tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}receiver{number}")
+            label = _label(frame.origin, talker, kind, tagged, reading)
         self._note_fix(kind, sensor_of(label), reading)
         return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
+
+    def _receiver(self, kind: str, sensor: str, reading: Reading) -> int:
+        """Which of several receivers that have one name says it."""
+        position = dict(reading.values)
+        if reading.seconds_of_day is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
+            place = position["latitude_deg"], position["longitude_deg"]
+            return self._receivers.number(sensor, kind, reading.seconds_of_day, place)
+        return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
 
     def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""

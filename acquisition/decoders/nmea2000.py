@@ -7,6 +7,7 @@ several, the meaning: ``bus/35:130306 apparent``.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from acquisition.config.declarations import GroupField
@@ -58,8 +59,21 @@ def _nothing(_: Message) -> Reading:
     return Reading([])
 
 
+class Bus:
+    """What is known of one bus: its devices and clock, and messages of which parts have come."""
+
+    def __init__(self, devices: BusDevices, clock: SourceClock, refused: Counter[str]) -> None:
+        self.devices, self.clock = devices, clock
+        self.fast = FastPackets(refused)
+        self.timekeeper: tuple[str, int] | None = None
+        self.first_instance: dict[tuple[str, int], int] = {}
+
+
 class Nmea2000Decoder(Decoder):
-    """One bus."""
+    """The buses of one source: one, or those that a log names.
+
+    Two buses may each have a device of the same address: labels tell them apart, ``bus/4@can0:127250``.
+    """
 
     def __init__(
         self,
@@ -73,42 +87,61 @@ class Nmea2000Decoder(Decoder):
     ) -> None:
         """Raises :class:`ConfigurationError` for a declared field that is not known."""
         super().__init__()
-        self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
+        self._stamps, self._configured = stamps, devices
+        self._buses = {"": self._new_bus("")}
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
-        self.devices = BusDevices(devices, self.notices)
         self._readers = READERS | machinery_readers(actuators, reduction_ratios or {})
         self._declared = DeclaredGroups(declared)
         self._shortest = self._declared.shortest | SHORTEST_BYTES
-        self._fast = FastPackets(self.refused)
-        self._timekeeper: tuple[str, int] | None = None
-        self._first_instance: dict[tuple[str, int], int] = {}
+
+    @property
+    def clock(self) -> SourceClock:
+        """The clock of the bus that has no name."""
+        return self._buses[""].clock
+
+    def bus(self, frame: Frame) -> Bus:
+        """The bus that a frame is from."""
+        bus = self._buses.get(frame.sender)
+        if bus is None:
+            bus = self._buses[frame.sender] = self._new_bus(frame.sender)
+            named = [name for name in self._buses if name]
+            if len(named) > 1:
+                text = f"the log has several buses, {', '.join(named)}: devices of each are sources of their own"
+                self.notices.append(("info", f"{text}, like {bus.devices.label(frame.identifier & 0xFF)}"))
+        return bus
+
+    def _new_bus(self, name: str) -> Bus:
+        clock = SourceClock(self._stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
+        clock.muted = bool(name) and self.clock.muted
+        return Bus(BusDevices(self._configured, self.notices, name), clock, self.refused)
 
     def decode(self, frame: Frame) -> list[Group]:
-        found = self.message(frame)
+        bus = self.bus(frame)
+        found = self._message(frame, bus)
         if found is None:
             return []
         group, address, message = found
-        device = self.devices.label(address)
+        device = bus.devices.label(address)
         reading = self._readers.get(group, _nothing)(message)
         told_ns = None
         if group in _CLOCKS:
             told_ns = group_time(message)
-            self._announce(told_ns, frame, group, device, reading.quality)
+            _announce(bus, told_ns, frame, group, device, reading.quality)
         sensor, quality = f"{frame.origin}/{device}", reading.quality
         if reading.fix is not None:
             self.fixes[sensor] = Fix(reading.fix, reading.height_m)
         elif group == POSITION and self.fixes.get(sensor, Fix()).kind in NO_SATELLITES:
             quality = Quality.SUSPECT  # the last position, again and again
         source, groups = f"{sensor}:{group}", []
-        if reading.instance is None or self._is_first_instance(device, group, reading.instance):
+        if reading.instance is None or self._is_first_instance(bus, device, group, reading.instance):
             meaning = f" {reading.meaning}" if reading.meaning else ""
-            values = self._admitted(device, reading.values)
+            values = self._admitted(bus, device, reading.values)
             if group in self._declared:
                 values = [each for each in values if each[0] not in self._declared.channels_in(group)]
-            groups = self.clock.group(frame, source + meaning, values, told_ns, quality)
+            groups = bus.clock.group(frame, source + meaning, values, told_ns, quality)
         if group in self._declared:
-            declared = self._admitted(device, self._declared.read(group, address, message))
-            groups += self.clock.group(frame, source, declared, told_ns)
+            declared = self._admitted(bus, device, self._declared.read(group, address, message))
+            groups += bus.clock.group(frame, source, declared, told_ns)
         return groups
 
     def message(self, frame: Frame) -> tuple[int, int, Message] | None:
@@ -116,16 +149,19 @@ class Nmea2000Decoder(Decoder):
 
         None where the frame is refused, of no group that we listen to, or not the last one of its message.
         """
+        return self._message(frame, self.bus(frame))
+
+    def _message(self, frame: Frame, bus: Bus) -> tuple[int, int, Message] | None:
         group, address = parameter_group(frame.identifier)
         if not self._passes_guards(frame, group):
             return None
         if group == ADDRESS_CLAIM:
-            if self.devices.claim(address, frame.payload):
-                self._fast.forget(address)
+            if bus.devices.claim(address, frame.payload):
+                bus.fast.forget(address)
             return None
         payload: bytes | None = frame.payload
         if group in self._shortest and not frame.flags & FrameFlag.WHOLE:
-            payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, self._shortest[group])
+            payload = bus.fast.push(address, group, frame.payload, frame.monotonic_ns, self._shortest[group])
         return None if payload is None else (group, address, Message(FIELDS.get(group, {}), payload))
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
@@ -146,11 +182,11 @@ class Nmea2000Decoder(Decoder):
             return False
         return True
 
-    def _admitted(self, device: str, given: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
+    def _admitted(self, bus: Bus, device: str, given: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
         """The values that are there and wanted; those that are missing are counted."""
         values = []
         for quantity, value in given:
-            if not self.devices.may_provide(device, quantity):
+            if not bus.devices.may_provide(device, quantity):
                 continue
             if isinstance(value, str):
                 self.refused[value] += 1
@@ -158,22 +194,22 @@ class Nmea2000Decoder(Decoder):
                 values.append((quantity, value))
         return values
 
-    def _is_first_instance(self, device: str, group: int, instance: int) -> bool:
+    def _is_first_instance(self, bus: Bus, device: str, group: int, instance: int) -> bool:
         """Whether no lower number of the same thing, a second rudder's say, was heard from the device."""
-        first = min(instance, self._first_instance.get((device, group), instance))
-        self._first_instance[device, group] = first
+        first = min(instance, bus.first_instance.get((device, group), instance))
+        bus.first_instance[device, group] = first
         if instance > first:
             self.refused["another instance"] += 1
         return instance == first
 
-    def _announce(self, told_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
-        """One device is the bus's clock until it falls silent: two clocks would make time go to and fro."""
-        if told_ns is None or quality is not Quality.NOT_EVALUATED:
+def _announce(bus: Bus, told_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
+    """One device is the bus's clock until it falls silent: two clocks would make time go to and fro."""
+    if told_ns is None or quality is not Quality.NOT_EVALUATED:
+        return
+    if bus.timekeeper is not None and bus.clock.at(frame) is not None:
+        keeper, kept_by = bus.timekeeper
+        if device != keeper or _CLOCKS.index(group) > _CLOCKS.index(kept_by):
             return
-        if self._timekeeper is not None and self.clock.at(frame) is not None:
-            keeper, kept_by = self._timekeeper
-            if device != keeper or _CLOCKS.index(group) > _CLOCKS.index(kept_by):
-                return
-        self._timekeeper = device, group
-        self.clock.name = f"nmea2000 {group}"
-        self.clock.announce(told_ns, frame)
+    bus.timekeeper = device, group
+    bus.clock.name = f"nmea2000 {group}"
+    bus.clock.announce(told_ns, frame)

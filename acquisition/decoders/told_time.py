@@ -69,6 +69,7 @@ class StatedTimes:
         self.last: Stamp | None = None
         self.unread_date = ""  # the first text with a time of day whose date was not understood
         self.unknown_zone = ""
+        self.remark = ""  # what a log's own header means for its times
 
     def read(self, text: str) -> tuple[int | None, int] | None:
         """The time in what stands beside a sentence, and the turn of its clock [ns]; None where there is none.
@@ -97,8 +98,12 @@ class StatedTimes:
             return int(match[1]) * NANO + int(match[2].ljust(9, "0")), 0
         return None
 
+    def order_of(self, stamp: Stamp) -> Order:
+        """The order of a date's numbers: the log's, where it can have that."""
+        return self.order if self.order in stamp.orders and self.order is not None else stamp.orders[-1]
+
     def _of_stamp(self, stamp: Stamp) -> int | None:
-        order = self.order if self.order in stamp.orders else stamp.orders[-1]
+        order = self.order_of(stamp)
         if not stamp.has_year and self.year is None:
             return None
         try:

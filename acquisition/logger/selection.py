@@ -175,7 +175,7 @@ class Selector:
         derived = meaning[-1:] == ["derived"] and quantity not in POSITION
         kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
         choice = 0 if quantity == VARIATION else 10 * _CHOICE.get(message, 0) + kind + derived
-        device_rank = self._devices.get((line, device), len(self._devices))
+        device_rank = self._devices.get((line, device.partition("@")[0]), len(self._devices))
         if (line, device, quantity) in self._mapped:
             device_rank = -1
         if quantity not in POSITION:

@@ -15,6 +15,7 @@ from acquisition.core.frames import HIGHEST_IDENTIFIER, NANO, FrameFlag, can_fla
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.sources.actisense import MARK, Cutter
+from acquisition.sources.asc import begins_asc, read_asc
 from acquisition.sources.line_forms import MILLI_NS, Entry, LineReader
 
 _BLOCK_BYTES = 8192
@@ -160,6 +161,7 @@ def read_yd_can(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
 
 _SOCKETCAN, _COOKED, _COOKED_2 = _CAN_LINKS = 227, 113, 276  # link types
 _CAN_PROTOCOLS = (0x000C, 0x000D)
+_IF_NAME, _IF_TSRESOL = 2, 9  # options of an interface
 
 
 def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
@@ -179,7 +181,7 @@ def read_pcap(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
 
 def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
     """The newer form: blocks, of which some describe an interface and others hold a packet of one."""
-    order, links = "<", list[tuple[int, int]]()
+    order, links = "<", list[tuple[int, int, str]]()
     while start := file.read(8):
         if start[:4] == b"\n\r\r\n":
             magic = file.read(4)
@@ -191,27 +193,36 @@ def read_pcapng(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
         if len(body) != length - 8 - len(magic) or length < 12:
             raise ValueError(_CUT_OFF)
         if kind == 1:
-            links.append((struct.unpack_from(f"{order}H", body)[0], _ticks_per_s(body[8:-4], order)))
+            options = _options(body[8:-4], order)
+            name = options.get(_IF_NAME, b"").rstrip(b"\0").decode("utf-8", "replace") or f"interface{len(links)}"
+            links.append((struct.unpack_from(f"{order}H", body)[0], _ticks_per_s(options), name))
         elif kind == 6 and len(body) >= 24:
             interface, high, low, captured = struct.unpack_from(f"{order}IIII", body)
             if interface < len(links):
-                link, ticks = links[interface]
+                link, ticks, name = links[interface]
                 time_ns = (high << 32 | low) * NANO // ticks
-                yield from _packet(body[20 : 20 + captured], link, time_ns, reader)
-    if not any(link in _CAN_LINKS for link, _ in links):
+                yield from _packet(body[20 : 20 + captured], link, time_ns, reader, name)
+    if not any(link in _CAN_LINKS for link, _, _ in links):
         _check_link(links[0][0] if links else 0)
 
 
-def _ticks_per_s(options: bytes, order: str) -> int:
-    """An interface's clock: a million ticks unless its option 9 says otherwise, as a power of 10 or of 2."""
-    at = 0
-    while at + 4 <= len(options):
-        code, length = struct.unpack_from(f"{order}HH", options, at)
-        if code == 9 and length == 1 and at + 4 < len(options):
-            power = options[at + 4]
-            return int(2 ** (power & 0x7F)) if power & 0x80 else int(10 ** min(power, 18))
+def _options(data: bytes, order: str) -> dict[int, bytes]:
+    """The options of an interface by their codes, the first of each."""
+    options, at = dict[int, bytes](), 0
+    while at + 4 <= len(data):
+        code, length = struct.unpack_from(f"{order}HH", data, at)
+        options.setdefault(code, data[at + 4 : at + 4 + length])
         at += 4 + length + -length % 4
-    return 1_000_000
+    return options
+
+
+def _ticks_per_s(options: dict[int, bytes]) -> int:
+    """An interface's clock: a million ticks unless an option says otherwise, as a power of 10 or of 2."""
+    resolution = options.get(_IF_TSRESOL, b"")
+    if len(resolution) != 1:
+        return 1_000_000
+    power = resolution[0]
+    return int(2 ** (power & 0x7F)) if power & 0x80 else int(10 ** min(power, 18))
 
 
 def _check_link(link: int) -> None:
@@ -219,12 +230,16 @@ def _check_link(link: int) -> None:
         raise ValueError(f"it is a capture of link type {link}, which has no CAN frames ({_SOCKETCAN} does)")
 
 
-def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader) -> Iterator[Entry]:
-    """The CAN frame in a captured packet; those of other protocols are passed over."""
+def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader, bus: str = "") -> Iterator[Entry]:
+    """The CAN frame in a captured packet; those of other protocols are passed over.
+
+    Of what was captured on all interfaces at once the packet itself says which it came by.
+    """
     if link in (_COOKED, _COOKED_2):
         skip, place = (16, 14) if link == _COOKED else (20, 0)
         if int.from_bytes(packet[place : place + 2], "big") not in _CAN_PROTOCOLS:
             return
+        bus = f"interface{int.from_bytes(packet[4:8], 'big')}" if link == _COOKED_2 else bus
         packet = packet[skip:]
     elif link != _SOCKETCAN:
         return
@@ -234,7 +249,8 @@ def _packet(packet: bytes, link: int, time_ns: int, reader: LineReader) -> Itera
     identifier = int.from_bytes(packet[:4], "big")
     extended, remote, error = (bool(identifier & bit) for bit in (0x80000000, 0x40000000, 0x20000000))
     data = b"" if remote else packet[8 : 8 + packet[4]]
-    yield Entry(time_ns, data, identifier & HIGHEST_IDENTIFIER, can_flags(not extended, remote, error))
+    flags = can_flags(not extended, remote, error)
+    yield Entry(time_ns, data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
 class FileForm(NamedTuple):
@@ -251,5 +267,6 @@ FILE_FORMS: dict[str, FileForm] = {
     "yd_can": FileForm(lambda head: head[8:12] == b"YDVR", read_yd_can),
     "pcap": FileForm(lambda head: head.startswith(_PCAP), read_pcap),
     "pcapng": FileForm(lambda head: head.startswith(b"\n\r\r\n"), read_pcapng),
+    "asc": FileForm(begins_asc, read_asc),
 }
-"""Files that are no text by their names; those of python-can are in ``logfile.py``."""
+"""Files that are read as a whole by their names; those of python-can are in ``logfile.py``."""

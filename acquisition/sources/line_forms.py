@@ -34,6 +34,7 @@ class Entry(NamedTuple):
     """One frame, whole message or sentence, with the time that its line tells, if any.
 
     A clock that starts anew every ``turn_ns`` (at midnight, after 2^32 ms) tells how much of the turn is over.
+    ``bus`` is the interface or channel of a log that has several.
     """
 
     time_ns: int | None
@@ -42,6 +43,7 @@ class Entry(NamedTuple):
     flags: FrameFlag = FrameFlag.NONE
     protocol: Protocol = "can"
     turn_ns: int = 0
+    bus: str = ""
 
 
 def message(
@@ -70,11 +72,12 @@ def _header(match: re.Match[str], base: int = 10) -> tuple[int, int, int, int]:
 
 
 _CANDUMP_LOG = _pattern(
-    r"\((?P<time>[\d.TZ: +-]{1,40})\)\s+\S+\s+(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
+    r"\((?P<time>[\d.TZ: +-]{1,40})\)\s+(?P<bus>\S+)\s+"
+    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(?:#(?P<fd>[0-9A-Fa-f]))?"
     r"(?P<data>(?:[0-9A-Fa-f]{2}\.?)*|R[0-9A-Fa-f]?)(?:_[0-9A-Fa-f])?(?:\s+[RT])?\s*"
 )
 _CANDUMP_CONSOLE = _pattern(
-    r"(?:\((?P<time>[\d.TZ: +-]{1,40})\)\s+)?\S+\s+(?:[RT]X [B-] [E-]\s+)?"
+    r"(?:\((?P<time>[\d.TZ: +-]{1,40})\)\s+)?(?P<bus>\S+)\s+(?:[RT]X [B-] [E-]\s+)?"
     r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})\s+\[(?P<length>\d{1,2})\]"
     r"(?:\s+(?P<remote>remote request)|(?P<data>(?:[\s`]+(?:[01]{8}|[0-9A-Fa-f]{2}))*))"
     r"(?:\s+ERRORFRAME|\s+'.*')?\s*"
@@ -87,7 +90,7 @@ _CANDUMP_OLD = _pattern(
 def _candump_log(match: re.Match[str]) -> Entry | None:
     remote = match["data"].startswith("R")
     data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
-    return _frame(match["time"], match["id"], data, remote)
+    return _frame(match["time"], match["id"], data, remote, match["bus"])
 
 
 def _candump_console(match: re.Match[str]) -> Entry | None:
@@ -96,7 +99,7 @@ def _candump_console(match: re.Match[str]) -> Entry | None:
     data = _console_bytes(found["data"] or "")
     if not remote and len(data) != int(found["length"]):
         return None
-    return _frame(found.get("time"), found["id"], data, remote)
+    return _frame(found.get("time"), found["id"], data, remote, found.get("bus") or "")
 
 
 def _console_bytes(text: str) -> bytes:
@@ -108,13 +111,13 @@ def _console_bytes(text: str) -> bytes:
     return data[::-1] if swapped else data
 
 
-def _frame(time: str | None, identifier: str, data: bytes, remote: bool) -> Entry | None:
+def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: str) -> Entry | None:
     time_ns = None if time is None else _candump_time_ns(time)
     if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
         return None
     number = int(identifier, 16)
     flags = can_flags(len(identifier) == 3, remote, bool(number & _ERROR_BIT))
-    return Entry(time_ns, data, number & HIGHEST_IDENTIFIER, flags)
+    return Entry(time_ns, data, number & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
 _DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")

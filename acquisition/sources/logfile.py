@@ -13,6 +13,7 @@ from __future__ import annotations
 import datetime as dt
 import logging
 import os
+import re
 import struct
 import zlib
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -41,13 +42,15 @@ from acquisition.sources.log_clock import EARLIEST_UTC_NS, LogClock, told_utc_ns
 _LARGEST_CONTAINER_BYTES = 64 * 1024 * 1024  # those of Vector's tools hold 128 KiB, of others up to some MiB
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 65_536
+_STEP_BACK_NS = 2 * 10**9  # lines of several gateways, and times in whole seconds, may come a second late
 _HEAD_ENTRIES = 3_000  # which show what the log's times are: some seconds of a busy bus
+_START_TIME = re.compile(rb"^;\s*Start time:\s*([^\r\n]{8,80})", re.MULTILINE)
 _GZIP = b"\x1f\x8b"
 UNDERSTOOD = (
     "candump, canboat, Yacht Devices, Actisense, iKonvert, SeaSmart, MXPGN, Garmin, Signal K, OpenCPN, pcap, BLF,"
     " ASC, TRC and sentences of NMEA 0183 with any time before them"
 )
-_LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
+_LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("blf", "trc"))
 Make = Callable[[Any], Iterable[can.Message]]
 _LONGEST_OBJECT_BYTES = 1024 * 1024  # of BLF; a frame has some 100, a text that somebody typed 64 kB
 
@@ -104,7 +107,11 @@ class LogFile(LogReader):
         self._clock = LogClock((), 0)
         self._opened_ns = self._last_ns = self._count = 0
         self._newest_ns: int | None = None  # as the log tells it
+        self._only_bus = ""  # the bus of all frames in the log's beginning, which needs no name
         self._date_remark = ""
+        self._clock_ns: int | None = None  # of the entry before, as the log tells it
+        self._back_at_ns: int | None = None  # where its times go back first, and by how much
+        self._back_ns = 0
         self.timed = True  # whether the last frame had a time, of whatever kind
 
     @property
@@ -124,7 +131,11 @@ class LogFile(LogReader):
 
     @property
     def remark(self) -> str:
-        return self._date_remark or self._clock.remark
+        remarks = [self._date_remark or self._clock.remark]
+        if self._back_at_ns is not None:
+            at = iso(self._back_at_ns) if self._back_at_ns >= EARLIEST_UTC_NS else f"{self._back_at_ns / 1e9:.3f} s"
+            remarks.append(f"its times go back by {self._back_ns / 1e9:,.3f} s at {at}: its clock was set")
+        return "; ".join(filter(None, remarks))
 
     def _begin(self, file: BinaryIO) -> None:
         head = file.read(_HEAD_BYTES)
@@ -149,6 +160,8 @@ class LogFile(LogReader):
             beginning, _ = _beginning(iter(log), times)
             log.close()
         self._clock = LogClock(beginning, changed_ns)
+        buses = {entry.bus for entry in beginning if entry.bus}
+        self._only_bus = buses.pop() if len(buses) == 1 else ""
         self._log = make(times)
         self._entries = iter(self._log)
         self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
@@ -164,9 +177,11 @@ class LogFile(LogReader):
 
     def _frame(self, entry: Entry) -> Frame:
         time_ns = self._clock.time_ns(entry)
+        self._note_step(time_ns)
         if time_ns is not None and self._newest_ns is not None and entry.protocol == "nmea0183":
             time_ns = max(time_ns, self._newest_ns)  # sentences come late, not early
         self._count, self._newest_ns, self.timed = self._count + 1, time_ns, time_ns is not None
+        bus = "" if entry.bus == self._only_bus else entry.bus
         stamped_ns = None
         if time_ns is None:
             received_ns, monotonic_ns = now_ns()
@@ -175,8 +190,17 @@ class LogFile(LogReader):
         else:
             received_ns = monotonic_ns = self._opened_ns + time_ns
         self._last_ns = max(self._last_ns, monotonic_ns)
-        times = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns
-        return Frame(self.name, entry.protocol, entry.payload, *times)
+        rest = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
+        return Frame(self.name, entry.protocol, entry.payload, *rest)
+
+
+    def _note_step(self, time_ns: int | None) -> None:
+        """Note the first step back of the log's clock; what a gap is forward nobody can tell."""
+        if time_ns is not None and self._clock_ns is not None and self._back_at_ns is None:
+            back_ns = self._clock_ns - time_ns
+            if back_ns >= _STEP_BACK_NS:
+                self._back_at_ns, self._back_ns = time_ns, back_ns
+        self._clock_ns = time_ns
 
 
 def _inflated(beginning: bytes) -> bytes:
@@ -234,7 +258,7 @@ def _settled(
         pass
     stamps = [*times.stamps, *ending.stamps]
     order, why = (given, "as configured") if given else date_order(stamps, stated)
-    year, remark = None, ""
+    year, remark = None, times.remark
     first = next(iter(times.stamps), None)
     if first is not None and not first.has_year:
         year = (dt.datetime.fromtimestamp(changed_ns / 1e9, dt.UTC)).year
@@ -276,14 +300,15 @@ def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Ent
     size_bytes = file.seek(0, os.SEEK_END) if make is _BLF else 0  # 0 for text
     file.seek(0)
     try:
-        return _library_entries(make(file), file, size_bytes, reader)
+        began_ns = 0 if size_bytes else _stated_start_ns(file, reader.times)
+        return _library_entries(make(file), file, size_bytes, reader, began_ns)
     except Exception as error:  # the library promises no set of errors for a broken log
         file.close()
         raise ValueError(f"its beginning is broken: {error}") from error
 
 
 def _library_entries(
-    messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader
+    messages: Iterable[can.Message], file: BinaryIO, size_bytes: int, reader: LineReader, began_ns: int
 ) -> Iterator[Entry]:
     """What python-can trips over ends the log; what it passes over it tells its logger only: that is counted."""
 
@@ -298,8 +323,9 @@ def _library_entries(
         for message in messages:
             cut = not size_bytes and _is_cut(message)
             if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
-                time_ns = round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
-                yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message))
+                time_ns = began_ns + round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
+                bus = "" if message.channel is None else f"channel{int(message.channel) + 1}"
+                yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message), bus=bus)
             else:
                 reader.unreadable += 1
     except OSError:
@@ -313,6 +339,15 @@ def _library_entries(
             logger.removeFilter(count)
     if damage := _lost_end(messages, size_bytes) or ("its last line is cut off" if cut else ""):
         raise ValueError(damage)
+
+
+def _stated_start_ns(file: BinaryIO, times: StatedTimes) -> int:
+    """When a TRC log began [ns since 1970], by its comments where it has no line for that; 0 where it has."""
+    head = file.read(_HEAD_BYTES)
+    file.seek(0)
+    match = None if b"$STARTTIME" in head else _START_TIME.search(head)
+    stated = None if match is None else times.read(match[1].decode("latin-1"))
+    return 0 if stated is None or stated[1] else stated[0] or 0
 
 
 def _lost_end(blf: Any, size_bytes: int) -> str:
@@ -336,8 +371,6 @@ def _library_form(head: bytes) -> Make | None:
         return _BLF
     if first.startswith(";"):
         return lambda file: can.TRCReader(_text(file))
-    if first.startswith(("date ", "base ")):
-        return lambda file: can.ASCReader(_text(file), relative_timestamp=False)
     return None
 
 

@@ -242,22 +242,16 @@ def test_a_log_that_nobody_closed_says_when_its_end_is_missing(tmp_path: Path) -
     assert source.damage.startswith("the log is damaged (its last object is cut off); reading ended after")
 
 
-@pytest.mark.parametrize(
-    ("suffix", "where", "what", "left"),
-    [(".asc", 400, "0.5 1 18EEFF01x Rx d zz 05\n", 396), (".trc", 400, "9 9.0 DT 1 zz Rx - 2 00 00\n", 384)],
-)
-def test_a_broken_line_that_ends_the_reading_says_so(
-    tmp_path: Path, suffix: str, where: int, what: str, left: int
-) -> None:
-    path = tmp_path / f"frames{suffix}"
+def test_a_broken_line_that_ends_the_reading_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "frames.trc"
     with can.Logger(path) as write:
         for message in messages():
             if not message.is_remote_frame:
                 write(message)
     lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join([*lines[:where], what, *lines[where:]]))
+    path.write_text("".join([*lines[:400], "9 9.0 DT 1 zz Rx - 2 00 00\n", *lines[400:]]))
     source, count = damaged(path)
-    assert count == pytest.approx(left, abs=20)
+    assert count == pytest.approx(384, abs=20)
     assert source.damage.startswith("the log is damaged (ValueError: ")
     assert f"reading ended after {count:,} frames, the last of " in source.damage
     assert source.unreadable == 0
@@ -320,3 +314,14 @@ def test_no_line_raises(line: str) -> None:
     for prefix in ("", "(1436509052.249713) can0 ", "2026-08-07T23:44:27.000Z,2,"):
         entry = reader.entry((prefix + line).encode())
         assert entry is None or (entry.identifier < 2**29 and len(entry.payload) <= 512)
+
+
+def test_times_that_go_back_are_told(tmp_path: Path) -> None:
+    """A logger's clock that was set back, by an hour or five seconds; a late line is none."""
+    for back_s, told in ((3600.0, True), (5.0, True), (0.5, False)):
+        times = [1.779e9 + at for at in range(10)] + [1.779e9 + 10 - back_s + at for at in range(10)]
+        path = tmp_path / f"back{back_s}"
+        path.write_text("".join(f"({at:.6f}) can0 123#0102\n" for at in times))
+        source, count = damaged(path)
+        assert count == 20
+        assert ("its times go back by" in source.remark) == told

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import deque
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,8 @@ from hypothesis import strategies as st
 from acquisition.config.sections import CanSource, Device, Signal
 from acquisition.core.frames import FrameFlag
 from acquisition.decoders import Decoder, make_decoders
-from acquisition.decoders.bus_devices import BusDevices
-from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.dbc import DbcDecoder, missing_by_rule
+from acquisition.decoders.nmea2000 import Nmea2000Decoder
 from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 from tests.acquisition.can_frames import can_frame, values
 from tests.acquisition.conftest import DBC
@@ -29,7 +27,7 @@ def test_dbc_signals_by_parameter_group_with_sentinels() -> None:
         "port_rpm": Signal(message="PortAzimuth", signal="ShaftSpeed", unit="rpm"),
         "port_angle_deg": Signal(message="PortAzimuth", signal="Angle", unit="deg"),
     }
-    decoder = DbcDecoder(DBC, signals, SourceClock("receiver", ""))
+    decoder = DbcDecoder(DBC, signals, Nmea2000Decoder())
     rpm, angle = round((165.0 + 4000) / 0.125), ((-30 + 250) * 128)
     data = rpm.to_bytes(2, "little") + angle.to_bytes(2, "little") + b"\xff" * 4
     other_address = 0x18FF1099
@@ -164,7 +162,7 @@ def many_dbc(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def many(path: Path, *devices: Device) -> DbcDecoder:
-    return DbcDecoder(path, MANY_SIGNALS, SourceClock("receiver", ""), BusDevices(devices, deque()))
+    return DbcDecoder(path, MANY_SIGNALS, Nmea2000Decoder(devices=devices))
 
 
 def test_addressed_frames_match_whoever_they_are_addressed_to(many_dbc: Path) -> None:

@@ -69,8 +69,8 @@ def process(tmp_path: Path) -> Process:
     return recorded
 
 
-def fix(minutes: float) -> str:
-    return f"GPGGA,120000.00,63{minutes:09.6f},N,01024.000000,E,4,12,0.6,0.0,M,0.0,M,,"
+def fix(minutes: float, second: int = 0) -> str:
+    return f"GPGGA,12{second:04d}.00,63{minutes:09.6f},N,01024.000000,E,4,12,0.6,0.0,M,0.0,M,,"
 
 
 def test_the_preferred_source_has_the_channel_until_it_falls_silent(process: Process) -> None:
@@ -111,7 +111,7 @@ def test_origin_and_map_come_from_the_source_of_the_position(process: Process, t
         ("third", 0.0, fix(0.0)),
         ("first", 0.1, fix(30.0)),
         ("third", 0.2, fix(0.0)),
-        ("first", 0.3, fix(30.6)),
+        ("first", 0.3, fix(30.6, second=1)),
     ]
     recording, _ = process(TWO_LINES + third, said)
     assert recording.trial.origin == pytest.approx((63.5, 10.4))

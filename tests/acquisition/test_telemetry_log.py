@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from acquisition.config.sections import MavlinkFileSource
 from acquisition.core.errors import SourceError
@@ -135,6 +136,79 @@ def test_a_log_that_is_missing_or_closed_says_so(log: Path) -> None:
 
 
 # ---- a real log of an underwater vehicle
+
+
+UNSET_US = {"1970": 100_000_000, "2000": 946_684_800_000_000}
+
+
+def system_time(unix_us: int) -> bytes:
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    return bytes(dialect.MAVLink_system_time_message(unix_us, 1234).pack(link))
+
+
+def heartbeat() -> bytes:
+    link = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    return bytes(dialect.MAVLink_heartbeat_message(2, 3, 81, 0, 4, 3).pack(link))
+
+
+def opened(path: Path, entries: list[tuple[int, bytes]], changed_s: float = 1.7e9) -> tuple[list[Frame], str]:
+    """The frames of a log of times [us] and packets, and what is said of its times."""
+    path.write_bytes(b"".join(time_us.to_bytes(8, "big") + packet for time_us, packet in entries))
+    os.utime(path, (changed_s, changed_s))
+    source = make_source(section(path))
+    source.open()
+    frames: list[Frame] = []
+    while (more := source.read(0.0)) is not None:
+        frames += more
+    remark = str(getattr(source, "remark", ""))
+    source.close()
+    return frames, remark
+
+
+@pytest.mark.parametrize("unset", list(UNSET_US))
+@pytest.mark.parametrize("period_us", [20_000, 1_000_000])
+def test_a_clock_that_was_not_set_keeps_the_distances(log: Path, unset: str, period_us: int) -> None:
+    """The date is that of the file's last change, which is the log's end, and this is said."""
+    times = [UNSET_US[unset] + period_us * number for number in range(50)]
+    frames, remark = opened(log, [(time_us, heartbeat()) for time_us in times])
+    assert [frame.received_ns for frame in frames] == [
+        round(1.7e9) * 10**9 - (times[-1] - time_us) * 1000 for time_us in times
+    ]
+    assert all(frame.received_ns == frame.monotonic_ns for frame in frames)
+    assert "clock of the log was not set" in remark
+    assert "file's last change" in remark
+
+
+@pytest.mark.parametrize("unset", list(UNSET_US))
+@pytest.mark.parametrize("first", [0, 7])
+def test_the_date_is_that_of_system_time_where_a_packet_states_it(log: Path, unset: str, first: int) -> None:
+    """Before a receiver knows the time, an autopilot sends zero: that is no date."""
+    entries = [(UNSET_US[unset] + 10**6 * number, heartbeat()) for number in range(20)]
+    entries = [each for time_us, packet in entries for each in ((time_us, packet), (time_us, system_time(0)))]
+    entries[2 * first + 1] = entries[2 * first][0], system_time(UTC_US)
+    frames, remark = opened(log, entries)
+    assert frames[2 * first].received_ns == UTC_US * 1000
+    assert frames[-1].received_ns - frames[0].received_ns == 19 * 10**9
+    assert "SYSTEM_TIME" in remark
+
+
+def test_a_clock_that_is_set_later_dates_what_came_before(log: Path) -> None:
+    before = [(UNSET_US["1970"] + 10**6 * number, heartbeat()) for number in range(10)]
+    after = [(UTC_US + 10**6 * number, heartbeat()) for number in range(10)]
+    frames, remark = opened(log, before + after)
+    assert [frame.received_ns for frame in frames[10:]] == [time_us * 1000 for time_us, _ in after]
+    assert frames[9].received_ns - frames[0].received_ns == 9 * 10**9
+    assert frames[9].received_ns == frames[10].received_ns
+    assert "was set later" in remark
+
+
+@pytest.mark.parametrize("step_s", [-3600, 86_400, 90])
+def test_a_step_of_a_clock_within_the_log_is_told(log: Path, step_s: int) -> None:
+    steps_us = [step_s * 10**6 * (number >= 10) for number in range(20)]
+    entries = [(UTC_US + 10**6 * number + steps_us[number], heartbeat()) for number in range(20)]
+    _, remark = opened(log, entries)
+    assert f"set by {step_s + 1:+,.0f} s" in remark
+    assert opened(log, entries[:10])[1] == ""
 
 
 @pytest.fixture(scope="module")

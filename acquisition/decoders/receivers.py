@@ -1,0 +1,89 @@
+"""Receivers that report positions under one talker on one line, told apart by two positions of one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import cos, hypot, radians
+
+from acquisition.decoders import Notices
+
+_DEGREE_M = 111_195.0  # of a meridian
+_APART_M, _APART_AT_FIRST_M = 10.0, 25.0
+"""Two positions of one moment further apart than this are of two receivers: one repeats itself, or states whole
+seconds only, in which a ship whose speed is not known yet may go the longer way."""
+_SECONDS_OF_WAY = 1.5  # in a stated second, with an error of the speed
+_MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name receivers without end
+
+
+@dataclass(slots=True)
+class _Receiver:
+    """One receiver's last position [deg] and moment [s of the day], and the kinds of sentences that reported it."""
+
+    position: tuple[float, float]
+    moment_s: float
+    kinds: set[str] = field(default_factory=set)
+    speed_mps: float | None = None
+
+    def distance_m(self, position: tuple[float, float]) -> float:
+        (latitude, longitude), (other, east) = self.position, position
+        shift_deg = (east - longitude + 180.0) % 360.0 - 180.0
+        return _DEGREE_M * hypot(other - latitude, shift_deg * cos(radians(latitude)))
+
+    @property
+    def reach_m(self) -> float:
+        """How far from its last position it may report another one of the same moment."""
+        if self.speed_mps is None:
+            return _APART_AT_FIRST_M
+        return max(_APART_M, _SECONDS_OF_WAY * self.speed_mps)
+
+    def update(self, kind: str, moment_s: float, position: tuple[float, float]) -> None:
+        since_s = moment_s - self.moment_s
+        if since_s:
+            self.kinds.clear()
+            self.speed_mps = self.distance_m(position) / since_s if since_s > 0 else None
+        self.kinds.add(kind)
+        self.position, self.moment_s = position, moment_s
+
+
+class Receivers:
+    """The receivers of one line, by sensor as :func:`~acquisition.core.frames.sensor_of` names it."""
+
+    def __init__(self, notices: Notices) -> None:
+        self._notices = notices
+        self._known: dict[str, list[_Receiver]] = {}
+        self._last: dict[str, int] = {}
+
+    def number(self, sensor: str, kind: str, moment_s: float, position: tuple[float, float]) -> int:
+        """Which receiver reports a position [deg] of a moment [s of the day]: 1 for the first of a sensor.
+
+        One sentence of a kind is expected of each receiver at each moment; a further one, if it is too far from all
+        known positions, is another receiver's.
+        """
+        receivers = self._known.setdefault(sensor, []) if len(self._known) < _MOST_TALKERS else []
+        if not receivers:
+            receivers.append(_Receiver(position, moment_s))
+        said = [each.moment_s == moment_s and kind in each.kinds for each in receivers]
+        waiting = [each for each, has in zip(receivers, said, strict=True) if not has]
+        found = min(waiting or receivers, key=lambda each: each.distance_m(position))
+        if any(said) and found.distance_m(position) > found.reach_m:
+            found = min(receivers, key=lambda each: each.distance_m(position))
+            if found.distance_m(position) > found.reach_m and len(receivers) < _MOST_RECEIVERS:
+                distance_m = found.distance_m(position)
+                found = _Receiver(position, moment_s)
+                receivers.append(found)
+                self._notices.append(("warning", _told(sensor, len(receivers), distance_m)))
+        found.update(kind, moment_s, position)
+        self._last[sensor] = receivers.index(found) + 1
+        return self._last[sensor]
+
+    def last(self, sensor: str) -> int:
+        """The receiver whose position was the last one: what belongs to a fix and bears none follows it."""
+        return self._last.get(sensor, 1)
+
+
+def _told(sensor: str, number: int, distance_m: float) -> str:
+    talker = sensor.partition("/")[2]
+    return (
+        f"two receivers with the talker {talker} on one line: a second position of the same moment is"
+        f" {distance_m:,.0f} m from the first; what it tells is kept apart, as receiver{number}"
+    )
