@@ -202,6 +202,7 @@ class Nmea2000Decoder(Decoder):
             self.refused["another instance"] += 1
         return instance == first
 
+
 def _announce(bus: Bus, told_ns: int | None, frame: Frame, group: int, device: str, quality: Quality) -> None:
     """One device is the bus's clock until it falls silent: two clocks would make time go to and fro."""
     if told_ns is None or quality is not Quality.NOT_EVALUATED:

@@ -193,7 +193,6 @@ class LogFile(LogReader):
         rest = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
         return Frame(self.name, entry.protocol, entry.payload, *rest)
 
-
     def _note_step(self, time_ns: int | None) -> None:
         """Note the first step back of the log's clock; what a gap is forward nobody can tell."""
         if time_ns is not None and self._clock_ns is not None and self._back_at_ns is None:
