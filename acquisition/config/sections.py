@@ -355,12 +355,14 @@ class _Port(_Source):
 class _Sentences(_Engines):
     """The settings of every source of NMEA 0183; by ``rated_rpm`` percentages in TRD, TRC and PRC become rpm.
 
-    ``theoretical_wind`` is the reference of MWV's "T" on this vessel, which the sentence does not tell.
+    ``theoretical_wind`` is the reference of MWV's "T" on this vessel, which the sentence does not tell. With an
+    ``optional`` checksum sentences that come without one are decoded, too; a wrong one is never.
     """
 
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
     rated_rpm: RatedSpeeds = field(default_factory=dict)
     theoretical_wind: Literal["ground", "water"] = "ground"
+    checksum: Literal["required", "optional"] = "required"
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -33,6 +33,7 @@ from acquisition.core.frames import Fix, Frame, Group, Protocol
 
 BAD_DATA = "bad data"
 """Why a decoder refuses what is no packet of its protocol."""
+_MOST_UNKNOWN = 500
 Notices = deque[tuple[str, str]]
 """What people should know, as (level, text): an address that changed, a clock that stepped."""
 
@@ -44,14 +45,21 @@ NO_SATELLITES = frozenset({0, 6, 7, 8})
 class Decoder(ABC):
     """One protocol's step from frame to samples.
 
-    ``refused`` counts frames and values by reason; ``notices`` are what there is to tell since the caller emptied
-    them last; ``fixes`` what each sensor's satellite receiver said last of its fix.
+    ``refused`` counts frames and values by reason, ``unknown`` sound messages that carry no channel by name;
+    ``notices`` are what there is to tell since the caller emptied them last; ``fixes`` what each sensor's satellite
+    receiver said last of its fix.
     """
 
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
+        self.unknown: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.fixes: dict[str, Fix] = {}
+
+    def note_unknown(self, name: str) -> None:
+        """Count a message that carries no channel; noise must not name messages without end."""
+        if name in self.unknown or len(self.unknown) < _MOST_UNKNOWN:
+            self.unknown[name] += 1
 
     @abstractmethod
     def decode(self, frame: Frame) -> list[Group]:
@@ -101,7 +109,9 @@ def decoders_by_protocol(
     wind, ratios = config.theoretical_wind, config.reduction_ratios
     fields = carried_by(declared, config.channels, SentenceField | Transducer)
     ship = actuators, ratios, config.rated_rpm
-    decoder = Nmea0183Decoder(config.thrusters, config.clock, wind, *ship, declared=fields)
+    decoder = Nmea0183Decoder(
+        config.thrusters, config.clock, wind, *ship, declared=fields, unchecked=config.checksum == "optional"
+    )
     if isinstance(config, MqttLinks):
         from acquisition.decoders.mqtt import MqttDecoder
 

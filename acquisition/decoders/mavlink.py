@@ -25,7 +25,7 @@ from acquisition.core.frames import Fix, Frame, Group
 from acquisition.core.units import DEG_PER_RAD, Linear
 from acquisition.decoders import DeclaredReaders, Decoder
 from acquisition.decoders.clock import SourceClock, is_possible
-from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of
+from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of, message_name
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -238,6 +238,8 @@ class MavlinkDecoder(Decoder):
             reason = "message not wanted"
         if reason:
             self.refused[reason] += 1
+        elif not kind:
+            self.note_unknown(message_name(header.message_id))
         return "" if reason else kind
 
     def _groups(self, kind: str, packet: bytes, frame: Frame) -> list[Group]:

@@ -62,6 +62,12 @@ def header_of(packet: bytes) -> Header:
     return Header(packet[5], packet[6], int.from_bytes(packet[7:10], "little"))
 
 
+def message_name(number: int) -> str:
+    """The name of a message, or its number where the dialect has none."""
+    known = dialect.mavlink_map.get(number)
+    return str(known.msgname) if known else str(number)
+
+
 def is_known(packet: bytes) -> bool:
     """Whether a whole packet's message is one of the dialect: of others no checksum can be proved."""
     return header_of(packet).message_id in _CRC_EXTRA

@@ -118,7 +118,8 @@ class MqttDecoder(Decoder):
         self, config: MqttLinks, sentences: Nmea0183Decoder, known: Mapping[str, Channel] = BY_NAME
     ) -> None:
         """Raises :class:`ConfigurationError` for a unit that does not measure its channel."""
-        self.refused, self.notices, self.fixes = sentences.refused, sentences.notices, sentences.fixes
+        self.refused, self.unknown = sentences.refused, sentences.unknown
+        self.notices, self.fixes = sentences.notices, sentences.fixes
         self._stamps, self._clocks = config.clock, dict[str, SourceClock]()
         self._sentences = sentences
         self._values: dict[str, list[tuple[str, TopicValue]]] = {}

@@ -35,6 +35,8 @@ _SECONDS = re.compile(r"(\d{1,10})(?:\.(\d{1,9}))?")
 _MILLISECONDS = re.compile(r"\d{13}")
 _MOST_SENSORS = 1_000  # whose fixes are kept: any talker and any source of a TAG block names one
 _SENTENCE = re.compile(rb"[$!]{1,2}([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")  # some devices say $$
+_UNCHECKED = re.compile(rb"[$!]{1,2}([A-Za-z0-9]{5,16},[\x20-\x29\x2b-\x7e]*)")
+NO_CHECKSUM = "comes without a checksum"
 _LONGEST_TAG = 16  # letters; no maker's own is known that has more, and noise must not name devices without end
 _ADDRESS = rb"[A-Za-z0-9]{3,%d}," % _LONGEST_TAG
 _TEXT = rb" \x22#%-)+-\[\]-~"  # what is printable and neither begins nor ends a sentence or a TAG block
@@ -101,10 +103,17 @@ def unix_ns(text: str) -> int | None:
     return int(found[1]) * 1_000_000_000 + int((found[2] or "").ljust(9, "0"))
 
 
-def split_sentence(line: bytes) -> tuple[str, list[str]] | None:
-    """The tag without its dollar sign and the fields of a sound sentence; None for anything else."""
+def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[str]] | None:
+    """The tag without its dollar sign and the fields of a sound sentence; None for anything else.
+
+    ``unchecked`` takes a sentence without a checksum for sound.
+    """
     found = _SENTENCE.fullmatch(line)
-    if found is None or int(found[2], 16) != checksum(found[1]):
+    if found is None and unchecked:
+        found = _UNCHECKED.fullmatch(line)
+    elif found is not None and int(found[2], 16) != checksum(found[1]):
+        return None
+    if found is None:
         return None
     tag, *fields = found[1].decode("ascii").split(",")
     return tag, fields
@@ -136,9 +145,11 @@ def cut_at_sentences(line: bytes) -> list[bytes]:
     return [part for part in (*parts, line[end:]) if part]
 
 
-def has_sentence(line: bytes) -> bool:
-    """Whether there is an intact sentence in a line."""
-    return any(split_sentence(split_tag(part).sentence) is not None for part in sentences_in(line))
+def has_sentence(line: bytes, *, unchecked: bool = False) -> bool:
+    """Whether there is an intact sentence in a line, by its checksum or, ``unchecked``, without one."""
+    return any(
+        split_sentence(split_tag(part).sentence, unchecked=unchecked) is not None for part in sentences_in(line)
+    )
 
 
 _ANY = "?"
@@ -236,8 +247,10 @@ class Nmea0183Decoder(Decoder):
         rated_rpm: Mapping[str, float] | None = None,
         *,
         declared: Sequence[tuple[Channel, SentenceField | Transducer]] = (),
+        unchecked: bool = False,
     ) -> None:
         super().__init__()
+        self._unchecked = unchecked
         self._tell_gga: set[str] = set()
         self._receivers = Receivers(self.notices)
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
@@ -259,12 +272,13 @@ class Nmea0183Decoder(Decoder):
 
     def _decode(self, frame: Frame, tagged: TaggedSentence) -> list[Group]:
         """The samples in a sentence, with what its envelope said."""
-        sentence = split_sentence(tagged.sentence)
+        sentence = split_sentence(tagged.sentence, unchecked=self._unchecked)
         if not tagged.sound:
             self.refused["TAG block with a wrong checksum"] += 1
         if sentence is None:
             if tagged.sound or tagged.sentence.startswith((b"$", b"!")):  # a TAG block alone is one fault, not two
-                self.refused["no sound checksum"] += 1
+                has_none = _UNCHECKED.fullmatch(tagged.sentence) is not None
+                self.refused[NO_CHECKSUM if has_none else "no sound checksum"] += 1
             return []
         if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
             self.clock.announce(tagged.time_ns, frame)
@@ -274,6 +288,8 @@ class Nmea0183Decoder(Decoder):
             return []
         talker, kind = ("P", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])  # P: a maker's own
         groups: list[Group] = []
+        if kind not in self._readers and kind not in self._declared:
+            self.note_unknown(tag)
         if kind in self._readers:
             reading = self._readers[kind](Fields(fields))
             if reading.refused or not (reading.values or reading.date or reading.sigma_m):

@@ -171,6 +171,8 @@ class Nmea2000Decoder(Decoder):
                 self.refused["remote, error or 11-bit frame"] += 1
             return False
         if group not in self._readers and group not in self._declared and group != ADDRESS_CLAIM:
+            if not self._shares_bus:  # else it may be a frame of the DBC file's
+                self.note_unknown(str(group))
             return False
         if kind and group in self._shortest:
             if not self._shortest[group] <= len(frame.payload) <= LONGEST_BYTES:

@@ -36,6 +36,7 @@ class SourceHealth:
     dropped: int = 0  # frames that are not in the recording, for want of room or of budget
     over_budget: int = 0  # of them, those that its budget had no room for
     refusals: list[Counter[str]] = field(default_factory=list)  # of the source's decoders, by reason
+    not_known: list[Counter[str]] = field(default_factory=list)  # messages that carry no channel, by name
     impossible: int = 0  # decoded, but no value that its channel can hold
     last_ns: int | None = None
     failed_ns: int | None = None
@@ -55,6 +56,11 @@ class SourceHealth:
         """Why frames and values were not believed, and how many."""
         reasons = {reason: count for each in self.refusals for reason, count in list(each.items()) if count}
         return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
+
+    @property
+    def unknown(self) -> dict[str, int]:
+        """Sound messages that carry no channel, by name, and how many."""
+        return {name: count for each in self.not_known for name, count in list(each.items())}
 
     def count_in(self, frames: int, monotonic_ns: int) -> None:
         self.frames += frames

@@ -14,6 +14,7 @@ from acquisition.config.sections import LineSource, MqttLinks, OwnSource
 from acquisition.core.channels import POSE_AND_VELOCITY, trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import label_parts
+from acquisition.decoders.nmea0183 import NO_CHECKSUM
 from acquisition.logger.redecode import own_configuration
 from acquisition.logger.survey import TOPIC_VALUE, Kind, Survey, is_makers_own, survey_of_recording
 
@@ -73,6 +74,7 @@ _REMEDIES = {
     "not available": "but its values are not available: see to the sensor",
     "no value": "but its fields are empty: see to the sensor",
     "retained by the broker, of unknown age": "but only as the broker has retained it: see to who publishes it",
+    NO_CHECKSUM: 'but without a checksum: checksum = "optional" in [[source]] reads it',
     "no sound checksum": "but with wrong checksums: see to the line and its baud rate",
 }
 _UNREAD = {
@@ -183,6 +185,8 @@ def _refused(name: str, survey: Survey) -> str:
         reason = _UNREAD.get(kind.name, "")
         for why, _ in tally.refused.most_common(1):
             reason = _REMEDIES.get(why, f"but is refused: {why}")
+        if not reason and kind.name in _CARRIERS.get(name, ()):
+            reason = "but holds no value for it"
         if reason:
             what = kind.device if kind.name == TOPIC_VALUE else kind.name
             return f"{what} comes, {reason}" if reason.startswith(("but", "without")) else f"{what} {reason}"

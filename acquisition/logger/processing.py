@@ -72,6 +72,7 @@ class FrameProcessor:
         self._decoders = {each.name: decoders_by_protocol(each, *ship) for each in config.sources}
         for name, decoders in self._decoders.items():
             health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
+            health.sources[name].not_known = [each.unknown for each in chain(*decoders.values())]
         self._addresses = {each.name: _Addresses(each.addresses) for each in config.sources
                            if isinstance(each, CanFrames) and each.addresses}  # fmt: skip
         self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}

@@ -41,6 +41,7 @@ _WATCHDOG_EVERY_S = 1.0
 _TICK_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
 _TELL_EVERY_S = 5.0
 _POLL_S = 0.2
+_MOST_NAMED = 20  # messages that carry no channel: a bus has some dozens of kinds
 _WITHOUT_TIMES = (
     "the log has no times of its own; its samples are stamped with the time of reading, unless it tells the time "
     'and clock = "source"'
@@ -221,6 +222,10 @@ def _tell_troubles(source: Source, seen: SourceHealth, reading: _Reading) -> Non
     refused = [f"{reason} ({count:,})" for reason, count in refusals if reason != BAD_DATA]
     if refused:
         reading.tell("info", f"{source.name}: not used, but recorded raw: {', '.join(refused)}")
+    if unknown := sorted(seen.unknown.items(), key=lambda item: -item[1]):
+        named = ", ".join(f"{name} ({count:,})" for name, count in unknown[:_MOST_NAMED])
+        more = f" and {len(unknown) - _MOST_NAMED} more" if len(unknown) > _MOST_NAMED else ""
+        reading.tell("info", f"{source.name}: carries no channel, but recorded raw: {named}{more}")
     if damage := getattr(source, "damage", ""):
         reading.tell("error", f"{source.name}: {damage}")
 

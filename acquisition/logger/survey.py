@@ -22,7 +22,7 @@ from acquisition.core.trial import Trial
 from acquisition.decoders import Decoder
 from acquisition.decoders.declared_groups import decoded, variants_of
 from acquisition.decoders.fast_packets import FastPackets
-from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of
+from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, message_name
 from acquisition.decoders.mqtt import topic_and_message
 from acquisition.decoders.nmea0183 import sentences_in, split_sentence, split_tag
 from acquisition.decoders.nmea2000 import parameter_group
@@ -177,7 +177,7 @@ class Survey(FrameProcessor):
             for piece in self._cutters[frame.origin].push(frame.payload):
                 if not isinstance(piece, Fault):
                     header = header_of(piece)
-                    yield Kind(frame.origin, str(header.system_id), _mavlink_name(header.message_id))
+                    yield Kind(frame.origin, str(header.system_id), message_name(header.message_id))
         elif frame.protocol == "nmea0183":
             for part in sentences_in(frame.payload):
                 yield _sentence_kind(frame.origin, part)
@@ -210,7 +210,7 @@ class Survey(FrameProcessor):
 def _sentence_kind(line: str, payload: bytes) -> Kind:
     """The kind of a sentence; a maker's own has no talker."""
     tagged = split_tag(payload)
-    tag, fields = split_sentence(tagged.sentence) or ("", [])
+    tag, fields = split_sentence(tagged.sentence, unchecked=True) or ("", [])
     talker, name = ("", tag) if tag.startswith("P") else (tag[:-3], tag[-3:])
     number = f" {fields[0]}" if name in _NUMBERED and fields else ""
     device = f"{talker}@{tagged.source}" if tagged.source else talker
@@ -287,11 +287,3 @@ def _identity(group: int, payload: bytes) -> dict[str, Any]:
     return iso_name | {
         name: str(told[key]).strip() for name, key in wanted.items() if told.get(key) not in (None, "")
     }
-
-
-@cache
-def _mavlink_name(number: int) -> str:
-    from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-    known = dialect.mavlink_map.get(number)
-    return str(known.msgname) if known else str(number)

@@ -159,7 +159,8 @@ def looks_like(head: bytes) -> str:
     if first.startswith(("{", "[")):
         return "JSON, already decoded by another program: what came off the bus is needed"
     if "$" in first or "!" in first:
-        return f"sentences without a sound checksum ({_shortened(first)})"
+        fix = "" if "*" in first else ', which checksum = "optional" reads'
+        return f"sentences without a sound checksum ({_shortened(first)}){fix}"
     names = [name.strip(' "') for name in first.replace(";", ",").replace("\t", ",").split(",")]
     if len(names) > 1 and all(name and not name[0].isdigit() for name in names):
         return f"a table with the columns {_shortened(', '.join(names))}: `seatrial import` reads tables"

@@ -148,7 +148,8 @@ class LogFile(LogReader):
         log = self._log = make(StatedTimes(self._config.date_order))
         entries = iter(log)
         beginning, stated = _beginning(entries, log.times)
-        if head and not any(map(_is_sound, chain(beginning, entries))):
+        is_sound = partial(_is_sound, unchecked=self._config.checksum == "optional")
+        if head and not any(map(is_sound, chain(beginning, entries))):
             why = log.damage or f"it looks like {looks_like(head)}"
             raise ValueError(f"nothing in it can be recorded: {why}; supported are {UNDERSTOOD}")
         log.close()
@@ -289,9 +290,9 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
     return lambda times: _Log(read or read_lines, open_file(), form, times)
 
 
-def _is_sound(entry: Entry) -> bool:
+def _is_sound(entry: Entry, *, unchecked: bool = False) -> bool:
     """Whether it is a frame, a message, or a line with an intact sentence."""
-    return entry.protocol == "can" or has_sentence(entry.payload)
+    return entry.protocol == "can" or has_sentence(entry.payload, unchecked=unchecked)
 
 
 def _library_log(make: Make, file: BinaryIO, reader: LineReader) -> Iterator[Entry]:

@@ -152,7 +152,7 @@ def test_a_sentence_without_a_date_takes_it_from_the_time_before_it(tmp_path: Pa
         ("ship/state", "12.5", "no JSON object"),
         ("ship/state", '{"bow": 3}', "not available"),
         ("ship/NMEA/HDT", f"{at(0)} $HEHDT,12.5,T*00", "no sound checksum"),
-        ("ship/NMEA/HDT", f"{at(0)} $HEHDT,12.5", "no sound checksum"),
+        ("ship/NMEA/HDT", f"{at(0)} $HEHDT,12.5", "comes without a checksum"),
     ],
 )
 def test_what_is_no_value_is_counted_and_kept_raw(topic: str, text: str, reason: str, tmp_path: Path) -> None:
