@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.angles import difference
 from acquisition.core.arrays import Complexes, Floats, Ints
+from acquisition.core.conventions import AXES, HEADINGS
 from acquisition.core.units import KNOT_MPS
 from analysis.kinematics import integrate
 from analysis.quality.findings import Finding
@@ -38,6 +40,7 @@ _CONTRADICTED = 0.2
 _LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
 _BEYOND_NOISE = 6.0
 _NEAR_ONE = 0.05
+_UNEXPLAINED = "no sign and no unit that was tried explains it"
 _SPEED_UNITS = {"knots": KNOT_MPS, "km/h": 1.0 / 3.6}
 _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
@@ -53,6 +56,11 @@ class Coarse:
     contradiction: str = ""
     channel: str = ""
     left: float = 0.0
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether a sign or a unit removes the contradiction."""
+        return bool(self.contradiction) and self.contradiction != _UNEXPLAINED
 
     @property
     def neutral(self) -> bool:
@@ -79,7 +87,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
         return Coarse(1.0, 0.0, yaw_rate_factor, *named)
     left = _left_of_long(_Moves.of(motion, _LONG_S), motion)
     if left > _CONTRADICTED:
-        return Coarse(1.0, 0.0, yaw_rate_factor, "no sign and no unit that was tried explains it", "north_m", left)
+        return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", left)
     return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
 
 
@@ -199,6 +207,10 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
         "body": moves.explained(moves.moved, moves.heading, moves.body.conj()),
         "heading": moves.explained(moves.moved, -moves.heading, moves.body),
     }
+    for axes, velocity in (("north_east", moves.body), ("east_north", 1j * moves.body.conj())):
+        found = moves.explained(moves.moved, np.zeros_like(moves.heading), velocity)
+        if abs(found.ratio - 1.0) < _NEAR_ONE:
+            tried[axes] = found
     if np.ptp(np.angle(np.exp(1j * moves.heading))) < _FULL_TURN_RAD_IN_DEG:
         tried["radians"] = moves.explained(moves.moved, np.rad2deg(moves.heading), moves.body)
     ahead, aside = moves.body.real, moves.body.imag
@@ -220,7 +232,10 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
     if kind == "radians":
         return "they agree if the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
-        return "they agree if the heading counts anticlockwise", "heading_deg"
+        nearest = min(HEADINGS[1:], key=lambda each: abs(float(difference(angle_deg, each.offset_deg))))
+        return f"they agree if the heading counts {nearest.words}", "heading_deg"
+    if kind in AXES:
+        return f"they agree if surge and sway are speeds {AXES[kind]}", "surge_mps"
     if "alone" in kind:
         return f"they agree if {kind}, not m/s", f"{kind.partition(' ')[0]}_mps"
     told = {
