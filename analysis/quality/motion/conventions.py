@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+import pymap3d
 
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.conventions import (
@@ -21,7 +22,7 @@ from acquisition.core.conventions import (
     judge_heading,
 )
 from acquisition.core.units import scale_to
-from acquisition.tables.evidence import Fit, fit, grid_of, increments, integrals, means, over_gaps
+from acquisition.tables.evidence import Fit, fit, grid_of, increments, integrals, is_place, means, over_gaps
 from analysis.kinematics import to_earth
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS, Group, group_samples
@@ -45,6 +46,7 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     Raises :class:`InputError` where positions or heading are missing and :class:`DataShortageError` for less than 8
     samples of them.
     """
+    table = _with_plane(table)
     require(table, ("north_m", "east_m", "heading_deg"))
     position, heading = (group_samples(table, GROUPS[name]) for name in ("north_m", "heading_deg"))
     grid = grid_of(np.concatenate([position.time_s, heading.time_s]))
@@ -64,6 +66,19 @@ def heading_finding(table: pd.DataFrame) -> Finding | None:
     text = f"The track and the heading agree if {words}: {verdict.evidence}"
     estimate = {"drift_spread_deg": verdict.best.spread_deg, "recorded_spread_deg": verdict.recorded.spread_deg}
     return Finding("motion_contradiction", "heading_deg", *span_of(table), text, _REMEDY, estimate)
+
+
+def _with_plane(table: pd.DataFrame) -> pd.DataFrame:
+    """The table with positions in metres where it has geographic ones alone."""
+    if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
+        return table
+    latitude, longitude = (table[name].to_numpy(dtype=float) for name in ("latitude_deg", "longitude_deg"))
+    there = np.flatnonzero(is_place(latitude, longitude))
+    north, east = np.full((2, latitude.size), np.nan)
+    if there.size:
+        origin = latitude[there[0]], longitude[there[0]], 0.0
+        north[there], east[there], _ = pymap3d.geodetic2ned(latitude[there], longitude[there], 0.0, *origin)
+    return table.assign(north_m=north, east_m=east)
 
 
 def _turned(unit: str) -> float:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pymap3d
 import pytest
 
 from acquisition.tables.derived_columns import derive
@@ -76,6 +77,15 @@ def test_positions_and_heading_alone_are_enough(sound: pd.DataFrame, words: str)
     assert words in contradiction(table).text
 
 
+@pytest.mark.parametrize("words", list(WRONG)[:3])
+@pytest.mark.parametrize("place", [(57.6, 11.2), (-33.9, 18.4), (0.5, -150.0)])
+def test_geographic_positions_are_enough(sound: pd.DataFrame, words: str, place: tuple[float, float]) -> None:
+    latitude, longitude, _ = pymap3d.ned2geodetic(sound["north_m"], sound["east_m"], 0.0, *place, 0.0)
+    table = pd.DataFrame({"latitude_deg": latitude, "longitude_deg": longitude}, index=sound.index)
+    assert check_motion(table.assign(heading_deg=sound["heading_deg"])).findings == ()
+    assert words in contradiction(table.assign(heading_deg=WRONG[words](sound["heading_deg"]))).text
+
+
 def test_headings_in_tenths_are_told_from_impossible_values_alone(sound: pd.DataFrame) -> None:
     table = with_derived(sound)
     table["heading_deg"] = np.round(10.0 * sound["heading_deg"])
@@ -139,3 +149,15 @@ def test_the_speeds_of_a_towing_tank_are_named_by_their_axes(name: str, shared_d
     table["heading_deg"] %= 360.0
     index = pd.Timestamp("2006-01-01T00:00Z") + pd.to_timedelta(raw["Time [s]"], unit="s")
     assert "to north and to east" in contradiction(table.set_axis(pd.DatetimeIndex(index))).text
+
+
+@pytest.mark.parametrize("sway", [0.0, 1.0])
+def test_causes_that_explain_as_much_are_both_said(sway: float) -> None:
+    """Without sway a chart with its east to the west is a heading that counts anticlockwise."""
+    still = sailed(Faults(), duration_s=900.0, heading_deg=40.0)
+    heading = np.deg2rad(still["heading_deg"])
+    north, east = to_earth(still["surge_mps"], sway * still["sway_mps"], heading)
+    path = {name: np.cumsum(each) / 2.0 for name, each in (("north_m", north), ("east_m", -east))}
+    text = contradiction(still.assign(**path, sway_mps=sway * still["sway_mps"])).text
+    assert "east counts to the west" in text
+    assert ("counts anticlockwise from north" in text) == (sway == 0.0)
