@@ -63,12 +63,12 @@ def test_a_turned_chart_turns_no_verdict_but_a_mirrored_one_does(seed: int, angl
 @settings(max_examples=80, deadline=None)
 @given(st.integers(0, 10_000))
 def test_a_ship_that_drifts_as_it_likes_has_no_other_convention(seed: int) -> None:
-    """Adrift, turning on the spot, going astern or sideways in a current that turns."""
+    """Adrift, turning on the spot, going astern or sideways in a current that turns as tides do, in hours."""
     generator = np.random.default_rng(seed)
     t = STEP_S * np.arange(generator.integers(5, 400))
     heading = generator.uniform(0.0, 360.0) + generator.normal(0.0, 0.5) * t
     heading += generator.normal(0.0, 30.0) * np.sin(2.0 * np.pi * t / generator.uniform(50.0, 900.0))
-    current = np.exp(1j * (generator.uniform(0.0, 6.3) + t / generator.uniform(500.0, 5000.0)))
+    current = np.exp(1j * (generator.uniform(0.0, 6.3) + t / generator.uniform(3000.0, 10_000.0)))
     own = generator.normal(0.0, 1.0) * np.exp(1j * np.deg2rad(heading))
     noise = generator.normal(0.0, generator.uniform(0.0, 3.0), (2, t.size))
     verdict = judge_heading(
@@ -104,6 +104,13 @@ def test_a_straight_course_tells_no_sense_but_its_candidates() -> None:
     assert not judge_heading(moves, {"deg": heading}).unit
     assert [each.name for each in conventions_of_course(moves, heading)] == ["anticlockwise"]
     assert conventions_of_course(moves, np.full(60, 110.0)) == ()
+
+
+@pytest.mark.parametrize("ratio", [-1.0, -0.7, 0.1])
+def test_a_ship_adrift_and_a_stream_that_veer_alike_tell_nothing(ratio: float) -> None:
+    heading = np.linspace(0.0, 120.0, 300)
+    moves = np.exp(1j * np.deg2rad(ratio * heading))
+    assert not judge_heading(moves, recorded_as(heading, CLOCKWISE, "deg")).unit
 
 
 def test_turns_are_swings_and_no_noise() -> None:
