@@ -61,6 +61,29 @@ def counted_on(values: Floats, outside: Bools) -> bool:
     return bool(are_angles(values)[outside].all()) and int(outside.sum()) >= _LEAST_STAY * max(entries, 1)
 
 
+def is_other_convention(channel: Channel, values: Floats) -> bool:
+    """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
+    counted on beyond the turn.
+
+    They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
+    halves make one turn; three different values at least, or a code for no value would pass. The closed end of
+    the channel's own turn, like a heading of 360, is always the same angle.
+    """
+    values = values[np.isfinite(values)]
+    impossible = ~is_possible(channel, values)
+    outside = values[impossible]
+    if not channel.circular or not outside.size:
+        return False
+    closed = -180.0 if channel.low < 0.0 else 360.0
+    ours, theirs = ((-180.0, 0.0), (180.0, 360.0)) if channel.low < 0.0 else ((180.0, 360.0), (-180.0, 0.0))
+    contradicting = (values > ours[0]) & (values < ours[1])
+    other = (outside >= theirs[0]) & (outside < theirs[1])
+    if (outside == closed).all():
+        return True
+    whole_turn = bool((other | (outside == closed)).all()) and not contradicting.any()
+    return (whole_turn and np.unique(outside).size >= 3) or counted_on(values, impossible)
+
+
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:
     """The shortest rotation from one angle to another, -180 < x <= 180 [deg]."""
     return wrap_180(np.asarray(to_deg, dtype=float) - np.asarray(from_deg, dtype=float))

@@ -41,7 +41,7 @@ class Linear(NamedTuple):
 
 _SIZES: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "km": 1000.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "dm": 0.1, "in": 0.0254, "nmi": 1852.0},
-    "deg": {"deg": 1.0, "rad": DEG_PER_RAD, "cdeg": 0.01, "degE7": 1e-7},
+    "deg": {"deg": 1.0, "rad": DEG_PER_RAD, "ddeg": 0.1, "cdeg": 0.01, "degE7": 1e-7},
     "m/s": {"m/s": 1.0, "km/h": 1.0 / 3.6, "knots": KNOT_MPS, "cm/s": 0.01, "mm/s": 0.001},
     "deg/s": {"deg/s": 1.0, "deg/min": 1.0 / 60.0, "rad/s": DEG_PER_RAD, "mrad/s": DEG_PER_RAD / 1000.0},
     "rpm": {"rpm": 1.0, "rps": 60.0, "Hz": 60.0},

@@ -7,8 +7,6 @@ asks.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,25 +14,36 @@ import pandas as pd
 import pymap3d
 
 from acquisition.core.actuators import KINDS, Actuators, as_text
-from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from acquisition.core.units import scale_to
 from acquisition.tables import evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
 from acquisition.tables.column_map import from_text, is_south_or_west
-from acquisition.tables.derived_columns import heading_of_quaternion, rate
+from acquisition.tables.derived_columns import rate
 from acquisition.tables.draft import SKIP, Candidate, Draft
-from acquisition.tables.evidence import (
-    Fit,
-    Rate,
-    Told,
-    agreement,
-    fit,
-    increments,
-    integrals,
-    means,
-    restlessness,
+from acquisition.tables.evidence import Told, agreement, fit, increments, integrals, means, restlessness
+from acquisition.tables.heading_columns import (
+    angle_unit,
+    check_sway,
+    judge_heading_column,
+    read_earth_velocity,
+    read_heading,
+    read_yaw_rate,
+)
+from acquisition.tables.table_context import (
+    GROUND,
+    POSITION,
+    UNKNOWN,
+    Known,
+    asked,
+    best,
+    changes_of,
+    mean_angle,
+    rate_unit,
+    take,
+    take_best,
+    turn_round,
 )
 
 FASTEST_MPS = 30.0  # what a speed channel holds
@@ -44,101 +53,29 @@ _WINDS = {
     "apparent": ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
 }
 _ALONG_TRACK = ("speed_over_ground_mps", "surge_mps")
-_SPEEDS = (*_ALONG_TRACK, "sway_mps", "speed_through_water_mps")
+_SPEEDS = ("surge_mps", "sway_mps", "speed_through_water_mps")
 _ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
-_POSITION = ("north_m", "east_m")
-_GROUND = ("course_over_ground_deg", "speed_over_ground_mps")
-_UNKNOWN = Fit(np.nan, 0.0, 0)
-
-
-@dataclass(slots=True)
-class Known:
-    """What is known of a table so far: the seconds of its rows [n], the instants between which increments are
-    compared, the channels of the map, their values [n] in our units, and the units that speeds have for sure."""
-
-    draft: Draft
-    t: Floats
-    grid: Floats
-    channels: dict[str, dict[str, Any]] = field(default_factory=dict)
-    series: dict[str, Floats] = field(default_factory=dict)
-    speed_units: set[str] = field(default_factory=set)
 
 
 def read_channels(known: Known, ship: Actuators) -> Actuators:
     """Put the channels that columns hold into ``known`` and the map of its draft; the ship's actuators."""
     _read_geographic(known)
-    _read_heading(known)
+    read_heading(known)
     _read_plane(known)
-    _check_heading(known)
+    take_best(known, "speed_over_ground_mps", _speed_unit)
+    take_best(known, "course_over_ground_deg", angle_unit)
+    judge_heading_column(known)
+    read_earth_velocity(known)
     for name in _SPEEDS:
-        _take_best(known, name, _speed_unit)
-    _take_best(known, "course_over_ground_deg", _angle_unit)
-    _check_sway(known)
-    _read_yaw_rate(known)
+        if name not in known.series:
+            take_best(known, name, _speed_unit)
+    check_sway(known)
+    read_yaw_rate(known)
     for name in _ANGLES:
-        _take_best(known, name, _angle_unit)
-    _take_best(known, "heave_m", lambda _, heave, __: heave.headed or ("m", "by its name"))
+        take_best(known, name, angle_unit)
+    take_best(known, "heave_m", lambda _, heave, __: heave.headed or ("m", "by its name"))
     _read_wind(known)
     return _read_actuators(known, ship)
-
-
-def best(draft: Draft, name: str) -> Candidate | None:
-    """The likeliest column for a quantity; the others are said to be left."""
-    found = draft.of(name)
-    for each in found[1:]:
-        draft.note(each.column, "-", "", f"not used: {found[0].column!r} is taken for it")
-    return found[0] if found else None
-
-
-def _take(known: Known, name: str, candidate: Candidate, unit: str, *why: str, **more: Any) -> None:
-    """Let a column be a channel."""
-    channel, column, draft = BY_NAME[name], candidate.column, known.draft
-    entry: dict[str, Any] = {"column": column, "unit": unit}
-    factor = more["full_scale"] / 100.0 if more else scale_to(channel.unit, unit)
-    values = draft.numbers(column)
-    if missing := evidence.codes_of(values, factor, channel):
-        entry["missing"] = missing
-        why = (*why, f"{', '.join(f'{each:g}' for each in missing)} stands for no value")
-        values = evidence.without_codes(values, missing)
-    known.channels[name] = entry | more
-    known.series[name] = values * factor
-    draft.note(column, name, unit, *why)
-    if np.isnan(values).all():
-        draft.warnings.append(f"column {column!r}, taken for {name}, holds no value at all")
-
-
-def _take_best(known: Known, name: str, unit_of: Callable[[Known, Candidate, str], Told | None]) -> None:
-    candidate = best(known.draft, name)
-    if candidate is not None and (told := unit_of(known, candidate, name)):
-        _take(known, name, candidate, *told)
-
-
-def _turn_round(known: Known, name: str, why: str) -> None:
-    """Change the sign of a channel that was taken."""
-    entry, readings = known.channels[name], known.draft.readings
-    entry["scale"] = -entry.get("scale", 1.0)
-    known.series[name] = -known.series[name]
-    place = next(i for i, each in enumerate(readings) if each.taken_for == name)
-    readings[place] = replace(readings[place], reasons=(*readings[place].reasons, f"sign turned: {why}"))
-    known.draft.warnings.append(f"the sign of {readings[place].column!r} is turned round: {why}")
-
-
-def _asked(draft: Draft, key: str, text: str, options: tuple[str, ...]) -> Told | None:
-    """The unit that a person says, the first one until then; None for a column that is to be left out."""
-    answer = draft.ask(key, text, options)
-    return None if answer == SKIP else (answer or options[0], "as answered")
-
-
-def _steps(known: Known, *names: str) -> list[Floats]:
-    """How much channels change from one moment of the grid to the next; empty where that cannot be told."""
-    if known.grid.size < 3 or not set(names) <= set(known.series):
-        return []
-    turning = {"heading_deg": unwrap(known.series["heading_deg"])} if "heading_deg" in names else {}
-    return [increments(known.t, (known.series | turning)[name], known.grid) for name in names]
-
-
-def _mean_heading(known: Known) -> Floats:
-    return means(known.t, unwrap(known.series["heading_deg"]), known.grid)
 
 
 def _read_geographic(known: Known) -> None:
@@ -193,15 +130,16 @@ def _take_position(
     draft.note(longitude.column, "longitude_deg, east_m", *told)
     valid = evidence.is_place(*degrees)
     there = [each[valid] for each in degrees]
+    known.origin = float(there[0][0]), float(there[1][0])
     plane = np.full((2, valid.size), np.nan)
     plane[:, valid] = pymap3d.geodetic2ned(*there, 0.0, there[0][0], there[1][0], 0.0)[:2]
-    known.series |= dict(zip(_POSITION, plane, strict=True))
+    known.series |= dict(zip(POSITION, plane, strict=True))
 
 
 def _read_plane(known: Known) -> None:
     """Metres to north and east, or x and y, where there is no latitude."""
     draft, why = known.draft, "by its name"
-    north, east, x, y = (best(draft, name) for name in (*_POSITION, "x", "y"))
+    north, east, x, y = (best(draft, name) for name in (*POSITION, "x", "y"))
     if "position" in draft.tree:
         return
     if not (north and east) and x and y:
@@ -213,8 +151,8 @@ def _read_plane(known: Known) -> None:
             why = "the track runs where the heading points"
         north, east = (y, x) if turned else (x, y)
     if north and east:
-        for name, each in zip(_POSITION, (north, east), strict=True):
-            _take(known, name, each, (each.units or ("m",))[0], why)
+        for name, each in zip(POSITION, (north, east), strict=True):
+            take(known, name, each, (each.units or ("m",))[0], why)
             _count_from_start(known, name)
 
 
@@ -233,7 +171,7 @@ def _is_x_east(known: Known, x: Candidate, y: Candidate) -> bool | None:
     """Whether x is to the east by the heading; None where that cannot be told."""
     if "heading_deg" not in known.series or known.grid.size < 3:
         return None
-    draft, angle = known.draft, _mean_heading(known)
+    draft, angle = known.draft, mean_angle(known, known.series["heading_deg"])
     one, two = (increments(known.t, draft.numbers(each.column), known.grid) for each in (x, y))
     body = [draft.of(name) for name in ("surge_mps", "sway_mps")]
     if all(body):
@@ -243,104 +181,12 @@ def _is_x_east(known: Known, x: Candidate, y: Candidate) -> bool | None:
     return None if abs(as_north - as_east) < 0.3 or max(as_north, as_east) < 0.5 else as_east > as_north
 
 
-def _angle_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
-    """Degrees or radians: as the head says, else by the range, else as the heading, else asked."""
-    if candidate.headed:
-        return candidate.headed
-    values = evidence.without_codes(known.draft.numbers(candidate.column))
-    values = values[np.isfinite(values)]
-    if values.size == 0:
-        return "deg", "no value"
-    if name == "heading_deg" and (found := _turns_as_the_track(known, candidate)):
-        return found
-    text = f"{candidate.column!r}, taken for {name}, goes up to {np.max(np.abs(values)):.3g}: degrees or radians?"
-    return evidence.angle_by_range(values, name, known.channels.get("heading_deg", {}).get("unit", "")) or _asked(
-        known.draft, f"unit.{candidate.column}", text, ("deg", "rad")
-    )
-
-
-def _turns_as_the_track(known: Known, candidate: Candidate) -> Told | None:
-    """The unit in which a heading turns as much as the track does, radians that run on among them."""
-    track = _track(known)
-    if not track or known.grid.size < 3:
-        return None
-    north, east = (increments(known.t, each, known.grid) for each in track)
-    course = np.diff(unwrap(np.rad2deg(np.arctan2(east, north))))
-    heading, fitting = known.draft.numbers(candidate.column), []
-    for unit in ("deg", "rad"):
-        turned = means(known.t, unwrap(heading * scale_to("deg", unit)), known.grid)
-        found = fit(course, np.diff(turned))
-        fitting += [unit] if found.is_clear and 1.0 / evidence.NEAR < abs(found.factor) < evidence.NEAR else []
-    return (fitting[0], "it turns as the track does") if len(fitting) == 1 else None
-
-
-def _track(known: Known) -> list[Floats]:
-    """Two coordinates of the position, whichever is which; empty where there are none."""
-    if "north_m" in known.series:
-        return [known.series[name] for name in _POSITION]
-    pairs = [[known.draft.of(name) for name in names] for names in (_POSITION, ("x", "y"))]
-    return next(([known.draft.numbers(each[0].column) for each in pair] for pair in pairs if all(pair)), [])
-
-
-def _read_heading(known: Known) -> None:
-    draft = known.draft
-    quaternion = [draft.of(f"quaternion_{part}") for part in "xyzw"]
-    candidate = best(draft, "heading_deg")
-    if candidate is None and all(quaternion):
-        names = [each[0].column for each in quaternion]
-        draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
-        x, y, z, w = (draft.numbers(name) for name in names)
-        known.series["heading_deg"] = heading_of_quaternion(x, y, z, w)
-        for name in names:
-            draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
-        return
-    candidate = candidate or _course_as_heading(draft)
-    if candidate is not None and (told := _angle_unit(known, candidate, "heading_deg")):
-        _take(known, "heading_deg", candidate, *told)
-
-
-def _course_as_heading(draft: Draft) -> Candidate | None:
-    """A column called course: the heading beside a course over ground, else asked."""
-    found = draft.of("course")
-    if not found or draft.of("course_over_ground_deg"):
-        return found[0] if found else None
-    text = f"is {found[0].column!r} the heading or the course over ground?"
-    answer = draft.ask("course", text, ("heading", "course over ground"))
-    if answer and answer != "heading":
-        quantity = replace(found[0].quantity, name="course_over_ground_deg")
-        draft.candidates.append(replace(found[0], quantity=quantity))
-    return found[0] if answer == "heading" else None
-
-
-def _check_heading(known: Known) -> None:
-    """Say so where the track runs elsewhere than the heading points."""
-    steps = _steps(known, *_POSITION, "heading_deg")
-    if not steps:
-        return
-    heading, warnings = _mean_heading(known), known.draft.warnings
-    along = agreement(steps[0], steps[1], heading)
-    mirrored = agreement(steps[1], steps[0], heading)  # of a straight run to the north-east both may be high
-    if along < 0.5 and mirrored > 0.8:
-        warnings.append("the track runs along the heading with its axes exchanged: latitude for longitude?")
-    elif along < -0.5:
-        warnings.append("the ship moves astern most of the time by position and heading: heading of the stern?")
-
-
-def _rate_unit(known: Known, candidate: Candidate, found: Fit, kind: Rate) -> Told | None:
-    """A rate's unit as the head says, else as the fit does; an oddness between the two is said."""
-    if not candidate.headed:
-        return evidence.rate_by_fit(found, kind)
-    if odd := evidence.odd_factor(candidate.column, candidate.units[0], found, kind):
-        known.draft.warnings.append(odd)
-    return candidate.headed
-
-
 def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     """A speed's unit, and why; None where it is to be left out."""
-    values, found = known.draft.numbers(candidate.column), _UNKNOWN
-    if name in _ALONG_TRACK and (steps := _steps(known, *_POSITION)):  # sway is across it, and water moves
+    values, found = known.draft.numbers(candidate.column), UNKNOWN
+    if name in _ALONG_TRACK and (steps := changes_of(known, *POSITION)):  # sway is across it, and water moves
         found = fit(np.hypot(*steps), np.abs(integrals(known.t, values, known.grid)))
-    if told := _rate_unit(known, candidate, found, evidence.SPEED):
+    if told := rate_unit(known, candidate, found, evidence.SPEED):
         known.speed_units.add(told[0])
         return told
     if len(known.speed_units) == 1:
@@ -351,35 +197,7 @@ def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     if largest > FASTEST_MPS:
         known.draft.warnings.append(f"{candidate.column!r} goes up to {largest:.4g}: km/h?")
     text = f"{candidate.column!r}, taken for {name}, goes up to {largest:.3g} in no unit: m/s or knots?"
-    return _asked(known.draft, "unit.speed", text, evidence.SPEED.units[:3])
-
-
-def _check_sway(known: Known) -> None:
-    steps = _steps(known, *_POSITION, "heading_deg", "sway_mps")
-    if not steps:
-        return
-    heading = np.deg2rad(_mean_heading(known))
-    across = steps[1] * np.cos(heading) - steps[0] * np.sin(heading)
-    found = fit(across, integrals(known.t, known.series["sway_mps"], known.grid))
-    if found.is_clear and found.factor < 0.0:
-        _turn_round(known, "sway_mps", "positive to starboard by the track")
-
-
-def _read_yaw_rate(known: Known) -> None:
-    candidate = best(known.draft, "yaw_rate_dps")
-    if candidate is None:
-        return
-    found, column = _UNKNOWN, candidate.column
-    if steps := _steps(known, "heading_deg"):
-        found = fit(steps[0], integrals(known.t, evidence.without_codes(known.draft.numbers(column)), known.grid))
-    text = f"{column!r}, taken for yaw_rate_dps: in which unit? The heading does not tell."
-    told = _rate_unit(known, candidate, found, evidence.TURNING)
-    told = told or _asked(known.draft, f"unit.{column}", text, evidence.TURNING.units)
-    if told is None:
-        return
-    _take(known, "yaw_rate_dps", candidate, *told)
-    if found.is_clear and found.factor < 0.0:
-        _turn_round(known, "yaw_rate_dps", "positive to starboard by the heading")
+    return asked(known.draft, "unit.speed", text, evidence.SPEED.units[:3])
 
 
 def _read_wind(known: Known) -> None:
@@ -396,13 +214,13 @@ def _read_wind(known: Known) -> None:
 
 def _take_wind(known: Known, kind: str, angle: Candidate | None, speed: Candidate | None) -> None:
     angle_name, speed_name = _WINDS[kind]
-    told = _angle_unit(known, angle, angle_name) if angle else None
+    told = angle_unit(known, angle, angle_name) if angle else None
     if angle and told:
-        _take(known, angle_name, angle, *told)
+        take(known, angle_name, angle, *told)
     unit = _wind_unit(known, speed, angle if kind == "apparent" else None) if speed else None
     if not speed or not unit:
         return
-    _take(known, speed_name, speed, *unit)
+    take(known, speed_name, speed, *unit)
     known_wind = "wind_direction_deg" in known.channels or "heading_deg" not in known.series
     if angle and told and kind == "apparent" and not known_wind:
         entry = {"angle": angle.column, "speed": speed.column, "speed_unit": unit[0], "angle_unit": told[0]}
@@ -421,7 +239,7 @@ def _wind_unit(known: Known, speed: Candidate, apparent: Candidate | None) -> To
         if steadiest := _steadiest(told):
             return steadiest, "so the wind over ground is steadiest"
     text = f"{speed.column!r}, a wind speed, goes up to {np.nanmax(values):.3g} in no unit: m/s or knots?"
-    return _asked(known.draft, "unit.wind", text, evidence.SPEED.units[:3])
+    return asked(known.draft, "unit.wind", text, evidence.SPEED.units[:3])
 
 
 def _steadiest(changes: dict[str, float]) -> str | None:
@@ -460,7 +278,7 @@ def _velocity(known: Known) -> np.ndarray | None:
     series = known.series
     if {"surge_mps", "sway_mps", "heading_deg"} <= set(series):
         return np.asarray((series["surge_mps"] + 1j * series["sway_mps"]) * _vector(1.0, series["heading_deg"]))
-    if set(_GROUND) <= set(series):
+    if set(GROUND) <= set(series):
         return _vector(series["speed_over_ground_mps"], series["course_over_ground_deg"])
     if "north_m" not in series:
         return None
@@ -489,11 +307,11 @@ def _take_control(known: Known, found: Found) -> None:
     if unit == "%":
         told: Told | None = ((candidate.units or ("%",))[0], "")
     elif unit == "deg":
-        told = _angle_unit(known, candidate, found.channel)
+        told = angle_unit(known, candidate, found.channel)
     else:
         told = _turns_unit(known.draft, candidate)
     if told:
-        _take(known, found.channel, candidate, *told, found.why)
+        take(known, found.channel, candidate, *told, found.why)
         if unit == "deg":
             _check_helm(known, found)
 
@@ -512,7 +330,7 @@ def _take_share(known: Known, found: Found, unit: str) -> None:
         draft.note(column, "-", "percent", "left out: percent of an unknown full scale")
         return
     why = f"100 % is {given} {unit}, as answered"
-    _take(known, found.channel, found.candidate, "percent", why, found.why, full_scale=float(given))
+    take(known, found.channel, found.candidate, "percent", why, found.why, full_scale=float(given))
 
 
 def _turns_unit(draft: Draft, candidate: Candidate) -> Told | None:
@@ -521,7 +339,7 @@ def _turns_unit(draft: Draft, candidate: Candidate) -> Told | None:
     values = draft.numbers(candidate.column)
     largest = float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
     text = f"{candidate.column!r} goes up to {largest:.3g}: turns a minute or a second?"
-    return evidence.turns_by_range(largest, candidate.words) or _asked(
+    return evidence.turns_by_range(largest, candidate.words) or asked(
         draft, f"unit.{candidate.column}", text, ("rpm", "rps")
     )
 
@@ -529,12 +347,12 @@ def _turns_unit(draft: Draft, candidate: Candidate) -> Told | None:
 def _check_helm(known: Known, found: Found) -> None:
     """Turn the sign of a helm that turns the ship the other way."""
     turns, rate_of_turn = KINDS[found.kind].turns, known.series.get("yaw_rate_dps")
-    steps = _steps(known, "heading_deg")
-    if not turns or known.grid.size < 3 or (rate_of_turn is None and not steps):
+    steps = changes_of(known, "heading_deg")
+    if not turns or known.heading_is_asked or known.grid.size < 3 or (rate_of_turn is None and not steps):
         return
     turned = steps[0] if rate_of_turn is None else means(known.t, rate_of_turn, known.grid)
     helm = np.sin(np.deg2rad(means(known.t, known.series[found.channel], known.grid)))
     lagged = [fit(turned[lag:], helm[: helm.size - lag]).correlation for lag in range(4)]
     if max(lagged, key=abs) * turns < -0.5:
         way = "port" if turns > 0 else "starboard"
-        _turn_round(known, found.channel, f"positive turned the ship to {way}")
+        turn_round(known, found.channel, f"positive turned the ship to {way}")

@@ -32,7 +32,7 @@ from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
-from acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion
+from acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion, to_ship_axes
 from acquisition.tables.table_files import (
     RawTable,
     TableFile,
@@ -118,6 +118,15 @@ class ApparentWind:
     speed_unit: str = "m/s"
 
 
+@dataclass(frozen=True, config=_STRICT)
+class Velocity:
+    """The columns of the velocity over ground to north and to east: surge and sway follow with the heading."""
+
+    north: str
+    east: str
+    unit: str = "m/s"
+
+
 def _derivable(name: str) -> str:
     if name not in DERIVED:
         raise ValueError(f"cannot be derived; {', '.join(DERIVED)} can")
@@ -153,6 +162,7 @@ class ColumnMap:
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
     orientation: Orientation | None = None
+    velocity: Velocity | None = None
     trial: RunSheet = field(default_factory=RunSheet)
     absent: tuple[AnyChannel, ...] = ()
     derive: tuple[Annotated[str, AfterValidator(_derivable)], ...] = ()
@@ -172,6 +182,8 @@ class ColumnMap:
             named += [self.apparent_wind.angle, self.apparent_wind.speed]
         if self.orientation:
             named += [getattr(self.orientation, part) for part in "xyzw"]
+        if self.velocity:
+            named += [self.velocity.north, self.velocity.east]
         return tuple(dict.fromkeys(name for name in named if name is not None))
 
     @property
@@ -286,6 +298,8 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
         _add_position(result, columns.position, asked)
     if columns.orientation:
         _add_heading(result, columns.orientation, asked)
+    if columns.velocity:
+        _add_velocity(result, columns.velocity, asked)
     result.sources.update(derive(result.table, columns.derive))
     if columns.apparent_wind:
         _add_true_wind(result, columns.apparent_wind, asked)
@@ -428,6 +442,18 @@ def _add_heading(result: TableFile, entry: Orientation, asked: _Asked) -> None:
     x, y, z, w = (asked.numbers(getattr(entry, part), ("orientation", part)) for part in "xyzw")
     result.table["heading_deg"] = heading_of_quaternion(x, y, z, w, entry.frame)
     result.sources["heading_deg"] = f"table: {entry.z} ... derived from the quaternion"
+
+
+def _add_velocity(result: TableFile, entry: Velocity, asked: _Asked) -> None:
+    """Surge and sway of the velocity to north and to east."""
+    if "heading_deg" not in result.table:
+        where = line_in_map(asked.map_path, ["velocity"])
+        raise ConfigurationError("velocity needs heading_deg", where=where, fix="map it too")
+    scale = scale_to("m/s", entry.unit)
+    north, east = (scale * asked.numbers(getattr(entry, way), ("velocity", way)) for way in ("north", "east"))
+    for name, values in to_ship_axes(result.table, north, east).items():
+        result.table[name] = values
+        result.sources[name] = f"table: {entry.north}, {entry.east} turned by heading_deg"
 
 
 def _add_true_wind(result: TableFile, entry: ApparentWind, asked: _Asked) -> None:

@@ -131,6 +131,10 @@ _NAMES: dict[str, str] = {
     " grader degrees_t 度 °true dd decimal_degrees decdeg",
     "rad": "rad rads radian radians radianer",
     "degE7": "dege7 1e-7deg deg*1e7",
+    "ddeg": "ddeg 0.1deg 0.1_deg 0.1° deg*10 degx10 deg/10 1/10deg 1/10_deg 1/10° decideg decidegrees tenths"
+    " tenths_of_degrees tenths_of_a_degree",
+    "cdeg": "cdeg 0.01deg 0.01_deg 0.01° deg*100 degx100 deg/100 1/100deg 1/100_deg 1/100° centideg centidegrees"
+    " hundredths hundredths_of_degrees hundredths_of_a_degree",
     "ddmm": "dmm ddm ddmm ddmm.mmmm dddmm.mmmm ddmm.mmm dddmm.mmm ddmm.mm ddmmm deg_min deg-min degmin °'",
     "m/s": "m/s 米/秒 mps ms-1 m.s-1 m*s-1 m_s m_s-1 m·s-1 m/sec meter/s metre/s m/sek mtr/s m_per_s",
     "knots": "kn kt kts knot knots knoten knop knots. noeud noeuds nd nds nudo nudos nodo nodi no nos"

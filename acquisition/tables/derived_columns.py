@@ -64,9 +64,15 @@ def _velocity(table: pd.DataFrame, seconds: Floats) -> Made:
     if told is None:
         return None
     north, east, source = told
+    return to_ship_axes(table, north, east), f"{source} and heading_deg"
+
+
+def to_ship_axes(table: pd.DataFrame, north: Floats, east: Floats) -> dict[str, Floats]:
+    """Surge and sway [m/s] of velocities [n] to north and east in the rows of a table with a heading."""
+    seconds = seconds_of(pd.DatetimeIndex(table.index))
     heading = at_all_rows(seconds, unwrap(table["heading_deg"].to_numpy(dtype=float)))
     surge, sway = _to_body(north, east, heading)
-    return {"surge_mps": surge, "sway_mps": sway}, f"{source} and heading_deg"
+    return {"surge_mps": surge, "sway_mps": sway}
 
 
 def _course(table: pd.DataFrame, seconds: Floats) -> Made:

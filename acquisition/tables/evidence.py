@@ -18,6 +18,7 @@ from acquisition.core.units import from_degrees_and_minutes, scale_to
 
 _STEP_S = 5.0  # long against a receiver's noise and delay, short against a turn
 _STEP_ROWS = 2.0
+_LONGEST_GAP_STEPS = 3.0  # a ship turns in longer ones
 _FEWEST = 8
 _OUTLYING = 6.0
 _MOST = 5000
@@ -64,6 +65,16 @@ def integrals(seconds: Floats, rates: Floats, grid: Floats) -> Floats:
         return np.full(grid.size - 1, np.nan)
     total = np.concatenate([[0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * np.diff(t))])
     return np.diff(np.interp(grid, t, total))
+
+
+def over_gaps(seconds: Floats, grid: Floats) -> Bools:
+    """Which steps of the grid lie, with an end, where nothing was measured for longer than three steps."""
+    there = np.sort(seconds[np.isfinite(seconds)])
+    if there.size < 2 or grid.size < 2:
+        return np.ones(max(grid.size - 1, 0), np.bool_)
+    after = np.clip(np.searchsorted(there, grid), 1, there.size - 1)
+    lost = there[after] - there[after - 1] > _LONGEST_GAP_STEPS * (grid[1] - grid[0])
+    return np.asarray(lost[1:] | lost[:-1])
 
 
 def means(seconds: Floats, values: Floats, grid: Floats) -> Floats:

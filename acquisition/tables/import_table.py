@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
-from acquisition.core.angles import counted_on, in_turn, is_possible
+from acquisition.core.angles import in_turn, is_other_convention, is_possible
 from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
 from acquisition.core.channels import (
@@ -291,9 +291,9 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile
 
 
 def _in_its_turn(channel: Channel, values: Floats) -> Floats:
-    """Angles that are counted on beyond their channel's turn come back into it; all else stays to be flagged."""
-    outside = np.isfinite(values) & (np.abs(values) > 360.0)
-    return in_turn(channel, values) if outside.any() and counted_on(values, outside) else values
+    """Angles of the other convention, or counted on, come back into their channel's turn; all else stays to be
+    flagged."""
+    return in_turn(channel, values) if is_other_convention(channel, values) else values
 
 
 def _for_ship(file: TableFile, ship: Actuators, raw: RawTable) -> TableFile:

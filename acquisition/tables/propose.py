@@ -18,10 +18,11 @@ from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError
-from acquisition.tables.channel_columns import FASTEST_MPS, Known, best, read_channels
+from acquisition.tables.channel_columns import FASTEST_MPS, read_channels
 from acquisition.tables.column_map import Long, widen
 from acquisition.tables.draft import Draft, Question, Reading, as_toml, candidates_of, check_keys, with_answers
 from acquisition.tables.evidence import grid_of
+from acquisition.tables.table_context import Known, best
 from acquisition.tables.table_files import RawTable, parse_numbers, read_times
 from acquisition.tables.time_columns import TimeColumn, resolve_times
 from acquisition.tables.time_reading import read_time
@@ -80,7 +81,8 @@ def propose(
 
 def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
     """A map's keys as a reader expects them: plain values, the ship, the time, the channels."""
-    first = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation")
+    first = ("absent", "derive", "unreadable_rows", "trial", "actuator", "long", "time", "position", "orientation",
+             "velocity")  # fmt: skip
     return {key: tree[key] for key in (*first, "channels", *tree) if key in tree}
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import counted_on, is_possible
+from acquisition.core.angles import is_other_convention, is_possible
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality, iso
@@ -55,29 +55,6 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
 def find_out_of_range(samples: Series, channel: Channel) -> Bools:
     """Where the value is impossible by :meth:`Channel.holds`."""
     return ~is_possible(channel, samples.value) & ~np.isnan(samples.value)
-
-
-def is_other_convention(samples: Series, channel: Channel) -> bool:
-    """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
-    counted on beyond the turn.
-
-    They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
-    halves make one turn; three different values at least, or a code for no value would pass. The closed end of
-    the channel's own turn, like a heading of 360, is always the same angle.
-    """
-    values = samples.value[~np.isnan(samples.value)]
-    impossible = ~is_possible(channel, values)
-    outside = values[impossible]
-    if not channel.circular or not outside.size:
-        return False
-    closed = -180.0 if channel.low < 0.0 else 360.0
-    ours, theirs = ((-180.0, 0.0), (180.0, 360.0)) if channel.low < 0.0 else ((180.0, 360.0), (-180.0, 0.0))
-    contradicting = (values > ours[0]) & (values < ours[1])
-    other = (outside >= theirs[0]) & (outside < theirs[1])
-    if (outside == closed).all():
-        return True
-    whole_turn = bool((other | (outside == closed)).all()) and not contradicting.any()
-    return (whole_turn and np.unique(outside).size >= 3) or counted_on(values, impossible)
 
 
 def find_duplicates(samples: Series) -> Bools:
@@ -321,7 +298,7 @@ def channel_faults(
         "quantised": _throughout(times, 0.0 if steady else quantisation_step(sound, channel)),
         "time_jitter": _throughout(times, jitter if jitters else 0.0),
     }
-    return ChannelFaults(channel, samples, masks, listed, is_other_convention(samples, channel))
+    return ChannelFaults(channel, samples, masks, listed, is_other_convention(channel, samples.value))
 
 
 def _throughout(times: Ints, size: float) -> list[Stretch]:

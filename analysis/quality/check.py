@@ -273,9 +273,12 @@ def _single_findings(
             if name not in said
         }
         made = findings_of(code, troubles, channels)
-        turned = [name for name, fault in faults.items() if fault.other_turn] if code == "out_of_range" else []
+        contradicted = {each.channel for each in across if each.code == "motion_contradiction"}
+        turned = [name for name, fault in faults.items() if fault.other_turn and name not in contradicted]
         found += [
-            other_convention_finding(each, channels[each.channel]) if each.channel in turned else each
+            other_convention_finding(each, channels[each.channel])
+            if code == "out_of_range" and each.channel in turned
+            else each
             for each in made
         ]
     return found

@@ -17,7 +17,7 @@ pitches. Each finding says in which band of frequencies it shows.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -28,7 +28,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
-from analysis.quality.motion.coarse import coarse_fit, contradiction_finding
+from analysis.quality.motion.coarse import Coarse, coarse_fit, contradiction_finding
+from analysis.quality.motion.conventions import axes_finding, heading_finding, is_derived_from
 from analysis.quality.motion.jitter import (
     SMALLEST_POSITION_JITTER_S,
     heading_jitter,
@@ -74,9 +75,9 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     """
     names = [name for name in MOTION if name in table]
     try:
-        coarse = coarse_fit(table)
-        if coarse.contradiction:
-            return _flagged(table, (contradiction_finding(table, coarse),))
+        contradiction, coarse = _contradiction(table)
+        if contradiction is not None:
+            return _flagged(table, (contradiction,))
         fit = fit_kinematics(table, coarse)
     except (DataShortageError, InputError, np.linalg.LinAlgError):  # the last: too few data for all parameters
         return CheckResult(uniform_flags(table, names, Quality.NOT_EVALUATED))
@@ -90,13 +91,35 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     return _flagged(table, (diverged,))
 
 
+def _contradiction(table: pd.DataFrame) -> tuple[Finding | None, Coarse | None]:
+    """A sign, unit or convention by which the motion channels contradict each other, and the coarse fit to them."""
+    if (axes := _where_possible(axes_finding, table)) is not None:
+        return axes, None
+    missing = any(name not in table for name in MOTION)
+    coarse = None if missing else coarse_fit(table)
+    if coarse is not None and coarse.is_explained:
+        return contradiction_finding(table, coarse), coarse
+    heading = _where_possible(heading_finding, table)
+    if heading is None and coarse is not None and coarse.contradiction:
+        return contradiction_finding(table, coarse), coarse
+    return heading, coarse
+
+
+def _where_possible(check: Callable[[pd.DataFrame], Finding | None], table: pd.DataFrame) -> Finding | None:
+    """What a comparison finds, nothing where its channels are missing or too short."""
+    try:
+        return check(table)
+    except (DataShortageError, InputError):
+        return None
+
+
 def _flagged(
     table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...] = ()
 ) -> CheckResult:
-    flags = uniform_flags(table, MOTION)
+    flags = uniform_flags(table, [name for name in MOTION if name in table])
     suspect = {name for finding in findings for name in _group_of(finding.channel)}
     flags = flags.assign(**uniform_flags(table, suspect, Quality.SUSPECT))
-    for name in GROUPS["north_m"]:
+    for name in GROUPS["north_m"] if jumps else ():
         mark(flags, name, np.flatnonzero(displaced(table, jumps) & table[name].notna().to_numpy()), Quality.BAD)
     return CheckResult(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
 
@@ -125,7 +148,16 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         position_jitter_finding(jitter, span),
         heading_jitter_finding(heading_jitter(table, fit), span),
     ]
-    return tuple(each for each in found if each is not None)
+    return tuple(each for each in found if each is not None and not _is_circular(each, table))
+
+
+def _is_circular(finding: Finding, table: pd.DataFrame) -> bool:
+    """Whether a finding compares what an import derived with what it was derived from."""
+    of_turns = is_derived_from(table, "yaw_rate_dps", ("heading_deg",))
+    of_path = is_derived_from(table, "surge_mps", ("north_m",))
+    turns = finding.channel == "yaw_rate_dps" or finding.code == "heading_time_jitter"
+    path = finding.channel in ("north_m", "surge_mps") or finding.code == "heading_offset"
+    return (of_turns and turns) or (of_path and path) or (of_turns and of_path)
 
 
 def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:

@@ -16,7 +16,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.angles import difference
 from acquisition.core.arrays import Complexes, Floats, Ints
+from acquisition.core.conventions import AXES, HEADINGS
 from acquisition.core.units import KNOT_MPS
 from analysis.kinematics import integrate
 from analysis.quality.findings import Finding
@@ -38,6 +40,8 @@ _CONTRADICTED = 0.2
 _LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
 _BEYOND_NOISE = 6.0
 _NEAR_ONE = 0.05
+_NEAR_DEG = 30.0  # between two conventions there are 90
+_UNEXPLAINED = "no sign and no unit that was tried explains it"
 _SPEED_UNITS = {"knots": KNOT_MPS, "km/h": 1.0 / 3.6}
 _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
@@ -53,6 +57,11 @@ class Coarse:
     contradiction: str = ""
     channel: str = ""
     left: float = 0.0
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether a sign or a unit removes the contradiction."""
+        return bool(self.contradiction) and self.contradiction != _UNEXPLAINED
 
     @property
     def neutral(self) -> bool:
@@ -79,7 +88,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
         return Coarse(1.0, 0.0, yaw_rate_factor, *named)
     left = _left_of_long(_Moves.of(motion, _LONG_S), motion)
     if left > _CONTRADICTED:
-        return Coarse(1.0, 0.0, yaw_rate_factor, "no sign and no unit that was tried explains it", "north_m", left)
+        return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", left)
     return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
 
 
@@ -116,11 +125,15 @@ class _Regression:
     def removes(self, other: _Regression) -> bool:
         return self.left_m < _REMOVED * other.left_m
 
+    def clearer(self, other: _Regression, windows: int) -> bool:
+        """Whether it is far likelier than another by what is left."""
+        return bool(_KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER)
+
     def likelier(self, other: _Regression, windows: int) -> bool:
         """Whether its residual is much smaller and it stays likelier with lever arm, delay and heel in the model:
         sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
         much = self.plainly_m < _REMOVED * other.plainly_m
-        return much and _KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER
+        return much and self.clearer(other, windows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,6 +212,10 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
         "body": moves.explained(moves.moved, moves.heading, moves.body.conj()),
         "heading": moves.explained(moves.moved, -moves.heading, moves.body),
     }
+    for axes, velocity in (("north_east", moves.body), ("east_north", 1j * moves.body.conj())):
+        found = moves.explained(moves.moved, np.zeros_like(moves.heading), velocity)
+        if abs(found.ratio - 1.0) < _NEAR_ONE:
+            tried[axes] = found
     if np.ptp(np.angle(np.exp(1j * moves.heading))) < _FULL_TURN_RAD_IN_DEG:
         tried["radians"] = moves.explained(moves.moved, np.rad2deg(moves.heading), moves.body)
     ahead, aside = moves.body.real, moves.body.imag
@@ -213,26 +230,37 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     removes = tried[kind].removes(plain) or (like_an_arm and tried[kind].likelier(plain, moves.count))
     if not removes:
         return None
-    return *_words(kind, float(np.rad2deg(np.angle(tried[kind].ratio)))), plain.plainly_m / path
+    told = {name: _words(name, float(np.rad2deg(np.angle(each.ratio)))) for name, each in tried.items()}
+    rivals = [
+        told[name][0]
+        for name, each in tried.items()
+        if name != kind and each.removes(plain) and not tried[kind].clearer(each, moves.count)
+    ]
+    words, channel = told[kind]
+    return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plainly_m / path
 
 
 def _words(kind: str, angle_deg: float) -> tuple[str, str]:
     if kind == "radians":
-        return "they agree if the heading is in radians, not degrees", "heading_deg"
+        return "the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
-        return "they agree if the heading counts anticlockwise", "heading_deg"
+        off = {each.words: abs(float(difference(angle_deg, each.offset_deg))) for each in HEADINGS[1:]}
+        words = min(off, key=off.__getitem__)
+        return f"the heading counts {words if off[words] < _NEAR_DEG else 'anticlockwise'}", "heading_deg"
+    if kind in AXES:
+        return f"surge and sway are speeds {AXES[kind]}", "surge_mps"
     if "alone" in kind:
-        return f"they agree if {kind}, not m/s", f"{kind.partition(' ')[0]}_mps"
+        return f"{kind}, not m/s", f"{kind.partition(' ')[0]}_mps"
     told = {
-        ("chart", 0): ("they agree if east counts to the west", "east_m"),
-        ("chart", 2): ("they agree if north counts to the south", "north_m"),
-        ("chart", 3): ("they agree if north and east are exchanged", "north_m"),
-        ("body", 0): ("they agree if sway counts to port", "sway_mps"),
-        ("body", 1): ("they agree if surge and sway are exchanged", "surge_mps"),
-        ("body", 2): ("they agree if surge counts astern", "surge_mps"),
+        ("chart", 0): ("east counts to the west", "east_m"),
+        ("chart", 2): ("north counts to the south", "north_m"),
+        ("chart", 3): ("north and east are exchanged", "north_m"),
+        ("body", 0): ("sway counts to port", "sway_mps"),
+        ("body", 1): ("surge and sway are exchanged", "surge_mps"),
+        ("body", 2): ("surge counts astern", "surge_mps"),
     }
-    other = {"chart": ("they agree if the chart is mirrored", "north_m"),
-             "body": ("they agree if one of surge and sway has the wrong sign", "surge_mps")}  # fmt: skip
+    other = {"chart": ("the chart is mirrored", "north_m"),
+             "body": ("one of surge and sway has the wrong sign", "surge_mps")}  # fmt: skip
     return told.get((kind, round(angle_deg / 90.0) % 4), other[kind])
 
 

@@ -82,7 +82,7 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
         return Jitter()
     short, half, long = (_position_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
     usable, short = _usable(long), short[_usable(short)]
-    if usable.sum() < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
+    if min(usable.sum(), len(short)) < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
         return Jitter()
     size, surest = _excess_over_speed(_in_the_limit(long, half, 2)[usable]), _excess_over_speed(short)
     ratio = short[:, 2].sum() / max(float(short[:, 3].sum()), 1e-12)

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.angles import difference, unwrap, wrap_360
+from acquisition.core.angles import difference, is_other_convention, unwrap, wrap_360
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
@@ -17,15 +17,13 @@ from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
-from analysis.quality.channel_checks import is_other_convention
 from analysis.quality.check import check_recording
 from analysis.quality.commands import check_orders
 from analysis.quality.findings import CheckResult, Finding
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.repairs import RepairResult, repair, write_repaired
-from analysis.quality.samples import series_of
 from analysis.quality.wind import check_wind
-from analysis.tables.table import NANO, history_of, read_table, table_of
+from analysis.tables.table import history_of, read_table, table_of
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
@@ -306,8 +304,7 @@ def test_angles_of_the_other_convention_are_named_and_turned(
 @pytest.mark.parametrize("values", [[10.0, 20.0, -99.0, 30.0, -99.0], [200.0, -1.0, -2.0, -3.0], [5.0, 370.0]])
 def test_codes_for_no_value_are_no_convention(values: list[float]) -> None:
     """One value again and again, angles of both conventions, or more than either has."""
-    angles = series_of(np.arange(len(values)) * NANO, np.array(values))
-    assert not is_other_convention(angles, BY_NAME["heading_deg"])
+    assert not is_other_convention(BY_NAME["heading_deg"], np.array(values))
 
 
 def test_impossible_values_that_the_reader_left_out_are_counted_as_repaired(
