@@ -10,7 +10,6 @@ import dataclasses
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
-from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -37,11 +36,9 @@ from acquisition.tables.table_files import (
     RawTable,
     TableFile,
     parse_numbers,
-    parse_times,
-    read_times,
     readable_rows,
 )
-from acquisition.tables.time_columns import IN_NAMES, TimeColumn, resolve_times
+from acquisition.tables.time_columns import TimeColumn, TimedRows, resolve_times
 
 
 def _of_any_ship(name: str, info: ValidationInfo) -> str:
@@ -229,12 +226,12 @@ class _Asked:
     map_path: Path | str
     used: set[str] = field(default_factory=set)
 
-    def drop_unreadable(self, time: TimeColumn, start: str | None, columns: ColumnMap) -> dict[str, int]:
-        """Let rows go that cannot be read; how many, by the reason."""
+    def drop_unreadable(self, timed: TimedRows, columns: ColumnMap) -> tuple[pd.DatetimeIndex, dict[str, int]]:
+        """Drop rows that cannot be read; the times of the others, and how many are dropped, by the reason."""
         given = [name for name in columns.columns_of_numbers if name in self.raw.columns]
-        times = read_times(self.raw, time.column, time.zone, start, time.format == "seconds")
-        self.raw, dropped = readable_rows(self.raw, times, given)
-        return dropped
+        valid, dropped = readable_rows(self.raw, timed.index, given)
+        self.raw = replace(self.raw, columns=self.raw.columns[valid].reset_index(drop=True))
+        return timed.index[valid], dropped
 
     def numbers(self, name: str, keys: tuple[str, ...], missing: tuple[float, ...] = ()) -> Floats:
         values = parse_numbers(self.raw, self.known(name, keys))
@@ -260,19 +257,21 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     :class:`InputError` for cells that are no numbers and rows without a time.
     """
     asked, units, twice = _Asked(raw, map_path), raw.units, 0
-    name = asked.known(columns.time.column, ("time", "column"))
+    asked.known(columns.time.column, ("time", "column"))
     if columns.time.date is not None:
         asked.known(columns.time.date, ("time", "date"))
     if columns.long is not None:
         asked.raw, twice = _widened(asked, columns.long, columns)
         units = asked.raw.units
-    asked.raw, time = resolve_times(asked.raw, columns.time)
-    start = time.start if time.in_name is None else _start_in_name(asked.raw, time)
-    dropped = asked.drop_unreadable(time, start, columns) if columns.unreadable_rows == "drop" else {}
+    drops = columns.unreadable_rows == "drop"
+    timed = resolve_times(asked.raw, columns.time, strict=not drops)
+    asked.raw, index = timed.raw, timed.index
+    dropped: dict[str, int] = {}
+    if drops:
+        index, dropped = asked.drop_unreadable(timed, columns)
     dropped |= {"twice of one variable and time": twice} if twice else {}
-    index = parse_times(asked.raw, name, time.zone, start, seconds=time.format == "seconds")
     trial, known = replace(columns.trial.as_trial(), channels=as_text(declared)), with_declared(declared)
-    result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped)
+    result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
@@ -340,21 +339,6 @@ def long_map(raw: RawTable, known: Collection[str]) -> ColumnMap | None:
 
 _LONG = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
 """The usual names of a long table's columns."""
-
-
-def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
-    """The instant that the seconds count from, by the time that the file's name holds."""
-    form = time.in_name or ""
-    parts = (IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
-    found = re.search("".join(parts), raw.path.name)
-    try:
-        local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
-        seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
-        counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
-        return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
-    except (ValueError, OverflowError) as error:
-        where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
-        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
 
 
 def _turned_back(channel: Channel, values: Floats) -> Floats:

@@ -62,6 +62,14 @@ LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(le
 """The Chinese and Japanese letters of the phrases."""
 PORT, STARBOARD, BOW, STERN = (_WORDS[name] for name in ("port", "starboard", "bow", "stern"))
 TUNNEL, ORDER = _WORDS["tunnel"], _WORDS["order"]
+TIME_WORDS = frozenset(
+    word
+    for each in QUANTITIES
+    if each.name in ("time", "date")
+    for phrase in each.phrases
+    for word in phrase.split()
+)
+"""The words of columns that state the time."""
 _SAY_NO_MORE = PORT | STARBOARD | BOW | STERN | TUNNEL | ORDER | _WORDS["centre"] | _WORDS["nothing"]
 _LEAST_COVER = 0.55  # a "vertical velocity" is no speed: half of the name says something else
 _REST_COUNTS = 0.05  # of words that say nothing: the plainer of two names is meant
