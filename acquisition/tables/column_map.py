@@ -7,12 +7,11 @@ ship's actuators, and it says what becomes of rows that cannot be read.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pandas as pd
@@ -25,12 +24,13 @@ from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
 from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
+from acquisition.tables.coordinates import Axis, degrees_of_text, signs_of, with_hemisphere
 from acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion
 from acquisition.tables.table_files import (
     RawTable,
@@ -80,7 +80,8 @@ class Position:
     """Latitude and longitude columns that ``north_m`` and ``east_m`` are made from.
 
     In degrees, in ``ddmm`` (degrees and minutes in one number), or as ``text`` such as 62°28.146'N; the letters N
-    or S and E or W may stand in columns of their own. Numbers that are ``missing`` stand for no fix.
+    or S and E or W may stand in columns of their own; ``o_is`` says what an O means that nothing beside it decides.
+    Numbers that are ``missing`` stand for no fix.
     """
 
     latitude: str
@@ -89,6 +90,7 @@ class Position:
     north_south: str | None = None
     east_west: str | None = None
     missing: tuple[float, ...] = ()
+    o_is: Literal["east", "west"] | None = None
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -348,8 +350,7 @@ def _turned_back(channel: Channel, values: Floats) -> Floats:
 
 def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
-    latitude = _degrees(asked, entry, "latitude", entry.north_south)
-    longitude = _degrees(asked, entry, "longitude", entry.east_west)
+    latitude, longitude = _degrees(asked, entry)
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
@@ -365,46 +366,38 @@ def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
         result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
 
 
-def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> Floats:
-    """One coordinate of the position [deg]; positive to the north and to the east."""
-    name = getattr(entry, key)
+def _degrees(asked: _Asked, entry: Position) -> list[Floats]:
+    """Latitude and longitude [deg]; positive to the north and to the east."""
+    names = [asked.known(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
+    columns = [asked.raw.columns[name] for name in names]
     if entry.unit == AS_TEXT:
-        return from_text(asked.raw.columns[asked.known(name, ("position", key))])
-    values = asked.numbers(name, ("position", key), entry.missing)
-    if entry.unit != DEGREES_AND_MINUTES:
-        values = values * scale_to("deg", entry.unit)
+        values, signs = degrees_of_text(columns[0], columns[1], entry.o_is)
     else:
-        wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
-        if wrong.size:
-            what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
-            fix = 'say unit = "deg" under [position] if these are decimal degrees'
-            raise InputError(what, where=str(asked.raw.path), fix=fix)
-        values = from_degrees_and_minutes(values)
-    if letters is None:
-        return values
-    column = asked.raw.columns[asked.known(letters, ("position", "north_south"))]
-    return np.where(is_south_or_west(column), -values, values)
+        values = [_angle(asked, name, entry) for name in names]
+        signs = [np.full(each.size, np.nan) for each in values]
+    axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
+    for place, (axis, name) in enumerate(axes):
+        if name is not None:
+            letters = asked.raw.columns[asked.known(name, ("position", axis))]
+            stated = signs_of(letters, axis, entry.o_is)
+            values[place] = np.where(np.isnan(stated) & np.isnan(signs[place]), np.nan, values[place])
+            signs[place] = np.where(np.isnan(signs[place]), stated, signs[place])
+        there = ~np.isnan(signs[place])
+        values[place][there] = with_hemisphere(values[place], signs[place], columns[place])[there]
+    return values
 
 
-def is_south_or_west(letters: pd.Series[Any]) -> Bools:
-    """Which letters of hemispheres are south or west. O is west beside E (oeste, ouest, ovest), in the letters or
-    in the name of their column, and east beside W (Ost). Raises :class:`InputError` where neither is there."""
-    letters = letters.astype("str").str.strip().str.upper()
-    beside = set(letters) | set(re.findall(r"(?<![A-Z])[EW](?![A-Z])", str(letters.name).upper()))
-    if "O" in beside and not beside & {"E", "W"}:
-        what = f"column {letters.name!r} has the letter O, which is east in some languages and west in others"
-        raise InputError(what, fix="write E and W")
-    return np.asarray(letters.isin(["S", "W"] if "W" in beside else ["S", "W", "O"]))
-
-
-def from_text(column: pd.Series[Any]) -> Floats:
-    """Degrees of text such as 62°28.146'N, 62 28 08.8 N, N62.469 or -62.469. NaN for what is none."""
-    text = column.astype("str").str.strip().str.upper().str.replace(",", ".", regex=False)
-    letter = text.str.extract(r"([NSEWO])", expand=False)
-    parts = text.str.extract(r"(-?\d+(?:\.\d+)?)(?:\D+?(\d+(?:\.\d+)?))?(?:\D+?(\d+(?:\.\d+)?))?").astype(float)
-    size = parts[0].abs() + parts[1].fillna(0.0) / 60.0 + parts[2].fillna(0.0) / 3600.0
-    negative = is_south_or_west(letter.rename(str(column.name))) ^ text.str.contains(r"^\D*-\d")
-    return np.asarray(np.where(negative, -size, size), dtype=float)
+def _angle(asked: _Asked, name: str, entry: Position) -> Floats:
+    """The numbers of one coordinate in degrees."""
+    values = asked.numbers(name, ("position", "latitude"), entry.missing)
+    if entry.unit != DEGREES_AND_MINUTES:
+        return values * scale_to("deg", entry.unit)
+    wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
+    if wrong.size:
+        what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
+        fix = 'say unit = "deg" under [position] if these are decimal degrees'
+        raise InputError(what, where=str(asked.raw.path), fix=fix)
+    return from_degrees_and_minutes(values)
 
 
 def _add_heading(result: TableFile, entry: Orientation, asked: _Asked) -> None:

@@ -33,7 +33,7 @@ _LATIN = 0x2E80  # where the letters of East Asia begin
 _SHORT = 4  # letters: what is shorter is an abbreviation as a word only
 
 
-def _plain(text: str) -> str:
+def plain_letters(text: str) -> str:
     """Small letters without accents."""
     return _without_accents(text.lower().replace("ß", "ss").replace("ø", "o").replace("æ", "ae").replace("œ", "oe"))
 
@@ -50,7 +50,7 @@ def _in_full(word: str) -> str:
 
 def _phrase(text: str) -> str:
     """A phrase as a name has it."""
-    return " ".join(_in_full(word) for word in _plain(text).split())
+    return " ".join(_in_full(word) for word in plain_letters(text).split())
 
 
 QUANTITIES = tuple(
@@ -91,7 +91,7 @@ def words_of(name: str) -> tuple[str, ...]:
     (('kurs', 'u', 'grund'), ('wind', 'dir', 'rel', '2'))
     """
     text = re.sub(r"(?<=[a-zäöüåøæéè0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", name)
-    return tuple(_in_full(word) for word in re.findall(r"[^\W\d_]+|\d+", _plain(text)))
+    return tuple(_in_full(word) for word in re.findall(r"[^\W\d_]+|\d+", plain_letters(text)))
 
 
 @lru_cache(maxsize=4096)

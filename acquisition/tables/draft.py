@@ -111,7 +111,9 @@ _CHECKS: dict[str, Callable[[str], object]] = {
     "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": float, "year": int
 }  # fmt: skip
 """What tells whether an answer that is no choice can be one: it raises :class:`ValueError`."""
-KEYS = frozenset({*_CHECKS, "date_order", "time_unit", "x_axis", "course", "wind", "unit.speed", "unit.wind"})
+KEYS = frozenset(
+    {*_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course", "wind", "unit.speed", "unit.wind"}
+)
 """What may be answered, beside ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
 
 
