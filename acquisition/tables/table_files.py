@@ -12,9 +12,9 @@ import lzma
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -33,6 +33,9 @@ from acquisition.core.errors import InputError
 from acquisition.core.files import parse_json, read_json
 from acquisition.core.trial import Trial
 
+if TYPE_CHECKING:
+    from acquisition.tables.text_tables import ReadRows
+
 _OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
     ".gz": gzip.open,
@@ -40,8 +43,9 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
     ".xz": lzma.open,
 }
 """How a text file is opened, by what comes after ``.csv``."""
+DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
-_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat")
+_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm")
 
 _NAIVE_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?")
 UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
@@ -52,7 +56,9 @@ UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
 class RawTable:
     """The columns of a file under their own names, and the trial if the file tells of one.
 
-    ``units`` are those that the file tells beside the names, by column; ``meanings`` what it says of them besides.
+    ``units`` are those that the file tells beside the names, by column; ``meanings`` what it says of them besides;
+    ``preamble`` the lines before the names. ``remarks`` are on how it was read; a table without a row of names
+    ``is_nameless``.
     """
 
     path: Path
@@ -60,6 +66,14 @@ class RawTable:
     trial: Trial = field(default_factory=Trial)
     units: dict[str, str] = field(default_factory=dict)
     meanings: dict[str, str] = field(default_factory=dict)
+    preamble: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    is_nameless: bool = False
+
+    @classmethod
+    def of_rows(cls, path: Path, read: ReadRows, trial: Trial) -> RawTable:
+        """The table of rows of cells."""
+        return cls(path, read.frame, trial, read.units, {}, read.preamble, read.remarks, read.is_nameless)
 
     @property
     def name(self) -> str:
@@ -112,7 +126,7 @@ def read_raw(path: Path | str) -> RawTable:
     except InputError:
         raise
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
-        why = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        why = str(error) if type(error) is ValueError and suffix.lower() in _TEXT else DAMAGED
         raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
     TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
     if raw.columns.empty:
@@ -135,6 +149,7 @@ def _readers() -> dict[str, Callable[[Path], RawTable]]:
 
 def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
+    from acquisition.tables.logger_tables import is_expedition, is_table_of_frames, read_expedition
     from acquisition.tables.text_tables import decode, read_text
 
     meter = Meter(path, path.stat().st_size)
@@ -147,8 +162,14 @@ def _read_text(path: Path) -> RawTable:
         meter.check(TABLE_COLUMNS, len(names))
         meter.check(TABLE_CELLS, len(names) * text.count("\n"))
 
-    frame, units = read_text(text, check_names)
-    return RawTable(path, frame, _trial_beside(path), units)
+    if is_expedition(text):
+        frame, units = read_expedition(text)
+        return RawTable(path, frame, units=units)
+    read = read_text(text, check_names)
+    if is_table_of_frames(list(map(str, read.frame))):
+        fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
+        raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
+    return RawTable.of_rows(path, read, _trial_beside(path))
 
 
 def _unpacked(path: Path, meter: Meter) -> bytes:
@@ -177,13 +198,14 @@ def _read_sheet(path: Path) -> RawTable:
         if ours
         else max(sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[])
     )
-    frame, units = frame_of_rows(rows)
+    read = frame_of_rows(rows)
+    frame = read.frame
     if ours and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
     refuse_twins(list(frame.columns), path)
     said = {name: value for what, name, value in about if what == "trial"} if ours else {}
-    return RawTable(path, frame, trial_of(said), units)
+    return RawTable.of_rows(path, replace(read, frame=frame), trial_of(said))
 
 
 def _read_gpx(path: Path) -> RawTable:

@@ -136,7 +136,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
     if time.format == "seconds" and strict:
         parse_numbers(raw, time.column)
     local_ns, is_utc = _local_times(raw, time)
-    remarks: list[str] = []
+    remarks = list(raw.remarks)
     steps = np.diff(local_ns[local_ns != _NO_TIME])
     if np.count_nonzero(steps < 0) > max(1, _NEWEST_FIRST * steps.size):
         raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
