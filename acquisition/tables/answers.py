@@ -57,7 +57,7 @@ def time_as_answered(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn
         check_answer(key, value)
         is_counted = time.format == "seconds"
         has_no_use = {
-            "zone": is_counted and time.in_name is None,
+            "zone": is_counted and time.in_name is None and not time.in_head,
             "date_order": time.format != TEXT,
             "year": time.format != TEXT,
             "time_unit": not is_counted,
@@ -69,5 +69,7 @@ def time_as_answered(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn
                 fix="leave it out, or change `format` under [time] in the map",
             )
         change: dict[str, Any] = {_TIME[key]: int(value) if key == "year" else value}
-        time = replace(time, **({"start": with_zone(value), "in_name": None} if key == "start" else change))
+        time = replace(
+            time, **({"start": with_zone(value), "in_name": None, "in_head": False} if key == "start" else change)
+        )
     return replace(time, zone_in_text="ignored") if "zone" in answers else time

@@ -16,6 +16,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+from acquisition.core.channels import BY_NAME
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -57,6 +59,10 @@ QUANTITIES = tuple(
     Quantity(name, entry["unit"], tuple(_phrase(each) for each in entry["phrases"].split(",")))
     for name, entry in _TREE.items()
 )
+BY_CHANNEL = {each.name: each for each in QUANTITIES if each.name in BY_NAME} | {
+    f"{each.name}_deg": each for each in QUANTITIES if each.name in ("latitude", "longitude")
+}
+"""The quantities whose channels have a name of their own."""
 _PHRASES = frozenset(phrase for each in QUANTITIES for phrase in each.phrases)
 LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(letter) > _LATIN)
 """The Chinese and Japanese letters of the phrases."""

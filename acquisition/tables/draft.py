@@ -13,7 +13,16 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import to_house
-from acquisition.tables.column_names import Match, Quantity, headed, matches, units_called, words_of
+from acquisition.tables.column_names import (
+    BY_CHANNEL,
+    ORDER,
+    Match,
+    Quantity,
+    headed,
+    matches,
+    units_called,
+    words_of,
+)
 from acquisition.tables.table_files import RawTable
 from acquisition.tables.time_columns import known_day
 from acquisition.tables.zones import known_zone
@@ -146,6 +155,9 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
     for column in map(str, raw.columns.columns):
         head = headed(column)
         told = units_called(raw.units.get(column, ""))
+        if (exact := BY_CHANNEL.get(column)) is not None:
+            found.append(Candidate(column, exact, 1.0, told or head.units, frozenset(words_of(column))))
+            continue
         names = [(raw.meanings.get(column, ""), told), (head.name, told or head.units)]
         names += [(column, told)] if column.endswith(head.text) else []  # what looked like a unit may be none
         for name, units in names:
@@ -156,6 +168,8 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
             ]
             if fitting:
                 match, usable = _plain_n(fitting, raw) if name == "n" else fitting[0]
+                if match.quantity.name in BY_CHANNEL and ORDER & set(words_of(name)):
+                    break  # what is wanted of the motion is not the motion
                 found.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
                 break
     return found

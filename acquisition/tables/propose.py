@@ -56,6 +56,10 @@ def propose(
     ``ship`` are the actuators of the vessel, if she is known, ``vessel`` her name. Raises :class:`InputError` for
     a table without times, or in which nothing is known.
     """
+    if raw.is_nameless:
+        names = list(map(str, raw.columns.columns))
+        fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
+        raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
     draft = Draft(raw, answers or {})
     _find_long(draft)
     check_keys(draft.answers, list(map(str, draft.raw.columns.columns)))

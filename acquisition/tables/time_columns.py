@@ -44,6 +44,8 @@ _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%
 _NEWEST_FIRST = 0.9  # of the steps go back
 _SET_NS = pd.Timestamp("1990-01-01").value  # receivers and clocks that are not set begin in 1970 or 1980
 _MIDNIGHT = re.compile(r"[T ]00:00(:00(\.0+)?)?$")
+_DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+([^\t;,]+)", re.IGNORECASE)
+_START = re.compile(r"start|begin|began|recorded|aufzeichnung|debut|inicio|inizio", re.IGNORECASE)
 _NAME_CLOCK = re.compile(r"(\d\d)[-_.:h](\d\d)[-_.:m](\d\d)(?=\D*$)")
 
 
@@ -95,8 +97,9 @@ class TimeColumn:
 
     Seconds, or what the ``unit`` says, count from ``start``, or from the local time in ``zone`` that the file's
     name holds in the form ``in_name`` (of :meth:`datetime.strptime`, or "text"), which is that of the first row,
-    or of the last where ``name_tells`` the "end". With none of them they are taken for counted since 1970. For
-    other formats ``start`` is the first row's time, where the clock that wrote them was wrong.
+    or of the last where ``name_tells`` the "end", or from the time in the lines before the header (``in_head``).
+    With none of them they are taken for counted since 1970. For other formats ``start`` is the first row's time,
+    where the clock that wrote them was wrong.
 
     ``format`` may be "text" for any usual date and time, whose numbers stand in ``order`` and are of the ``year``
     where they name none; "excel" or "matlab" for days by their serial number; or a form of
@@ -110,6 +113,7 @@ class TimeColumn:
     zone: Annotated[str, AfterValidator(known_zone)] | None = None
     start: Annotated[str, AfterValidator(_instant)] | None = None
     in_name: Annotated[str, AfterValidator(_in_name)] | None = None
+    in_head: bool = False
     name_tells: Literal["start", "end"] = "start"
     unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] = "s"
     date: str | None = None
@@ -155,7 +159,7 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
         time_ns[known] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[known][0]
     time_ns, remark = _storable(time_ns, time.column)
     remarks += [remark] if remark else []
-    if time.format != "seconds" or time.start is None:
+    if not remark and (time.format != "seconds" or time.start is None):
         remarks += _clock_remarks(time_ns, time)
     index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
     if strict:
@@ -244,7 +248,7 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
 
 def distinct_dates(stamps: Sequence[Stamp]) -> list[Stamp]:
     """One stamp of each date, which decide about the order as all of them do."""
-    return list({stamp.numbers: stamp for stamp in stamps}.values())
+    return list({stamp.numbers: stamp for stamp in reversed(stamps)}.values())[::-1]
 
 
 def stamps_in(raw: RawTable, column: str, date: str | None = None, day: str | None = None) -> list[Stamp | None]:
@@ -343,6 +347,7 @@ def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
     A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one.
     """
     start = _start_in_name(raw, time) if time.in_name is not None else time.start
+    start = _start_in_head(raw, time) if time.in_head else start
     begin_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
     numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
     values = numbers.to_numpy(dtype=float)
@@ -375,6 +380,36 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     except (ValueError, OverflowError) as error:
         where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
         raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
+
+
+def _start_in_head(raw: RawTable, time: TimeColumn) -> str:
+    """The instant that the seconds count from, by the lines before the header."""
+    local = time_in_head(raw.preamble)
+    if local is None:
+        fix = "give `start` in the map's [time]"
+        raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
+    utc_ns, _ = to_utc(np.array([pd.Timestamp(local).as_unit("ns").value]), time.zone or "UTC")
+    return str(pd.Timestamp(int(utc_ns[0]), tz="UTC"))
+
+
+def time_in_head(lines: Sequence[str]) -> str | None:
+    """The date and time of the start in the lines before a header, ISO 8601; None where none or several are stated.
+
+    >>> time_in_head(["Start of log: 17.05.2026 12:00:00", "Exported 2026-06-01 08:00:00"])
+    '2026-05-17T12:00:00'
+    >>> time_in_head(["Date\t2026/05/17", "Time\t12:00:00.25"])
+    '2026-05-17T12:00:00.250000'
+    """
+    pairs = {match[1].lower(): match[2] for match in map(_DATE_OR_TIME.match, lines) if match}
+    stated = [*lines, f"start {pairs['date']} {pairs['time']}"] if len(pairs) > 1 else lines
+    stamps = [
+        (line, stamp)
+        for line in stated
+        if (stamp := find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
+    ]
+    begins = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
+    found = {stamp.local_ns(stamp.orders[0]) for stamp in begins}
+    return pd.Timestamp(found.pop()).isoformat() if len(found) == 1 else None
 
 
 def time_in_name(name: str) -> str | None:
@@ -418,7 +453,10 @@ def _storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
         first = int(np.flatnonzero(known)[0])
         was, now = time_ns[first], time_ns[first] % DAY_NS
         time_ns[known] += now - was
-        remark = f"the times of {column!r} begin on {_iso(was)}: moved to 1970, so that durations are kept"
+        remark = (
+            f"the times of {column!r} begin on {_iso(was)}: moved to 1970, so that durations are kept;"
+            " --answer start=2026-05-17T12:00:00Z is the first row's time"
+        )
         early = known & (time_ns < 0)
     return np.where(known & ~early & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
 

@@ -23,6 +23,7 @@ from acquisition.tables.time_columns import (
     TEXT,
     distinct_dates,
     stamps_in,
+    time_in_head,
     time_in_name,
     whole_stamp,
     with_zone,
@@ -247,11 +248,16 @@ def _seconds(draft: Draft, column: str) -> tuple[str, ...]:
             text = f"column {column!r} goes in steps of {usual:g}: which unit?"
             unit = draft.ask("time_unit", text, ("ms", "s", "us")) or "ms"
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
-    named = time_in_name(draft.raw.path.name)
+    named, head = time_in_name(draft.raw.path.name), time_in_head(draft.raw.preamble)
     if "start" in draft.answers:
         start = draft.ask("start", "") or ""
         entry["start"] = with_zone(start)
         return _put(draft, column, entry, [], f"{unit} since {start}", zoned=True)
+    if head:
+        entry["in_head"] = True
+        return _put(
+            draft, column, entry, [], f"{unit} since the start in the lines before the header, {head}", unit
+        )
     if named:
         entry["in_name"] = TEXT
         why = f"{unit}; the first row's time is that in the file's name"
