@@ -40,6 +40,7 @@ _ZONES_H = {
     "nzst": 12.0, "nzdt": 13.0,
 }  # fmt: skip
 """Hours ahead of UTC of zones by their abbreviations."""
+_FURTHEST_ZONE_H = 14  # the Line Islands
 _SEVERAL_ZONES = frozenset({"cst", "ist", "bst", "ast", "sst", "gst", "amt", "ect", "wst"})
 
 _LEAP_SECONDS = (
@@ -208,7 +209,7 @@ def offset_s(zone: str) -> int | None:
     (7200, -10800, -12600, 7200, None)
     """
     match = re.fullmatch(r"(?:UTC|GMT)?\s*([+-])\s*(\d{1,2})(?::?(\d\d))?", zone, re.IGNORECASE)
-    if match:
+    if match and int(match[2]) <= _FURTHEST_ZONE_H:
         seconds = 3600 * int(match[2]) + 60 * int(match[3] or 0)
         return -seconds if match[1] == "-" else seconds
     hours = _ZONES_H.get(zone.lower())

@@ -8,6 +8,7 @@ from typing import Any
 
 from acquisition.core.errors import ConfigurationError
 from acquisition.tables.column_map import Column, ColumnMap
+from acquisition.tables.column_names import units_called
 from acquisition.tables.draft import check_answer
 from acquisition.tables.time_columns import TEXT, TimeColumn, with_zone
 
@@ -30,8 +31,9 @@ def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap
         check_answer(key, value)
         for channel in _meant(channels, kind, name, key):
             entry = channels[channel]
+            unit = next(iter(units_called(value)), value)
             is_scale = kind == "full_scale"
-            channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=value)
+            channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=unit)
     return replace(columns, channels=channels)
 
 

@@ -204,6 +204,8 @@ def _hemispheres(draft: Draft, angle: Candidate, axis: Axis) -> pd.Series[Any] |
     for name in [*(each.column for each in draft.of(axis)), *beside]:
         if not draft.is_empty(name):
             return columns[name]
+        side = "north" if axis == "north_south" else "east"
+        draft.warnings.append(f"the column of hemispheres {name!r} is empty: {side} is taken")
     return None
 
 

@@ -22,15 +22,15 @@ Axis = Literal["north_south", "east_west"]
 MeaningOfO = Literal["east", "west"]
 _WORDS: dict[Axis, tuple[str, str]] = {
     "north_south": (
-        "n + north northern northward nord norden nordlich nordlig norra norr norte noord noorderbreedte nb nordre"
+        "n north northern northward nord norden nordlich nordlig norra norr norte noord noorderbreedte nb nordre"
         " nordbreite septentrional pohjoinen polnoc sever severni kuzey север с северная 北 北纬 北緯 +1 1",
-        "s - south southern southward sud suden sudlich sudlig sodra soder syd sydlig sur sul zuid zuiderbreedte zb"
+        "s south southern southward sud suden sudlich sudlig sodra soder syd sydlig sur sul zuid zuiderbreedte zb"
         " z sudbreite meridional etela poludnie jih juzni guney юг ю южная 南 南纬 南緯 -1",
     ),
     "east_west": (
-        "e + east eastern eastward ost osten ostlich ostlig ostra oster oost oosterlengte ol est este leste l"
+        "e east eastern eastward ost osten ostlich ostlig ostra oster oost oosterlengte ol est este leste l"
         " oriental ostlange ita wschod vychod vychodni dogu восток в восточная 东 東 东经 東経 +1 1",
-        "w - west western westward westen westlich vest vestlig vast vastra vaster westerlengte wl v ouest oeste"
+        "w west western westward westen westlich vest vestlig vast vastra vaster westerlengte wl v ouest oeste"
         " ovest occidental westlange lansi zachod zapad zapadni bati запад з западная 西 西经 西経 -1",
     ),
 }

@@ -38,6 +38,7 @@ _ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _ZONE_AT_END = r"\s*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
+_FIRST_NS = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
 _MICRO = 1_000_000
 _MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
@@ -206,7 +207,10 @@ def _ns(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     """Times as ns since 1970, and whether they are UTC. What is beyond nanoseconds has none."""
     is_utc = isinstance(times.dtype, pd.DatetimeTZDtype)
     plain = times.dt.tz_convert("UTC").dt.tz_localize(None) if is_utc else times
-    in_range = (plain >= pd.Timestamp("1678-01-01")) & (plain < pd.Timestamp(STORABLE[1]))
+    known = plain.dropna()
+    if len(known) and (known < _FIRST_NS).mean() > 0.5:  # a program's year 1: from the first day of 1970
+        plain = plain.dt.as_unit("us") - (known.iloc[0].normalize() - pd.Timestamp(0).as_unit("us"))
+    in_range = (plain >= _FIRST_NS) & (plain < pd.Timestamp(STORABLE[1]))
     values = plain.where(in_range).dt.as_unit("ns").to_numpy()
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
 
@@ -305,12 +309,14 @@ def _text(column: pd.Series[Any]) -> pd.Series[Any]:
 
 def _digits(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
     """Numbers with at least so many digits, their microseconds besides."""
-    micros = (column.where((column >= 0.0) & (column < _MOST_DIGITS)) * 1e6).round()
-    text = [
-        f"{int(each // _MICRO):0{digits}d}" + (f".{int(each % _MICRO):06d}" if each % _MICRO else "")
-        for each in micros.fillna(0.0)
-    ]
-    return pd.Series(text, index=column.index, dtype="str").where(micros.notna())
+    valid = ((column >= 0.0) & (column < _MOST_DIGITS)).to_numpy()
+    numbers = np.where(valid, column.to_numpy(dtype=float), 0.0)
+    whole = np.floor(numbers)
+    micros = np.rint((numbers - whole) * _MICRO).astype(np.int64)
+    seconds = whole.astype(np.int64) + micros // _MICRO
+    pairs = zip(seconds.tolist(), (micros % _MICRO).tolist(), strict=True)
+    text = [f"{second:0{digits}d}" + (f".{micro:06d}" if micro else "") for second, micro in pairs]
+    return pd.Series(text, index=column.index, dtype="str").where(valid)
 
 
 def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
