@@ -31,6 +31,7 @@ _LIKE = {
 }
 """The kinds of a known ship's actuators that a column of a kind may be of, the likeliest first."""
 _QUANTITY_OF = {"rpm": "shaft", "deg": "azimuth", "%": "propeller_pitch"}
+_NUMBERED = re.compile(r"[a-z]{1,2}\d")
 _SIDES = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
@@ -92,9 +93,18 @@ def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[
 
 
 def _named(draft: Draft) -> Actuators:
-    """The usual ship's actuators where columns have the names of their angles; shafts alone may be another's."""
+    """The usual ship's actuators where columns have the names of their angles, as shafts alone may be another's;
+    else thrusters whose shaft and angle have one short name of their own."""
+    names = list(map(str, draft.raw.columns.columns))
     angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
-    return DEFAULT if angles & set(map(str, draft.raw.columns.columns)) else ()
+    if angles & set(names):
+        return DEFAULT
+    heads = {name.lower().replace(" ", "_"): units for name, units, _ in map(headed, names)}
+    return tuple(  # t1 rpm beside t1 angle [deg]: a number of a maker's own
+        Actuator(name, "azimuth")
+        for name, units in heads.items()
+        if _NUMBERED.fullmatch(name) and "rpm" in units and f"{name}_angle" in heads
+    )
 
 
 def _by_name(draft: Draft, ship: Actuators) -> list[Found]:
