@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
@@ -22,7 +23,6 @@ def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap
     Raises :class:`ConfigurationError` for an answer that is none, or to what a map does not leave open.
     """
     of_time = {key: value for key, value in answers.items() if key in _TIME}
-    columns = replace(columns, time=time_as_answered(columns.time, of_time))
     channels = dict(columns.channels)
     for key, value in answers.items():
         kind, _, name = key.partition(".")
@@ -34,7 +34,10 @@ def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap
             unit = next(iter(units_called(value)), value)
             is_scale = kind == "full_scale"
             channels[channel] = replace(entry, full_scale=float(value)) if is_scale else replace(entry, unit=unit)
-    return replace(columns, channels=channels)
+    answered = copy(columns)  # `replace` would check channels that the map declares without their declarations
+    object.__setattr__(answered, "time", time_as_answered(columns.time, of_time))
+    object.__setattr__(answered, "channels", channels)
+    return answered
 
 
 def _meant(channels: Mapping[str, Column], kind: str, name: str, key: str) -> list[str]:

@@ -6,7 +6,6 @@ What a map's ``[time]`` states becomes one index of UTC times, in the order in w
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
 from datetime import datetime
@@ -20,8 +19,18 @@ from pydantic.dataclasses import dataclass
 from acquisition.core.arrays import Bools, Ints
 from acquisition.core.errors import InputError
 from acquisition.core.frames import NANO
-from acquisition.core.times import DAY_NS, Order, Stamp, date_order, find_stamp
+from acquisition.core.times import DAY_NS, Order, date_order
 from acquisition.tables.table_files import RawTable, parse_numbers
+from acquisition.tables.time_text import (
+    MIDNIGHT,
+    as_clock,
+    distinct_dates,
+    filled_text,
+    stamps_in,
+    time_in_head,
+    time_in_name,
+    with_digits,
+)
 from acquisition.tables.zones import known_zone, to_utc
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
@@ -40,14 +49,9 @@ _NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
 _FIRST_NS = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
 _MICRO = 1_000_000
-_MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 _NEWEST_FIRST = 0.9  # of the steps go back
 _SET_NS = pd.Timestamp("1990-01-01").value  # receivers and clocks that are not set begin in 1970 or 1980
-_MIDNIGHT = re.compile(r"[T ]00:00(:00(\.0+)?)?$")
-_DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+([^\t;,]+)", re.IGNORECASE)
-_START = re.compile(r"start|begin|began|recorded|aufzeichnung|debut|inicio|inizio", re.IGNORECASE)
-_NAME_CLOCK = re.compile(r"(\d\d)[-_.:h](\d\d)[-_.:m](\d\d)(?=\D*$)")
 
 
 def _instant(text: str) -> str:
@@ -250,75 +254,6 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     return local_ns, is_utc
 
 
-def distinct_dates(stamps: Sequence[Stamp]) -> list[Stamp]:
-    """One stamp of each date, which decide about the order as all of them do."""
-    return list({stamp.numbers: stamp for stamp in reversed(stamps)}.values())[::-1]
-
-
-def stamps_in(raw: RawTable, column: str, date: str | None = None, day: str | None = None) -> list[Stamp | None]:
-    """The date and time of each row; of the time of day alone with the ``day``."""
-    text = as_clock(raw.columns[column]) if date is not None or day is not None else as_text(raw.columns[column])
-    if day is not None:
-        text = f"{day} " + text
-    elif date is not None:
-        text = as_date(raw.columns[date]) + " " + text
-    return [whole_stamp(each) if isinstance(each, str) else None for each in text.tolist()]
-
-
-def whole_stamp(text: str) -> Stamp | None:
-    """The date and time that a text is; None for one with other numbers beside.
-
-    >>> whole_stamp("Sun 17.05.2026 12.30").clock_ns // NANO, whole_stamp("2026-05-17 12:00:00 7")
-    (45000, None)
-    """
-    text = re.sub(r"(?<=[\dT] )(\d{1,2})\.(\d\d)$", r"\1:\2", text.strip())
-    stamp = find_stamp(text)
-    return stamp if stamp is not None and not re.search(r"\d", text.replace(stamp.text, "", 1)) else None
-
-
-def as_text(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Cells as text; numbers with the 14 digits of a date and time."""
-    return _digits(column, 14) if pd.api.types.is_numeric_dtype(column.dtype) else _text(column)
-
-
-def as_date(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Dates as text; of numbers, that lost their leading zeros, the parts of six or eight digits apart."""
-    if not pd.api.types.is_numeric_dtype(column.dtype):
-        return _text(column).str.replace(_MIDNIGHT, "", regex=True)
-    if column.max() < _MICRO:
-        return _digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)$", r"\1-\2-\3", regex=True)
-    text = _digits(column, 8)
-    year_first = text.str[:2].isin(["19", "20"]) & (text.str[4:6] <= "12")
-    parts = r"^(\d{4})(\d\d)(\d\d)$" if year_first[text.notna()].all() else r"^(\d\d)(\d\d)(\d{4})$"
-    return text.str.replace(parts, r"\1-\2-\3", regex=True)
-
-
-def as_clock(column: pd.Series[Any]) -> pd.Series[Any]:
-    """Times of day as text; of numbers the parts of hhmmss apart, or the share of a day that spreadsheets have."""
-    if not pd.api.types.is_numeric_dtype(column.dtype):
-        return _text(column).str.replace(r"^(\d{1,2})\.(\d\d)$", r"\1:\2", regex=True)
-    if column.dropna().between(0.0, 1.0, inclusive="left").all():
-        since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
-        return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
-    return _digits(column, 6).str.replace(r"^(\d\d)(\d\d)(\d\d)", r"\1:\2:\3", regex=True)
-
-
-def _text(column: pd.Series[Any]) -> pd.Series[Any]:
-    return column.astype("str").where(column.notna())
-
-
-def _digits(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
-    """Numbers with at least so many digits, their microseconds besides."""
-    valid = ((column >= 0.0) & (column < _MOST_DIGITS)).to_numpy()
-    numbers = np.where(valid, column.to_numpy(dtype=float), 0.0)
-    whole = np.floor(numbers)
-    micros = np.rint((numbers - whole) * _MICRO).astype(np.int64)
-    seconds = whole.astype(np.int64) + micros // _MICRO
-    pairs = zip(seconds.tolist(), (micros % _MICRO).tolist(), strict=True)
-    text = [f"{second:0{digits}d}" + (f".{micro:06d}" if micro else "") for second, micro in pairs]
-    return pd.Series(text, index=column.index, dtype="str").where(valid)
-
-
 def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Text of a form of strptime, or ISO 8601 in two columns or of a time of day."""
     form = time.format
@@ -326,7 +261,7 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         text = _of_form(raw.columns[time.column], form)
     else:
         date_form, _, time_form = form.partition(" ") if form != "iso" else ("iso", "", "iso")
-        dates = _of_form(raw.columns[time.date], date_form).str.replace(_MIDNIGHT, "", regex=True)
+        dates = _of_form(raw.columns[time.date], date_form).str.replace(MIDNIGHT, "", regex=True)
         text = dates + " " + _of_form(raw.columns[time.column], time_form)
     if time.day is not None:
         text, form = f"{time.day} " + text, form if form == "iso" else f"%Y-%m-%d {form}"
@@ -342,9 +277,9 @@ def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
 
 def _of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
     if not pd.api.types.is_numeric_dtype(column.dtype):
-        return _text(column)
+        return filled_text(column)
     is_share_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
-    return as_clock(column) if is_share_of_day else _digits(column, _DIGITS.get(form, 1))
+    return as_clock(column) if is_share_of_day else with_digits(column, _DIGITS.get(form, 1))
 
 
 def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
@@ -396,38 +331,6 @@ def _start_in_head(raw: RawTable, time: TimeColumn) -> str:
         raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
     utc_ns, _ = to_utc(np.array([pd.Timestamp(local).as_unit("ns").value]), time.zone or "UTC")
     return str(pd.Timestamp(int(utc_ns[0]), tz="UTC"))
-
-
-def time_in_head(lines: Sequence[str]) -> str | None:
-    """The date and time of the start in the lines before a header, ISO 8601; None where none or several are stated.
-
-    >>> time_in_head(["Start of log: 17.05.2026 12:00:00", "Exported 2026-06-01 08:00:00"])
-    '2026-05-17T12:00:00'
-    >>> time_in_head(["Date\t2026/05/17", "Time\t12:00:00.25"])
-    '2026-05-17T12:00:00.250000'
-    """
-    pairs = {match[1].lower(): match[2] for match in map(_DATE_OR_TIME.match, lines) if match}
-    stated = [*lines, f"start {pairs['date']} {pairs['time']}"] if len(pairs) > 1 else lines
-    stamps = [
-        (line, stamp)
-        for line in stated
-        if (stamp := find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
-    ]
-    begins = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
-    found = {stamp.local_ns(stamp.orders[0]) for stamp in begins}
-    return pd.Timestamp(found.pop()).isoformat() if len(found) == 1 else None
-
-
-def time_in_name(name: str) -> str | None:
-    """The date and time in a file's name, ISO 8601; None where there is none, or one that may be two.
-
-    >>> time_in_name("zigzag_31-Jul-2020_13_22_52.csv.gz"), time_in_name("run 20260517_120000.csv")
-    ('2020-07-31T13:22:52', '2026-05-17T12:00:00')
-    """
-    stamp = find_stamp(_NAME_CLOCK.sub(r" \1:\2:\3", name)) or find_stamp(name)
-    if stamp is None or len(stamp.orders) > 1 or not stamp.has_year:
-        return None
-    return pd.Timestamp(stamp.local_ns(stamp.orders[0])).isoformat()
 
 
 def _from_serial_days(column: pd.Series[Any], system: str) -> pd.Series[Any]:

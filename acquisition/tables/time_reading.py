@@ -7,6 +7,7 @@ reads, and in which order of day and month, by all rows of them.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import product
 from typing import Any
 from zoneinfo import available_timezones
@@ -18,16 +19,8 @@ from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.times import ORDERS, Order, Stamp, date_order, is_of_several, offset_s
 from acquisition.tables.column_names import TIME_WORDS, words_of
 from acquisition.tables.draft import Draft
-from acquisition.tables.time_columns import (
-    NS_IN,
-    TEXT,
-    distinct_dates,
-    stamps_in,
-    time_in_head,
-    time_in_name,
-    whole_stamp,
-    with_zone,
-)
+from acquisition.tables.time_columns import NS_IN, TEXT, with_zone
+from acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
 from acquisition.tables.zones import GPS
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
@@ -178,18 +171,12 @@ def _are_date_and_clock(draft: Draft, date: str, clock: str) -> bool:
     numbers = [draft.numbers(column) for column in (date, clock) if not _is_text(draft, column)]
     if head.empty or any(np.any(values < 0.0) for values in numbers):
         return False
-    stamps = stamps_in(_with_rows(draft, head), clock, date)
+    stamps = stamps_in(replace(draft.raw, columns=head), clock, date)
     return sum(stamp is not None for stamp in stamps) > _ENOUGH * len(stamps)
 
 
 def _is_text(draft: Draft, column: str) -> bool:
     return not pd.api.types.is_numeric_dtype(draft.raw.columns[column].dtype)
-
-
-def _with_rows(draft: Draft, rows: pd.DataFrame) -> Any:
-    from dataclasses import replace
-
-    return replace(draft.raw, columns=rows)
 
 
 def _two_columns(draft: Draft, clock: str, date: str) -> tuple[str, ...]:
