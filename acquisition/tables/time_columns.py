@@ -256,7 +256,7 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
 
 def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     """Text of a form of strptime, or ISO 8601 in two columns or of a time of day."""
-    form = time.format
+    form = re.sub("[.,]%f", "", time.format)  # fractions are read besides
     if time.date is None:
         text = _of_form(raw.columns[time.column], form)
     else:

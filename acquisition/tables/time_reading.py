@@ -197,6 +197,8 @@ def _put_text(draft: Draft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
     """Note a time column of text, with the order of its dates and their year."""
     column = entry["column"]
     stamps = [stamp for stamp in stamps_in(draft.raw, column, entry.get("date"), entry.get("day")) if stamp]
+    if not stamps:
+        raise _no_time(draft, [column])
     entry["format"] = TEXT
     entry["order"], reason = _order(draft, distinct_dates(stamps))
     if not all(stamp.has_year for stamp in stamps):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 from collections.abc import Callable
 from pathlib import Path
@@ -372,3 +373,23 @@ def test_seconds_count_from_the_start_in_the_lines_before_the_header(tmp_path: P
 def test_what_is_no_zone_is_refused(zone: str) -> None:
     with pytest.raises(ValueError, match="zone"):
         known_zone(zone)
+
+
+@given(
+    head=st.sampled_from(["time", "GPS time", "date", "t", "x", "Zeit (CST)"]),
+    cells=st.lists(
+        st.one_of(
+            st.text(alphabet="0123456789:-/. TZUCPMapm+", max_size=24), st.floats(0, 1e19).map(str),
+            st.integers(10**7, 10**15).map(str), st.datetimes().map(str),
+            st.sampled_from(["", "-", "May 17 12:00"]),
+        ),
+        min_size=1, max_size=12,
+    ),
+)  # fmt: skip
+@settings(max_examples=300, deadline=None)
+def test_any_cells_are_times_or_an_error_of_ours(
+    tmp_path_factory: pytest.TempPathFactory, head: str, cells: list[str]
+) -> None:
+    path = table(tmp_path_factory.mktemp("any") / "t.csv", cells, head)
+    with contextlib.suppress(InputError, ConfigurationError):
+        propose_for(read_raw(path))
