@@ -281,12 +281,12 @@ def import_(
     from acquisition.tables.import_table import import_proposed, import_table, is_standard
     from acquisition.tables.table_files import read_raw
 
-    raw = None if columns else read_raw(table)
+    raw, answers = None if columns else read_raw(table), _pairs(answer or [])
     if raw is None or is_standard(raw):
-        summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel, force)
+        summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel, force, answers)
     else:
         written = write_map or output.with_suffix(".columns.toml")
-        proposal = _agree(raw, _pairs(answer or []), vessel, yes, preview)
+        proposal = _agree(raw, answers, vessel, yes, preview)
         summary = import_proposed(raw, proposal, output, written, vessel, force)
         echo(f"map for next time: --columns {written}", err=True)
     echo(summary, err=True)

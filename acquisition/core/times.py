@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -25,12 +26,12 @@ _STATED_NS = 36 * 3600 * NANO  # a local time and UTC are no further apart
 _MONTHS = {
     month: number
     for number, names in enumerate(
-        ("jan gen ene", "feb fév fev", "mar mär mrz maa", "apr avr abr", "may mai mag mei maj", "jun giu",
-         "jul lug", "aug aoû ago", "sep set", "oct okt out ott", "nov", "dec dez des dic déc"), start=1,
+        ("jan gen ene", "feb fév fev", "mar mär mrz maa mrt", "apr avr abr", "may mai mag mei maj", "jun giu juin",
+         "jul lug juil", "aug aoû ago", "sep set", "oct okt out ott", "nov", "dec dez des dic déc"), start=1,
     )
     for month in names.split()
 }  # fmt: skip
-"""Months by the first three letters of their names in western European languages."""
+"""Months by the first letters, three of most, of their names in western European languages."""
 _ZONES_H = {
     "z": 0.0, "ut": 0.0, "utc": 0.0, "gmt": 0.0, "wet": 0.0, "west": 1.0, "cet": 1.0, "mez": 1.0, "cest": 2.0,
     "mesz": 2.0, "eet": 2.0, "eest": 3.0, "msk": 3.0, "est": -5.0, "edt": -4.0, "cdt": -5.0, "mst": -7.0,
@@ -39,19 +40,31 @@ _ZONES_H = {
     "nzst": 12.0, "nzdt": 13.0,
 }  # fmt: skip
 """Hours ahead of UTC of zones by their abbreviations."""
+_FURTHEST_ZONE_H = 14  # the Line Islands
 _SEVERAL_ZONES = frozenset({"cst", "ist", "bst", "ast", "sst", "gst", "amt", "ect", "wst"})
+
+_LEAP_SECONDS = (
+    "1981-07-01 1982-07-01 1983-07-01 1985-07-01 1988-01-01 1990-01-01 1991-01-01 1992-07-01 1993-07-01 1994-07-01 "
+    "1996-01-01 1997-07-01 1999-01-01 2006-01-01 2009-01-01 2012-07-01 2015-07-01 2017-01-01"
+)
+_LEAP_SECONDS_NS = [
+    (dt.date.fromisoformat(day) - dt.date(1970, 1, 1)).days * DAY_NS + number * NANO
+    for number, day in enumerate(_LEAP_SECONDS.split(), start=1)
+]
+"""The GPS times from which it is a second more ahead of UTC: IERS, Bulletin C; the last was at the end of 2016."""
 
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
 _CLOCK = (
-    r"(?P<clock>\d{1,2}:\d\d(?::\d\d)?)(?:(?<=:\d\d:\d\d)[.,:](?P<fraction>\d{1,9}))?"
-    r"(?:\s?(?P<half>[AaPp])\.?[Mm]\.?)?" + _ZONE
+    r"(?P<clock>\d{1,2}(?::\d\d(?::\d\d)?|\.\d\d\.\d\d))"
+    r"(?:(?<=[:.]\d\d[:.]\d\d)[.,:](?P<fraction>\d{1,9}))?(?!\d)(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
 )
 _GAP = r"(?:[T ,_;\t:-]|at )+"
 _pattern = partial(re.compile)
 _YEAR_DAY = _pattern(r"(?<!\d)(?P<a>\d{4})[:-](?P<yearday>\d{3})[:T]" + _CLOCK)
 _COMPACT = _pattern(
-    r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-](?P<clock>\d{6})(?:[.,](?P<fraction>\d{1,9}))?" + _ZONE
+    r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-]?(?P<clock>\d{6})(?!\d)(?:[.,](?P<fraction>\d{1,9}))?"
+    + _ZONE
 )
 _NUMBERS = _pattern(
     r"(?<![\d.:])(?P<a>\d{4}|\d{1,2})(?P<sign>[-/. ])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{4}|\d{1,2})(?![\d:])"
@@ -125,11 +138,10 @@ def _stamp(match: re.Match[str]) -> Stamp | None:
     if not orders:
         return None
     zone = (parts.get("zone") or "").strip()
-    offset_s = _offset_s(zone)
-    if offset_s is None and zone.lower() not in _SEVERAL_ZONES:
+    ahead_s = offset_s(zone)
+    if not is_of_several(zone):
         zone = ""  # a word that is no zone: GPS, NAV
-    text = match[0].strip()
-    return Stamp(text, numbers, orders, clock_ns, offset_s, "" if offset_s is not None else zone, has_year)
+    return Stamp(match[0].strip(), numbers, orders, clock_ns, ahead_s, zone, has_year)
 
 
 def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[Order, ...]] | None:
@@ -139,7 +151,8 @@ def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[
         date = first + dt.timedelta(days=int(parts["yearday"] or 1) - 1)
         return (date.year, date.month, date.day), ("year-first",)
     if parts.get("name"):
-        month = _MONTHS.get((parts["name"] or "")[:3].lower())
+        name = (parts["name"] or "").lower()
+        month = _MONTHS.get(name[:4]) or _MONTHS.get(name[:3])
         if month is None:
             return None
         year = parts.get("c") or parts.get("year")
@@ -176,6 +189,7 @@ def _is_date(numbers: Sequence[int], order: Order) -> bool:
 
 def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
     """A time of day as ns since midnight; None where there is none."""
+    clock = clock.replace(".", ":")
     if ":" not in clock:
         clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
     hours, minutes, seconds = (int(part) for part in f"{clock}:0".split(":")[:3])
@@ -188,18 +202,32 @@ def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
     return (3600 * hours + 60 * minutes + seconds) * NANO + int((fraction or "")[:9].ljust(9, "0"))
 
 
-def _offset_s(zone: str) -> int | None:
+def offset_s(zone: str) -> int | None:
     """How far a zone is ahead of UTC [s]; None for no zone and for one that is not known.
 
-    >>> _offset_s("UTC+02:00"), _offset_s("GMT-3"), _offset_s("-0330"), _offset_s("CEST"), _offset_s("CST")
+    >>> offset_s("UTC+02:00"), offset_s("GMT-3"), offset_s("-0330"), offset_s("CEST"), offset_s("CST")
     (7200, -10800, -12600, 7200, None)
     """
-    match = re.fullmatch(r"(?:UTC|GMT)?([+-])(\d{1,2})(?::?(\d\d))?", zone)
-    if match:
+    match = re.fullmatch(r"(?:UTC|GMT)?\s*([+-])\s*(\d{1,2})(?::?(\d\d))?", zone, re.IGNORECASE)
+    if match and int(match[2]) <= _FURTHEST_ZONE_H:
         seconds = 3600 * int(match[2]) + 60 * int(match[3] or 0)
         return -seconds if match[1] == "-" else seconds
     hours = _ZONES_H.get(zone.lower())
     return None if hours is None else round(3600 * hours)
+
+
+def is_of_several(zone: str) -> bool:
+    """Whether a zone's abbreviation stands for several zones, as CST for three."""
+    return zone.lower() in _SEVERAL_ZONES
+
+
+def gps_ahead_s(time_ns: int) -> int:
+    """How far GPS time is ahead of UTC [s] at a GPS time [ns since 1970].
+
+    >>> gps_ahead_s(int(dt.datetime(2026, 5, 17, tzinfo=dt.UTC).timestamp()) * NANO)
+    18
+    """
+    return bisect_right(_LEAP_SECONDS_NS, time_ns)
 
 
 def date_order(

@@ -120,6 +120,21 @@ def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: st
     return Entry(time_ns, data, number & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
+_SAVVYCAN = _pattern(
+    r"(?P<time>\d{1,19}),(?P<id>[0-9A-Fa-f]{1,8}),(?P<extended>true|false),(?:(?P<direction>[RT]x),)?\d+,"
+    r"(?P<length>\d{1,2}),(?P<data>(?:[0-9A-Fa-f]{2},?){0,64}),*"
+)
+
+
+def _savvycan(match: re.Match[str]) -> Entry | None:
+    """A row of SavvyCAN's table: microseconds since 1970 or since the log began, the frame's bytes in columns."""
+    data, identifier = bytes.fromhex(match["data"].replace(",", "")), int(match["id"], 16)
+    if len(data) != int(match["length"]):
+        return None
+    flags = can_flags(match["extended"] == "false")
+    return Entry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags)
+
+
 _DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")
 
 
@@ -283,6 +298,7 @@ LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
         (_CANDUMP_CONSOLE, _candump_console),
         (_CANDUMP_OLD, _candump_console),
     ),
+    "savvycan": ((_SAVVYCAN, _savvycan),),
     "canboat": ((_CANBOAT, _canboat),),
     "yacht_devices": ((_YACHT_DEVICES, _yacht_devices),),
     "n2k_ascii": ((_N2K_ASCII, _n2k_ascii),),
@@ -295,7 +311,8 @@ LINE_FORMS: dict[str, tuple[tuple[re.Pattern[str], Read], ...]] = {
 """Each form of a line by its name, with what it looks like and how it is read."""
 
 _NO_ENTRY = _pattern(
-    r"(?:[#;][^\x00-\x08\x0e-\x1f\x7f]*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*|(?:timestamp|received_at),.*|)"
+    r"(?:[#;][^\x00-\x08\x0e-\x1f\x7f]*|//.*|interface = .*|\$PDGY,.*|Sequence #,.*"
+    r"|(?:timestamp|received_at|Time Stamp),.*|)"
 )
 _COMMENTS = frozenset("#;")
 _COLOUR = _pattern(r"\x1b\[[0-9;]*m")

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from acquisition.core.actuators import DEFAULT, KINDS, Actuator, Actuators, name_of_order
-from acquisition.tables.column_names import BOW, ORDER, PORT, STARBOARD, STERN, TUNNEL
-from acquisition.tables.draft import Candidate, Draft
+from acquisition.tables.column_names import (
+    BOW,
+    ORDER,
+    PORT,
+    QUANTITIES,
+    STARBOARD,
+    STERN,
+    TUNNEL,
+    headed,
+    units_called,
+    words_of,
+)
+from acquisition.tables.draft import Candidate, Draft, measures
 
 _KIND_OF = {"rudder": "rudder", "azimuth": "azimuth", "shaft": "propeller", "propeller_pitch": "propeller"}
 _ENDING = {"rudder": "_angle_deg", "azimuth": "_angle_deg", "shaft": "_rpm", "propeller_pitch": "_pitch_percent"}
@@ -18,6 +30,8 @@ _LIKE = {
     "tunnel": ("tunnel",),
 }
 """The kinds of a known ship's actuators that a column of a kind may be of, the likeliest first."""
+_QUANTITY_OF = {"rpm": "shaft", "deg": "azimuth", "%": "propeller_pitch"}
+_NUMBERED = re.compile(r"[a-z]{1,2}\d")
 _SIDES = {"port": PORT, "starboard": STARBOARD, "bow": BOW, "stern": STERN}
 _AZIMUTH_WORDS = frozenset({"az", "azi", "azimuth", "azimut", "asimut", "pod"})
 
@@ -42,14 +56,16 @@ class _Part:
 
 def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[Found]]:
     """The actuators that columns tell of, or a known ``ship``'s, and the columns with the channels they become."""
-    parts = [_part(each) for each in draft.of("rudder", "azimuth", "shaft", "propeller_pitch")]
+    exact = _by_name(draft, ship or _named(draft))
+    taken = {each.candidate.column for each in exact}
+    parts = [_part(each) for each in draft.of(*_KIND_OF) if each.column not in taken]
     azimuths = {each.side for each in parts if each.kind == "azimuth"}
     parts = [  # a shaft at the side of an azimuth thruster is the thruster's
         replace(each, kind="azimuth") if each.kind == "propeller" and each.side in azimuths else each
         for each in parts
     ]
-    found: dict[str, Found] = {}
-    kinds: dict[str, str] = {}
+    found = {each.channel: each for each in exact}
+    kinds = {each.name: each.kind for each in _named(draft)}
     pitched = {each.side for each in parts if each.candidate.quantity.name == "propeller_pitch"}
     for part in sorted(parts, key=lambda each: each.is_order):
         meant = _hers(part, ship) if ship else [_new(part, parts, pitched)]
@@ -74,6 +90,44 @@ def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[
     if set(actuators) <= set(DEFAULT) and actuators:
         actuators = DEFAULT
     return ship or actuators, list(found.values())
+
+
+def _named(draft: Draft) -> Actuators:
+    """The usual ship's actuators where columns have the names of their angles, as shafts alone may be another's;
+    else thrusters whose shaft and angle have one short name of their own."""
+    names = list(map(str, draft.raw.columns.columns))
+    angles = {channel.name for actuator in DEFAULT for channel in actuator.channels if channel.unit == "deg"}
+    if angles & set(names):
+        return DEFAULT
+    heads = {name.lower().replace(" ", "_"): units for name, units, _ in map(headed, names)}
+    return tuple(  # t1 rpm beside t1 angle [deg]: a number of a maker's own
+        Actuator(name, "azimuth")
+        for name, units in heads.items()
+        if _NUMBERED.fullmatch(name) and "rpm" in units and f"{name}_angle" in heads
+    )
+
+
+def _by_name(draft: Draft, ship: Actuators) -> list[Found]:
+    """The columns that are called as a ship's own channels, with a blank for a line or their unit in brackets."""
+    channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
+    orders = {name_of_order(name): each for name, each in channels.items()}
+    found: dict[str, Found] = {}
+    for column in map(str, draft.raw.columns.columns):
+        head = headed(column)
+        stems = {re.sub(r"\W+", "_", name.strip().lower()) for name in (column, head.name)}
+        for channel, (actuator, unit) in (channels | orders).items():
+            is_called = channel in stems or (channel.rpartition("_")[0] in stems and bool(head.units))
+            if is_called and channel not in found and (not head.units or _fits(unit, head.units)):
+                quantity = next(each for each in QUANTITIES if each.name == _QUANTITY_OF[unit])
+                units = head.units or units_called(draft.raw.units.get(column, ""))
+                candidate = Candidate(column, quantity, 1.0, units, frozenset(words_of(column)))
+                found[channel] = Found(candidate, channel, actuator.kind, f"{actuator.name}: by its name")
+    return list(found.values())
+
+
+def _fits(unit: str, stated: tuple[str, ...]) -> bool:
+    quantity = next(each for each in QUANTITIES if each.name == _QUANTITY_OF[unit])
+    return any(measures(quantity, each) for each in stated)
 
 
 def _part(candidate: Candidate) -> _Part:

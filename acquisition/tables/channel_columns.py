@@ -19,7 +19,15 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.units import scale_to
 from acquisition.tables import evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
-from acquisition.tables.column_map import from_text, is_south_or_west
+from acquisition.tables.coordinates import (
+    Axis,
+    MeaningOfO,
+    degrees_of_text,
+    has_unclear_o,
+    names_hemispheres,
+    signs_of,
+    with_hemisphere,
+)
 from acquisition.tables.derived_columns import rate
 from acquisition.tables.draft import SKIP, Candidate, Draft
 from acquisition.tables.evidence import Told, agreement, fit, increments, integrals, means, restlessness
@@ -101,7 +109,10 @@ def _degrees(draft: Draft, latitude: Candidate, longitude: Candidate) -> tuple[T
         return None
     columns = [draft.raw.columns[each.column] for each in (latitude, longitude)]
     if not all(pd.api.types.is_numeric_dtype(column.dtype) for column in columns):
-        values = [from_text(column) for column in columns]
+        values, signs = degrees_of_text(columns[0], columns[1], _meaning_of_o(draft, columns[1]))
+        values = [
+            np.where(np.isnan(sign), value, np.abs(value) * sign) for value, sign in zip(values, signs, strict=True)
+        ]
         return (("text", "degrees, minutes and letters"), values) if evidence.are_places(*values) else None
     said = latitude.units or longitude.units
     for unit in said or ("deg", "ddmm", "degE7"):
@@ -111,17 +122,44 @@ def _degrees(draft: Draft, latitude: Candidate, longitude: Candidate) -> tuple[T
     return None
 
 
+def _meaning_of_o(draft: Draft, column: pd.Series[Any]) -> MeaningOfO | None:
+    """What an O means among hemispheres, asked where nothing beside it decides; None where there is none."""
+    if "o_is" not in draft.answers and not has_unclear_o(column):
+        return None
+    text = (
+        f"column {column.name!r} has the letter O, which is east in some languages and west in others: which is it?"
+    )
+    return "west" if draft.ask("o_is", text, ("east", "west")) == "west" else "east"
+
+
+def _hemispheres(draft: Draft, angle: Candidate, axis: Axis) -> pd.Series[Any] | None:
+    """The column of an angle's hemispheres, by its name or, beside the angle, by what it holds."""
+    columns = draft.raw.columns
+    names = list(map(str, columns.columns))
+    place = names.index(angle.column)
+    beside = [name for name in names[max(place - 1, 0) : place + 2] if names_hemispheres(columns[name], axis)]
+    for name in [*(each.column for each in draft.of(axis)), *beside]:
+        if not draft.is_empty(name):
+            return columns[name]
+        side = "north" if axis == "north_south" else "east"
+        draft.warnings.append(f"the column of hemispheres {name!r} is empty: {side} is taken")
+    return None
+
+
 def _take_position(
     known: Known, latitude: Candidate, longitude: Candidate, told: Told, degrees: list[Floats]
 ) -> None:
     draft = known.draft
     entry: dict[str, Any] = {"latitude": latitude.column, "longitude": longitude.column, "unit": told[0]}
-    for place, name in ((0, "north_south"), (1, "east_west")):
-        for letters in draft.of(name)[:1]:
-            entry[name] = letters.column
-            negative = is_south_or_west(draft.raw.columns[letters.column])
-            degrees[place] = np.where(negative, -degrees[place], degrees[place])
-            draft.note(letters.column, f"{name} of the position", "", "letters")
+    axes: tuple[tuple[Candidate, Axis], ...] = ((latitude, "north_south"), (longitude, "east_west"))
+    for place, (angle, axis) in enumerate(axes):
+        if (letters := _hemispheres(draft, angle, axis)) is not None:
+            entry[axis] = str(letters.name)
+            signs = signs_of(letters, axis, _meaning_of_o(draft, letters) if axis == "east_west" else None)
+            degrees[place] = with_hemisphere(degrees[place], signs, draft.raw.columns[angle.column])
+            draft.note(str(letters.name), f"{axis} of the position", "", "letters")
+    if "o_is" in draft.used:
+        entry["o_is"] = draft.answers["o_is"]
     numbers = draft.numbers(latitude.column)
     if missing := [each for each in (91.0, 181.0) if np.any(numbers == each)]:
         entry["missing"] = missing

@@ -7,13 +7,11 @@ ship's actuators, and it says what becomes of rows that cannot be read.
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import field, replace
-from datetime import datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pandas as pd
@@ -26,22 +24,21 @@ from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
 from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import DEGREES_AND_MINUTES, from_degrees_and_minutes, scale_to
+from acquisition.tables.coordinates import Axis, degrees_of_text, signs_of, with_hemisphere
 from acquisition.tables.derived_columns import DERIVED, derive, heading_of_quaternion, to_ship_axes
 from acquisition.tables.table_files import (
     RawTable,
     TableFile,
     parse_numbers,
-    parse_times,
-    read_times,
     readable_rows,
 )
-from acquisition.tables.time_columns import IN_NAMES, TimeColumn, resolve_times
+from acquisition.tables.time_columns import TimeColumn, TimedRows, resolve_times
 
 
 def _of_any_ship(name: str, info: ValidationInfo) -> str:
@@ -83,7 +80,8 @@ class Position:
     """Latitude and longitude columns that ``north_m`` and ``east_m`` are made from.
 
     In degrees, in ``ddmm`` (degrees and minutes in one number), or as ``text`` such as 62°28.146'N; the letters N
-    or S and E or W may stand in columns of their own. Numbers that are ``missing`` stand for no fix.
+    or S and E or W may stand in columns of their own; ``o_is`` says what an O means that nothing beside it decides.
+    Numbers that are ``missing`` stand for no fix.
     """
 
     latitude: str
@@ -92,6 +90,7 @@ class Position:
     north_south: str | None = None
     east_west: str | None = None
     missing: tuple[float, ...] = ()
+    o_is: Literal["east", "west"] | None = None
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -241,12 +240,12 @@ class _Asked:
     map_path: Path | str
     used: set[str] = field(default_factory=set)
 
-    def drop_unreadable(self, time: TimeColumn, start: str | None, columns: ColumnMap) -> dict[str, int]:
-        """Let rows go that cannot be read; how many, by the reason."""
+    def drop_unreadable(self, timed: TimedRows, columns: ColumnMap) -> tuple[pd.DatetimeIndex, dict[str, int]]:
+        """Drop rows that cannot be read; the times of the others, and how many are dropped, by the reason."""
         given = [name for name in columns.columns_of_numbers if name in self.raw.columns]
-        times = read_times(self.raw, time.column, time.zone, start, time.format == "seconds")
-        self.raw, dropped = readable_rows(self.raw, times, given)
-        return dropped
+        valid, dropped = readable_rows(self.raw, timed.index, given)
+        self.raw = replace(self.raw, columns=self.raw.columns[valid].reset_index(drop=True))
+        return timed.index[valid], dropped
 
     def numbers(self, name: str, keys: tuple[str, ...], missing: tuple[float, ...] = ()) -> Floats:
         values = parse_numbers(self.raw, self.known(name, keys))
@@ -272,19 +271,21 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     :class:`InputError` for cells that are no numbers and rows without a time.
     """
     asked, units, twice = _Asked(raw, map_path), raw.units, 0
-    name = asked.known(columns.time.column, ("time", "column"))
+    asked.known(columns.time.column, ("time", "column"))
     if columns.time.date is not None:
         asked.known(columns.time.date, ("time", "date"))
     if columns.long is not None:
         asked.raw, twice = _widened(asked, columns.long, columns)
         units = asked.raw.units
-    asked.raw, time = resolve_times(asked.raw, columns.time)
-    start = time.start if time.in_name is None else _start_in_name(asked.raw, time)
-    dropped = asked.drop_unreadable(time, start, columns) if columns.unreadable_rows == "drop" else {}
+    drops = columns.unreadable_rows == "drop"
+    timed = resolve_times(asked.raw, columns.time, strict=not drops)
+    asked.raw, index = timed.raw, timed.index
+    dropped: dict[str, int] = {}
+    if drops:
+        index, dropped = asked.drop_unreadable(timed, columns)
     dropped |= {"twice of one variable and time": twice} if twice else {}
-    index = parse_times(asked.raw, name, time.zone, start, seconds=time.format == "seconds")
     trial, known = replace(columns.trial.as_trial(), channels=as_text(declared)), with_declared(declared)
-    result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped)
+    result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
@@ -356,21 +357,6 @@ _LONG = ("timestamp", "time"), ("variable", "var"), ("value",), ("unit",)
 """The usual names of a long table's columns."""
 
 
-def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
-    """The instant that the seconds count from, by the time that the file's name holds."""
-    form = time.in_name or ""
-    parts = (IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
-    found = re.search("".join(parts), raw.path.name)
-    try:
-        local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
-        seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
-        counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
-        return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
-    except (ValueError, OverflowError) as error:
-        where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
-        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
-
-
 def _turned_back(channel: Channel, values: Floats) -> Floats:
     """Angles that a unit, sign or offset took out of their channel's turn, or that run on, come back into it."""
     return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(channel, values), values)
@@ -378,8 +364,7 @@ def _turned_back(channel: Channel, values: Floats) -> Floats:
 
 def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
-    latitude = _degrees(asked, entry, "latitude", entry.north_south)
-    longitude = _degrees(asked, entry, "longitude", entry.east_west)
+    latitude, longitude = _degrees(asked, entry)
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
@@ -395,46 +380,38 @@ def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
         result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
 
 
-def _degrees(asked: _Asked, entry: Position, key: str, letters: str | None) -> Floats:
-    """One coordinate of the position [deg]; positive to the north and to the east."""
-    name = getattr(entry, key)
+def _degrees(asked: _Asked, entry: Position) -> list[Floats]:
+    """Latitude and longitude [deg]; positive to the north and to the east."""
+    names = [asked.known(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
+    columns = [asked.raw.columns[name] for name in names]
     if entry.unit == AS_TEXT:
-        return from_text(asked.raw.columns[asked.known(name, ("position", key))])
-    values = asked.numbers(name, ("position", key), entry.missing)
-    if entry.unit != DEGREES_AND_MINUTES:
-        values = values * scale_to("deg", entry.unit)
+        values, signs = degrees_of_text(columns[0], columns[1], entry.o_is)
     else:
-        wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
-        if wrong.size:
-            what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
-            fix = 'say unit = "deg" under [position] if these are decimal degrees'
-            raise InputError(what, where=str(asked.raw.path), fix=fix)
-        values = from_degrees_and_minutes(values)
-    if letters is None:
-        return values
-    column = asked.raw.columns[asked.known(letters, ("position", "north_south"))]
-    return np.where(is_south_or_west(column), -values, values)
+        values = [_angle(asked, name, entry) for name in names]
+        signs = [np.full(each.size, np.nan) for each in values]
+    axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
+    for place, (axis, name) in enumerate(axes):
+        if name is not None:
+            letters = asked.raw.columns[asked.known(name, ("position", axis))]
+            stated = signs_of(letters, axis, entry.o_is)
+            values[place] = np.where(np.isnan(stated) & np.isnan(signs[place]), np.nan, values[place])
+            signs[place] = np.where(np.isnan(signs[place]), stated, signs[place])
+        there = ~np.isnan(signs[place])
+        values[place][there] = with_hemisphere(values[place], signs[place], columns[place])[there]
+    return values
 
 
-def is_south_or_west(letters: pd.Series[Any]) -> Bools:
-    """Which letters of hemispheres are south or west. O is west beside E (oeste, ouest, ovest), in the letters or
-    in the name of their column, and east beside W (Ost). Raises :class:`InputError` where neither is there."""
-    letters = letters.astype("str").str.strip().str.upper()
-    beside = set(letters) | set(re.findall(r"(?<![A-Z])[EW](?![A-Z])", str(letters.name).upper()))
-    if "O" in beside and not beside & {"E", "W"}:
-        what = f"column {letters.name!r} has the letter O, which is east in some languages and west in others"
-        raise InputError(what, fix="write E and W")
-    return np.asarray(letters.isin(["S", "W"] if "W" in beside else ["S", "W", "O"]))
-
-
-def from_text(column: pd.Series[Any]) -> Floats:
-    """Degrees of text such as 62°28.146'N, 62 28 08.8 N, N62.469 or -62.469. NaN for what is none."""
-    text = column.astype("str").str.strip().str.upper().str.replace(",", ".", regex=False)
-    letter = text.str.extract(r"([NSEWO])", expand=False)
-    parts = text.str.extract(r"(-?\d+(?:\.\d+)?)(?:\D+?(\d+(?:\.\d+)?))?(?:\D+?(\d+(?:\.\d+)?))?").astype(float)
-    size = parts[0].abs() + parts[1].fillna(0.0) / 60.0 + parts[2].fillna(0.0) / 3600.0
-    negative = is_south_or_west(letter.rename(str(column.name))) ^ text.str.contains(r"^\D*-\d")
-    return np.asarray(np.where(negative, -size, size), dtype=float)
+def _angle(asked: _Asked, name: str, entry: Position) -> Floats:
+    """The numbers of one coordinate in degrees."""
+    values = asked.numbers(name, ("position", "latitude"), entry.missing)
+    if entry.unit != DEGREES_AND_MINUTES:
+        return values * scale_to("deg", entry.unit)
+    wrong = np.flatnonzero(np.abs(values) % 100.0 >= 60.0)
+    if wrong.size:
+        what = f"row {wrong[0] + 1} of column {name!r}, {values[wrong[0]]}, has more than 60 minutes"
+        fix = 'say unit = "deg" under [position] if these are decimal degrees'
+        raise InputError(what, where=str(asked.raw.path), fix=fix)
+    return from_degrees_and_minutes(values)
 
 
 def _add_heading(result: TableFile, entry: Orientation, asked: _Asked) -> None:

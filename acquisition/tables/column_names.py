@@ -16,6 +16,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+from acquisition.core.channels import BY_NAME
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -33,7 +35,7 @@ _LATIN = 0x2E80  # where the letters of East Asia begin
 _SHORT = 4  # letters: what is shorter is an abbreviation as a word only
 
 
-def _plain(text: str) -> str:
+def plain_letters(text: str) -> str:
     """Small letters without accents."""
     return _without_accents(text.lower().replace("ß", "ss").replace("ø", "o").replace("æ", "ae").replace("œ", "oe"))
 
@@ -50,18 +52,30 @@ def _in_full(word: str) -> str:
 
 def _phrase(text: str) -> str:
     """A phrase as a name has it."""
-    return " ".join(_in_full(word) for word in _plain(text).split())
+    return " ".join(_in_full(word) for word in plain_letters(text).split())
 
 
 QUANTITIES = tuple(
     Quantity(name, entry["unit"], tuple(_phrase(each) for each in entry["phrases"].split(",")))
     for name, entry in _TREE.items()
 )
+BY_CHANNEL = {each.name: each for each in QUANTITIES if each.name in BY_NAME} | {
+    f"{each.name}_deg": each for each in QUANTITIES if each.name in ("latitude", "longitude")
+}
+"""The quantities whose channels have a name of their own."""
 _PHRASES = frozenset(phrase for each in QUANTITIES for phrase in each.phrases)
 LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(letter) > _LATIN)
 """The Chinese and Japanese letters of the phrases."""
 PORT, STARBOARD, BOW, STERN = (_WORDS[name] for name in ("port", "starboard", "bow", "stern"))
 TUNNEL, ORDER = _WORDS["tunnel"], _WORDS["order"]
+TIME_WORDS = frozenset(
+    word
+    for each in QUANTITIES
+    if each.name in ("time", "date")
+    for phrase in each.phrases
+    for word in phrase.split()
+)
+"""The words of columns that state the time."""
 _SAY_NO_MORE = PORT | STARBOARD | BOW | STERN | TUNNEL | ORDER | _WORDS["centre"] | _WORDS["nothing"]
 _LEAST_COVER = 0.55  # a "vertical velocity" is no speed: half of the name says something else
 _REST_COUNTS = 0.05  # of words that say nothing: the plainer of two names is meant
@@ -83,7 +97,7 @@ def words_of(name: str) -> tuple[str, ...]:
     (('kurs', 'u', 'grund'), ('wind', 'dir', 'rel', '2'))
     """
     text = re.sub(r"(?<=[a-zäöüåøæéè0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", name)
-    return tuple(_in_full(word) for word in re.findall(r"[^\W\d_]+|\d+", _plain(text)))
+    return tuple(_in_full(word) for word in re.findall(r"[^\W\d_]+|\d+", plain_letters(text)))
 
 
 @lru_cache(maxsize=4096)

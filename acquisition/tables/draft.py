@@ -13,9 +13,19 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.units import to_house
-from acquisition.tables.column_names import Match, Quantity, headed, matches, units_called, words_of
+from acquisition.tables.column_names import (
+    BY_CHANNEL,
+    ORDER,
+    Match,
+    Quantity,
+    headed,
+    matches,
+    units_called,
+    words_of,
+)
 from acquisition.tables.table_files import RawTable
-from acquisition.tables.time_columns import known_day, known_zone
+from acquisition.tables.time_columns import known_day
+from acquisition.tables.zones import known_zone
 
 SKIP = "skip"
 """The answer that leaves a column out."""
@@ -72,12 +82,14 @@ class Draft:
     questions: list[Question] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     candidates: list[Candidate] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
 
     def ask(self, key: str, text: str, options: Sequence[str] = (), default: str | None = None) -> str | None:
         """The answer to a question, which is noted as long as there is none; the default, if any, meanwhile."""
         given = self.answers.get(key)
         if given is not None:
-            _check_answer(key, given, options)
+            check_answer(key, given, options)
+            self.used.add(key)
             return given
         self.questions.append(Question(key, text, (*options,), default))
         return default
@@ -105,15 +117,15 @@ class Draft:
 
 
 _CHECKS: dict[str, Callable[[str], object]] = {
-    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": float
+    "zone": known_zone, "start": pd.Timestamp, "day": known_day, "full_scale": float, "year": int
 }  # fmt: skip
 """What tells whether an answer that is no choice can be one: it raises :class:`ValueError`."""
-KEYS = frozenset({*_CHECKS, "date_order", "time_unit", "x_axis", "course", "heading", "rate_of_turn", "wind",
-                  "unit.speed", "unit.wind"})  # fmt: skip
+KEYS = frozenset({*_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course", "heading", "rate_of_turn",
+                  "wind", "unit.speed", "unit.wind"})  # fmt: skip
 """What may be answered, beside ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
 
 
-def _check_answer(key: str, given: str, options: Sequence[str]) -> None:
+def check_answer(key: str, given: str, options: Sequence[str] = ()) -> None:
     """Raise :class:`ConfigurationError` for an answer that is none."""
     if options and given not in (*options, SKIP):
         raise ConfigurationError(f"answer {key}={given} is none of {', '.join(options)}")
@@ -142,6 +154,9 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
     for column in map(str, raw.columns.columns):
         head = headed(column)
         told = units_called(raw.units.get(column, ""))
+        if (exact := BY_CHANNEL.get(column)) is not None:
+            found.append(Candidate(column, exact, 1.0, told or head.units, frozenset(words_of(column))))
+            continue
         names = [(raw.meanings.get(column, ""), told), (head.name, told or head.units)]
         names += [(column, told)] if column.endswith(head.text) else []  # what looked like a unit may be none
         for name, units in names:
@@ -152,6 +167,8 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
             ]
             if fitting:
                 match, usable = _plain_n(fitting, raw) if name == "n" else fitting[0]
+                if match.quantity.name in BY_CHANNEL and ORDER & set(words_of(name)):
+                    break  # what is wanted of the motion is not the motion
                 found.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
                 break
     return found
@@ -162,6 +179,7 @@ def with_answers(draft: Draft) -> list[Candidate]:
     kept = []
     for each in candidates_of(draft.raw):
         given = draft.answers.get(f"unit.{each.column}")
+        draft.used.add(f"unit.{each.column}")
         if given == SKIP:
             draft.note(each.column, "-", "", "left out, as answered")
             continue

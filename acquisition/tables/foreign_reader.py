@@ -18,6 +18,10 @@ _REFUSED = 3
 _DEEPEST = 32  # groups in groups: of one that holds itself there is no end
 
 
+class RefusedError(ValueError):
+    """Why a file is not read, in words for its user; what a library says of it is for its author."""
+
+
 class _Cells:
     """How many cells a file may still give."""
 
@@ -25,10 +29,10 @@ class _Cells:
         self.left = allowance
 
     def take(self, count: int) -> None:
-        """Count cells. Raises ValueError when there are too many."""
+        """Count cells. Raises RefusedError when there are too many."""
         self.left -= count
         if self.left < 0:
-            raise ValueError("it holds more cells than its budget; SEATRIAL_BUDGET=10 raises that tenfold")
+            raise RefusedError("it holds more cells than its budget; SEATRIAL_BUDGET=10 raises that tenfold")
 
 
 def read_sheets(path: str, cells: _Cells) -> dict[str, list[list[Any]]]:
@@ -85,7 +89,7 @@ def _variables_of_hdf5(path: str) -> dict[str, Any]:
 
     def value_of(item: Any, file: Any, depth: int = 0) -> Any:
         if depth > _DEEPEST:
-            raise ValueError("its groups hold each other")
+            raise RefusedError("its groups hold each other")
         if isinstance(item, h5py.Group):
             return {name: value_of(member, file, depth + 1) for name, member in _members(item)}
         values = _values(item)
@@ -102,18 +106,18 @@ def _variables_of_hdf5(path: str) -> dict[str, Any]:
 
 
 def _members(group: Any) -> Iterator[tuple[str, Any]]:
-    """What is in a group. Raises ValueError for a link to another file, which nobody has given us."""
+    """What is in a group. Raises RefusedError for a link to another file, which nobody has given us."""
     import h5py
 
     for name in group:
         if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-            raise ValueError(f"its {name!r} is in another file; copy it into this one")  # noqa: TRY004
+            raise RefusedError(f"its {name!r} is in another file; copy it into this one")
         yield name, group[name]
 
 
 def _values(dataset: Any) -> Any:
     if dataset.is_virtual or dataset.external:
-        raise ValueError(f"the values of its {dataset.name!r} are in another file; copy them into this one")
+        raise RefusedError(f"the values of its {dataset.name!r} are in another file; copy them into this one")
     return dataset[()]
 
 
@@ -186,8 +190,11 @@ def _write(read: Callable[[str, _Cells], Any], path: str, cells: _Cells, output:
         output.flush()
     except MemoryError:
         return 1
-    except Exception as error:  # a damaged file makes these libraries fail in every possible way
-        sys.stderr.write((str(error).strip().splitlines() or [type(error).__name__])[0])
+    except RefusedError as error:
+        sys.stderr.write(str(error))
+        return _REFUSED
+    except Exception:  # a damaged file makes these libraries fail in every possible way
+        sys.stderr.write("it is damaged, cut short, or of another kind than its name says")
         return _REFUSED
     return 0
 

@@ -34,6 +34,7 @@ from acquisition.core.files import write_text, written_together
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
+from acquisition.tables.answers import map_as_answered, time_as_answered
 from acquisition.tables.column_map import (
     ColumnMap,
     apply_column_map,
@@ -42,8 +43,10 @@ from acquisition.tables.column_map import (
     load_column_map,
     long_map,
 )
+from acquisition.tables.draft import candidates_of
 from acquisition.tables.propose import Proposal, propose
-from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
+from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
+from acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our own exports that are no channels; they are passed over."""
@@ -68,6 +71,7 @@ class ImportSummary:
     passed_over: tuple[str, ...] = ()
     dropped: dict[str, int] = field(default_factory=dict)
     empty: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         parts = [f"{self.rows:,} rows, {self.samples:,} samples of {len(self.channels)} channels"]
@@ -88,6 +92,7 @@ class ImportSummary:
             parts.append(f"missing: {', '.join(self.missing)}")
         if self.passed_over:
             parts.append(f"ignored: {', '.join(self.passed_over)}")
+        parts += self.remarks
         return "; ".join(parts)
 
 
@@ -99,6 +104,7 @@ def import_table(
     ignore_unknown: bool = False,
     vessel: Path | str | None = None,
     force: bool = False,
+    answers: Mapping[str, str] | None = None,
 ) -> ImportSummary:
     """Write a table file as a recording and say what was found in it; arguments as those of the reader.
 
@@ -106,7 +112,7 @@ def import_table(
     :class:`StorageError` when the recording cannot be written.
     """
     refuse_overwriting(output, force)
-    return _record(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel), output)
+    return _record(read_table_file(path, map_path, allow_missing, ignore_unknown, vessel, answers), output)
 
 
 def import_proposed(
@@ -130,7 +136,8 @@ def import_proposed(
     columns, declared = column_map_of(proposal.text, map_path)
     with written_together(Path(output)):
         write_text(map_path, proposal.text)
-        return _record(_through_map(raw, columns, declared, map_path, vessel), output)
+        summary = _record(_through_map(raw, columns, declared, map_path, vessel), output)
+    return replace(summary, remarks=())  # the proposal has them among its warnings
 
 
 def propose_for(
@@ -141,13 +148,19 @@ def propose_for(
 
 
 def is_standard(raw: RawTable) -> bool:
-    """Whether a table's columns are named as the channels: most of them, ``time`` among them."""
+    """Whether a table's columns are named as the channels: most of them, ``time`` among them.
+
+    It is not where other columns are of quantities that are known, or the times in another form.
+    """
     given = list(map(str, raw.columns.columns))
     channels = channels_of_trial(raw.trial)
     if (long := long_map(raw, channels)) is not None:
         return bool(long.channels)
     ours = [name for name in given if name == "time" or _is_ours(name, channels) or find_channel(name)]
-    return bool(raw.trial.actuators) or ("time" in given and 2 * len(ours) > len(given))
+    if raw.trial.actuators:
+        return True
+    known = {candidate.column for candidate in candidates_of(raw)} - set(ours)
+    return "time" in given and 2 * len(ours) > len(given) and not known and is_usual_time(raw)
 
 
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
@@ -176,6 +189,7 @@ def _record(file: TableFile, output: Path | str) -> ImportSummary:
         passed_over=file.passed_over,
         dropped=file.dropped,
         empty=tuple(str(name) for name, column in file.table.items() if column.isna().all()),
+        remarks=file.remarks,
     )
 
 
@@ -185,22 +199,25 @@ def read_table_file(
     allow_missing: bool = False,
     ignore_unknown: bool = False,
     vessel: Path | str | None = None,
+    answers: Mapping[str, str] | None = None,
 ) -> TableFile:
     """A CSV, Parquet or .mat file in the contract's columns and units.
 
     Without a map the columns are named as the channels and ``time``. The ship is that of the file ``vessel``, whose
     name the recording then carries; without it her actuators are as the map or the table says, or as the columns
-    are named (:func:`actuators_in_columns`). Raises :class:`InputError` for what cannot be read, for columns that
-    are no channels unless ``ignore_unknown``, and for a table that lacks one of the ship's channels unless
+    are named (:func:`actuators_in_columns`). ``answers`` are those of ``--answer``: they count for more than the
+    map. Raises :class:`InputError` for what cannot be read, for columns that are no channels unless
+    ``ignore_unknown``, and for a table that lacks one of the ship's channels unless
     ``allow_missing``; :class:`ConfigurationError` for a wrong map or vessel file.
     """
     raw = read_raw(path)
     if map_path is not None:
-        return _through_map(raw, *load_column_map(map_path), map_path, vessel, allow_missing)
+        columns, declared = load_column_map(map_path)
+        return _through_map(raw, map_as_answered(columns, answers or {}), declared, map_path, vessel, allow_missing)
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
     long = long_map(raw, channel_names(ship or DEFAULT))
     if long is None:
-        file, fix = _standard(raw, ignore_unknown, ship), f"add the column, {fix}"
+        file, fix = _standard(raw, ignore_unknown, ship, answers or {}), f"add the column, {fix}"
     else:
         file = apply_column_map(raw, long, path)
         file = _for_ship(file, ship or actuators_in_columns(map(str, file.table), file.trial), raw)
@@ -266,7 +283,7 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
             raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
 
-def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile:
+def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str]) -> TableFile:
     """A table whose columns are named as the channels."""
     given = list(map(str, raw.columns.columns))
     if "time" not in given:
@@ -284,10 +301,12 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators) -> TableFile
         what = f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}"
         fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
         raise InputError(what, where=str(raw.path), fix=fix)
+    timed = resolve_times(raw, time_as_answered(usual_time(raw), answers), strict=True)
     names = [name for name in channels if name in given]
-    columns = {name: _in_its_turn(channels[name], parse_numbers(raw, name)) for name in names}
-    table = pd.DataFrame(columns, index=parse_times(raw, "time"))
-    return _for_ship(TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown), ship, raw)
+    columns = {name: _in_its_turn(channels[name], parse_numbers(timed.raw, name)) for name in names}
+    table = pd.DataFrame(columns, index=timed.index)
+    file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
+    return _for_ship(file, ship, raw)
 
 
 def _in_its_turn(channel: Channel, values: Floats) -> Floats:

@@ -23,7 +23,7 @@ from acquisition.tables.column_map import Long, widen
 from acquisition.tables.draft import Draft, Question, Reading, as_toml, candidates_of, check_keys, with_answers
 from acquisition.tables.evidence import grid_of
 from acquisition.tables.table_context import Known, best
-from acquisition.tables.table_files import RawTable, parse_numbers, read_times
+from acquisition.tables.table_files import RawTable
 from acquisition.tables.time_columns import TimeColumn, resolve_times
 from acquisition.tables.time_reading import read_time
 
@@ -57,6 +57,10 @@ def propose(
     ``ship`` are the actuators of the vessel, if she is known, ``vessel`` her name. Raises :class:`InputError` for
     a table without times, or in which nothing is known.
     """
+    if raw.is_nameless:
+        names = list(map(str, raw.columns.columns))
+        fix = f"name its columns, {names[0]!r} to {names[-1]!r}, in a column map (--columns)"
+        raise InputError("has no row of names", where=str(raw.path), why="it begins with data", fix=fix)
     draft = Draft(raw, answers or {})
     _find_long(draft)
     check_keys(draft.answers, list(map(str, draft.raw.columns.columns)))
@@ -72,6 +76,10 @@ def propose(
     asked = any(each.default is None for each in draft.questions)
     if not asked and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
+    for key in [key for key in draft.answers if key not in draft.used]:
+        draft.warnings.append(
+            f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
+        )
     used |= {each.column for each in draft.readings}
     comments = {each.taken_for: "; ".join(each.reasons) for each in draft.readings}
     passed = tuple(name for name in map(str, draft.raw.columns.columns) if name not in used)
@@ -108,19 +116,25 @@ def _find_long(draft: Draft) -> None:
 
 
 def _seconds(draft: Draft) -> Floats:
-    """Seconds since the first row of each row, NaN without a time."""
+    """Seconds since the first row of each row, NaN without a time; rows are put in the order of their writing."""
     time = TimeColumn(**draft.tree["time"])
-    raw, plain = resolve_times(draft.raw, replace(time, in_name=None, zone=time.zone or "UTC"))
-    if plain.format == "seconds":
-        parse_numbers(raw, plain.column)
-    times = read_times(raw, plain.column, plain.zone or "UTC", plain.start, plain.format == "seconds")
-    ns = times.as_unit("ns").asi8
-    known = ~np.asarray(times.isna())
+    timed = resolve_times(draft.raw, replace(time, zone=time.zone or "UTC"))
+    draft.raw = timed.raw
+    draft.warnings.extend(timed.remarks)
+    ns = timed.index.asi8
+    known = ~np.asarray(timed.index.isna())
+    cells = draft.raw.columns[time.column]
     if not known.any():
-        raise InputError(f"no time of column {time.column!r} can be read", where=str(draft.raw.path))
+        example = next(iter(cells.dropna()), "")
+        what = f"no time of column {time.column!r} can be read, like {str(example)!r}"
+        raise InputError(what, where=str(draft.raw.path))
     if not known.all():
         draft.tree["unreadable_rows"] = "drop"
-        draft.warnings.append(f"{int((~known).sum()):,} rows have no time that can be read; they are dropped")
+        row = int(np.flatnonzero(~known)[0])
+        draft.warnings.append(
+            f"{int((~known).sum()):,} rows have no time that can be read, like {str(cells.iloc[row])!r} in row"
+            f" {row + 1}; they are dropped"
+        )
     return np.where(known, (ns - ns[known][0]) / 1e9, np.nan)
 
 

@@ -9,13 +9,12 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
-import math
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -32,8 +31,10 @@ from acquisition.core.budget import (
 from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
 from acquisition.core.files import parse_json, read_json
-from acquisition.core.frames import NANO
 from acquisition.core.trial import Trial
+
+if TYPE_CHECKING:
+    from acquisition.tables.text_tables import ReadRows
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
     "": lambda path: path.open("rb"),
@@ -42,13 +43,9 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
     ".xz": lzma.open,
 }
 """How a text file is opened, by what comes after ``.csv``."""
+DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
-_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat")
-_MICRO = 1_000_000
-STORABLE = "1970-01-01", "2262-01-01"
-"""The first day that the times of a recording reach, and the first beyond: they are nanoseconds since 1970."""
-_ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
-
+_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm")
 
 _NAIVE_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?")
 UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
@@ -59,7 +56,9 @@ UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
 class RawTable:
     """The columns of a file under their own names, and the trial if the file tells of one.
 
-    ``units`` are those that the file tells beside the names, by column; ``meanings`` what it says of them besides.
+    ``units`` are those that the file tells beside the names, by column; ``meanings`` what it says of them besides;
+    ``preamble`` the lines before the names. ``remarks`` are on how it was read; a table without a row of names
+    ``is_nameless``.
     """
 
     path: Path
@@ -67,6 +66,14 @@ class RawTable:
     trial: Trial = field(default_factory=Trial)
     units: dict[str, str] = field(default_factory=dict)
     meanings: dict[str, str] = field(default_factory=dict)
+    preamble: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    is_nameless: bool = False
+
+    @classmethod
+    def of_rows(cls, path: Path, read: ReadRows, trial: Trial) -> RawTable:
+        """The table of rows of cells."""
+        return cls(path, read.frame, trial, read.units, {}, read.preamble, read.remarks, read.is_nameless)
 
     @property
     def name(self) -> str:
@@ -80,7 +87,7 @@ class TableFile:
 
     ``table`` has a UTC index in the file's order; ``sources`` says for each column where it comes from, and
     ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used, and
-    ``dropped`` counts the rows that a map let go, by what is wrong with them.
+    ``dropped`` counts the rows that a map let go, by what is wrong with them; ``remarks`` are on its times.
     """
 
     table: pd.DataFrame
@@ -88,6 +95,7 @@ class TableFile:
     sources: dict[str, str] = field(default_factory=dict)
     passed_over: tuple[str, ...] = ()
     dropped: dict[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     @property
     def assumed(self) -> dict[str, float]:
@@ -118,7 +126,7 @@ def read_raw(path: Path | str) -> RawTable:
     except InputError:
         raise
     except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
-        why = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        why = str(error) if type(error) is ValueError and suffix.lower() in _TEXT else DAMAGED
         raise InputError(f"is not a readable {suffix} table", where=str(path), why=why) from error
     TABLE_COLUMNS.require(len(raw.columns.columns), path, path.stat().st_size)
     if raw.columns.empty:
@@ -141,6 +149,7 @@ def _readers() -> dict[str, Callable[[Path], RawTable]]:
 
 def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
+    from acquisition.tables.logger_tables import is_expedition, is_table_of_frames, read_expedition
     from acquisition.tables.text_tables import decode, read_text
 
     meter = Meter(path, path.stat().st_size)
@@ -153,8 +162,14 @@ def _read_text(path: Path) -> RawTable:
         meter.check(TABLE_COLUMNS, len(names))
         meter.check(TABLE_CELLS, len(names) * text.count("\n"))
 
-    frame, units = read_text(text, check_names)
-    return RawTable(path, frame, _trial_beside(path), units)
+    if is_expedition(text):
+        frame, units = read_expedition(text)
+        return RawTable(path, frame, units=units)
+    read = read_text(text, check_names)
+    if is_table_of_frames(list(map(str, read.frame))):
+        fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'
+        raise InputError("holds frames of a CAN bus, not columns of values", where=str(path), fix=fix)
+    return RawTable.of_rows(path, read, _trial_beside(path))
 
 
 def _unpacked(path: Path, meter: Meter) -> bytes:
@@ -183,13 +198,14 @@ def _read_sheet(path: Path) -> RawTable:
         if ours
         else max(sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[])
     )
-    frame, units = frame_of_rows(rows)
+    read = frame_of_rows(rows)
+    frame = read.frame
     if ours and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
     refuse_twins(list(frame.columns), path)
     said = {name: value for what, name, value in about if what == "trial"} if ours else {}
-    return RawTable(path, frame, trial_of(said), units)
+    return RawTable.of_rows(path, replace(read, frame=frame), trial_of(said))
 
 
 def _read_gpx(path: Path) -> RawTable:
@@ -285,21 +301,19 @@ def no_numbers(column: pd.Series[Any]) -> Bools:
     return np.asarray(values.isna().to_numpy() & column.notna().to_numpy())
 
 
-def readable_rows(
-    raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]
-) -> tuple[RawTable, dict[str, int]]:
-    """The rows that have a time and no text where a number belongs, and how many others there are, by the reason.
+def readable_rows(raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]) -> tuple[Bools, dict[str, int]]:
+    """Which rows have a time and no text where a number belongs, and how many have not, by the reason.
 
-    ``times`` are as :func:`read_times` gives them. Raises :class:`InputError` where no row is left.
+    ``times`` are those of the rows, NaT for none. Raises :class:`InputError` where no row is left.
     """
     timeless = np.asarray(times.isna())
     text = np.any([no_numbers(raw.columns[name]) for name in numbers], axis=0) & ~timeless
     dropped = {"without a time": int(timeless.sum()), "with text for a number": int(text.sum())}
-    kept = raw.columns[~(timeless | text)].reset_index(drop=True)
-    if kept.empty:
+    valid = ~(timeless | text)
+    if not valid.any():
         why = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
         raise InputError("has no readable row", where=str(raw.path), why=why, fix="check the columns")
-    return replace(raw, columns=kept), {reason: count for reason, count in dropped.items() if count}
+    return valid, {reason: count for reason, count in dropped.items() if count}
 
 
 def parse_numbers(raw: RawTable, name: str) -> Floats:
@@ -312,82 +326,3 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
         why = f"{wrong.size} cells of the column are not numbers"
         raise InputError(what, where=str(raw.path), why=why, fix="write missing values as empty cells")
     return values.to_numpy(dtype=float)
-
-
-def storable(times: pd.Series[Any]) -> pd.Series[Any]:
-    """Times as nanoseconds, NaT where a recording cannot hold them: before 1970 and from 2262 on.
-
-    Years such as 0001 and 9999 are what programs write that know no time.
-    """
-    zone = times.dt.tz
-    first, end = (pd.Timestamp(day, tz=zone) for day in STORABLE)
-    kept: pd.Series[Any] = times.where((times >= first) & (times < end)).dt.as_unit("ns")
-    return kept
-
-
-def parse_times(
-    raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
-) -> pd.DatetimeIndex:
-    """A column as UTC times in ns, as :func:`read_times`; every row needs one, or it is an :class:`InputError`."""
-    column = raw.columns[name]
-    if seconds:
-        parse_numbers(raw, name)
-    index = read_times(raw, name, zone, start, seconds)
-    empty = np.flatnonzero(index.isna())
-    if empty.size:
-        given = column.iloc[empty[0]]
-        what = "has no time" if pd.isna(given) else f"holds {str(given)!r}, which is not an ISO 8601 time"
-        what, why = f"row {empty[0] + 1} of column {name!r} {what}", f"{empty.size} such rows"
-        fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
-        raise InputError(what, where=str(raw.path), why=why, fix=fix)
-    return index
-
-
-def read_times(
-    raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
-) -> pd.DatetimeIndex:
-    """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or ``start``; NaT for what is neither, and
-    for what is not :func:`storable`.
-
-    Text without a zone is in ``zone``, or an :class:`InputError` where that is None: local time is ambiguous
-    twice a year. Numbers are seconds; ``seconds`` says that nothing else will do.
-    """
-    column = raw.columns[name]
-    if seconds or pd.api.types.is_numeric_dtype(column):
-        index = _from_seconds(pd.to_numeric(column, errors="coerce").to_numpy(dtype=float), start)
-    elif isinstance(column.dtype, pd.DatetimeTZDtype):
-        index = pd.DatetimeIndex(storable(column))
-    else:
-        index = _from_text(raw, column, zone)
-    return index.tz_convert("UTC").as_unit("ns").rename("time")
-
-
-def _from_text(raw: RawTable, column: pd.Series[Any], zone: str | None) -> pd.DatetimeIndex:
-    """ISO 8601 text, or times without a zone from Parquet; NaT for what cannot be read."""
-    text = column.astype("str")
-    zoned = text.str.contains(_ZONED, regex=True, na=False)
-    times = storable(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
-    naive = pd.to_datetime(text.mask(zoned), format="ISO8601", errors="coerce")
-    if zone is not None:
-        naive = storable(naive)
-        local = naive.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
-        return pd.DatetimeIndex(times.fillna(local.dt.tz_convert("UTC")))
-    if naive.notna().any():
-        row = int(np.flatnonzero(naive.notna())[0])
-        what = f"row {row + 1} of column {column.name!r} has no zone: {text.iloc[row]}"
-        fix = 'write times like 2026-05-17T12:00:00Z, or give zone = "UTC" in a column map'
-        raise InputError(what, where=str(raw.path), fix=fix)
-    return pd.DatetimeIndex(times)
-
-
-def _from_seconds(seconds: Floats, start: str | None) -> pd.DatetimeIndex:
-    """Seconds as UTC. A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one."""
-    begin = pd.Timestamp(start) if start else pd.Timestamp(0, tz="UTC")
-    first_s, end_s = ((pd.Timestamp(day, tz="UTC") - begin).total_seconds() for day in STORABLE)
-    valid = (seconds >= first_s) & (seconds < end_s)
-    whole = np.floor(np.where(valid, seconds, 0.0))
-    unit = _MICRO if start is None else NANO
-    part = np.rint((np.where(valid, seconds, 0.0) - whole) * unit).astype(np.int64) * (NANO // unit)
-    begin_s, begin_ns = math.floor(begin.timestamp()), 1000 * begin.microsecond + begin.nanosecond
-    time_ns = (whole.astype(np.int64) + begin_s) * NANO + begin_ns + part
-    return pd.DatetimeIndex(np.where(valid, time_ns.astype("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")

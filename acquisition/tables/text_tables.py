@@ -1,7 +1,7 @@
 """Tables of text cells as loggers and spreadsheets write them: where the header stands, what is between the cells.
 
-The encoding, the delimiter, the decimal sign, lines before the header and a row of units below it are found by what
-the lines look like; nothing here knows what a column means.
+The encoding, the delimiter, the decimal sign, lines before the header, a header of two rows and a row of units
+below it are found by what the lines look like and, of several rows of names, by the names that are known.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.tables.column_names import LETTERS, is_unit_cell
+from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -31,7 +31,8 @@ NOT_AVAILABLE = (
 
 _DELIMITERS = (";", "\t", "|", ",")
 _PROBE_LINES = 60
-_COMMENT = "#%"
+_END_OF_HEAD = "***End_of_Header***"
+_COMMENT, _BOM = "#%", "\ufeff"
 _CODE_PAGES, _PROBE_LETTERS = ("cp1252", "cp932", "gb18030"), 4000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -42,50 +43,100 @@ _TIME_LIKE = re.compile(r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the names stand among the rows, and in which row their units, if in one; ``units`` by name."""
+    """Where the names stand among the rows, and in which row their units, if in one; ``units`` by name.
+
+    ``header`` is None where no row has names: columns are then called by their places.
+    """
 
     names: tuple[str, ...]
-    header: int
+    header: int | None
     first: int
     units: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ReadRows:
+    """A table's frame, the units that a row of it states by column, the lines before its header, and remarks."""
+
+    frame: pd.DataFrame
+    units: dict[str, str] = field(default_factory=dict)
+    preamble: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    is_nameless: bool = False
 
 
 def decode(content: bytes) -> str:
     """The text of a file: by its byte order mark, else UTF-8, else the code page by which it holds most letters of
     known names: that of western Windows, Japan or China."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16")
+        return content.decode("utf-16").replace(_BOM, "")
+    for start, page in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if 2 * content[start:_PROBE_LETTERS:2].count(0) > min(len(content), _PROBE_LETTERS) // 2:
+            return content.decode(page, errors="replace").replace(_BOM, "")
     try:
-        return content.decode("utf-8-sig")
+        return content.decode("utf-8").replace(_BOM, "")  # also where files with a mark were joined
     except UnicodeDecodeError:
         texts = [content.decode(page, errors="replace") for page in _CODE_PAGES]
         return max(texts, key=lambda text: sum(letter in LETTERS for letter in text[:_PROBE_LETTERS]))
 
 
 def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
-    """Names and units of a table by its first rows; its header is the last row of names before the first of data.
+    """Names and units of a table by its first rows; its header is the row of names before the first of data by
+    which most columns are known, the last of several alike.
 
-    The first row where none holds data.
+    Names of the row before or behind are part of it where they make a known name of it: "Wind" above "Speed".
     """
     width = Counter(len(_trimmed(row)) for row in rows[-max(1, len(rows) // 2) :]).most_common(1)[0][0]
     first = next((number for number, row in enumerate(rows) if _is_data(row, width)), len(rows))
-    named = [number for number in range(first) if _could_name(rows[number], width)] or [0]
-    header, units = named[-1], dict[int, str]()
-    if len(named) > 1 and _is_unit_row(rows[named[-1]]):
-        header = named[-2]
-        units = {place: str(cell).strip() for place, cell in enumerate(rows[named[-1]]) if _filled(cell)}
-    names = [_name(cell) for cell in rows[header]]
+    named = [number for number in range(first) if _could_name(rows[number], width)]
+    if not named and first < len(rows) and width > 1:
+        return Layout(tuple(f"column {place + 1}" for place in range(width)), None, first)
+    named = named or [0]
+    of_units = [number for number in named[1:] if _is_unit_row(rows[number])]
+    header = max((each for each in named if each not in of_units), key=lambda each: (_known_in(rows[each]), each))
+    names = _full_names(rows, header, [each for each in named if each not in of_units], width)
     if names and names[0][:1] in _COMMENT:
         names[0] = names[0].lstrip(f"{_COMMENT} ")
+    unit_row = next((rows[each] for each in of_units if each > header), [])
+    units = {place: str(cell).strip() for place, cell in enumerate(unit_row) if _filled(cell)}
     by_name = {names[place]: text for place, text in units.items() if place < len(names) and text != "-"}
     return Layout(tuple(names), header, min(max(first, header + 1), len(rows)), by_name)
 
 
-def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The frame of a text of lines, and the units that a row of it tells by column.
+def _known_in(row: Sequence[Any]) -> int:
+    return sum(bool(matches(headed(name).name)) for name in map(_name, row) if name)
 
-    ``refuse_twins`` raises for names that come twice. Raises whatever pandas does for rows longer than the header.
+
+def _full_names(rows: Sequence[Sequence[Any]], header: int, named: Sequence[int], width: int) -> list[str]:
+    """The names of a header, with those of the row above or below where that makes another, known name of them."""
+    names = [_name(cell) for cell in rows[header]]
+    twice = {name for name, count in Counter(names).items() if count > 1 and name}
+    groups = (
+        rows[header - 1] if header and (twice or header - 1 in named) and not _has_number(rows[header - 1]) else []
+    )
+    below = rows[header + 1] if header + 1 in named else []
+    above = ""
+    for place, name in enumerate(names):
+        above = _name(groups[place]) if place < len(groups) and _filled(groups[place]) else above
+        behind = _name(below[place]) if place < len(below) else ""
+        for full in (f"{above} {name}" if above else "", f"{name} {behind}" if behind else ""):
+            if full and name and (matches(headed(full).name) or name in twice):
+                names[place] = full
+                break
+    return names
+
+
+def _has_number(row: Sequence[Any]) -> bool:
+    return any(map(_is_number, filter(_filled, row)))
+
+
+def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
+    """What is in a text of lines.
+
+    ``refuse_twins`` raises for names that come twice. Raises :class:`ValueError` naming the first row that is
+    longer than the header.
     """
+    head, text = _without_head_of_labview(text)
     lines = list(islice((line.rstrip("\r\n") for line in _lines(text) if line.strip()), _PROBE_LINES))
     delimiter = _delimiter(lines)
     rows = [_split(line, delimiter) for line in lines]
@@ -93,27 +144,71 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> tuple[pd.
     refuse_twins([name for name in layout.names if name])
     body = [cell.strip() for row in rows[layout.first :] for cell in row]
     decimal = "," if _decimal_is_comma(body, delimiter) else "."
-    content = text[_start_of(text, layout.first) :].encode()
+    start = _start_of(text, layout.first)
+    content, repeated = _without_repeated(text[start:], lines[: layout.first], layout.header)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
-        frame = pd.read_csv(
-            io.BytesIO(content), sep=r"\s+" if delimiter == " " else delimiter, decimal=decimal, header=None,
-            names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
-            na_values=list(NOT_AVAILABLE),
-        )  # fmt: skip
+        try:
+            frame = pd.read_csv(
+                io.BytesIO(content.encode()), sep=r"\s+" if delimiter == " " else delimiter, decimal=decimal,
+                header=None, names=_unique(layout.names), skipinitialspace=True, low_memory=False, index_col=False,
+                na_values=list(NOT_AVAILABLE),
+            )  # fmt: skip
+        except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+            raise ValueError(_longer_row(text, start, delimiter, len(layout.names))) from error
     frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
-    return frame.apply(lambda column: _ungrouped(column, decimal)), layout.units
+    remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
+    frame = frame.apply(lambda column: _ungrouped(column, decimal))
+    return ReadRows(frame, layout.units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None)
 
 
-def frame_of_rows(rows: Sequence[Sequence[Any]]) -> tuple[pd.DataFrame, dict[str, str]]:
-    """The frame of a spreadsheet's rows, whose cells have types, and the units that a row of it tells by column."""
+def _without_head_of_labview(text: str) -> tuple[list[str], str]:
+    """The lines of the two heads of a LabVIEW measurement, and what follows; other texts have none of them.
+
+    Raises :class:`ValueError` for one with several segments, each of which has a start of its own.
+    """
+    if not text.startswith("LabVIEW Measurement"):
+        return [], text
+    *heads, body = text.split(_END_OF_HEAD)
+    if len(heads) > 2:
+        raise ValueError(f"it has {len(heads) - 1} segments, each with a start of its own; save them apart")
+    return "".join(heads).splitlines(), body.partition("\n")[2]
+
+
+def _without_repeated(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
+    """The rows without those that repeat the header, or the row of units below it, as joined files have them."""
+    if header is None or head[header] not in content:
+        return content, 0
+    lines = set(head[header:])
+    kept = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
+    return "".join(kept), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
+
+
+def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
+    """Which line is longer than the header, as a reason."""
+    number = text.count("\n", 0, start)
+    for line in _lines(text[start:]):
+        number += 1
+        if line.strip() and (cells := len(_split(line.rstrip("\r\n"), delimiter))) > width:
+            return f"line {number} has {cells} cells, the header {width}"
+    return "its lines cannot be divided into cells; is a quotation mark missing?"
+
+
+def frame_of_rows(rows: Sequence[Sequence[Any]]) -> ReadRows:
+    """What is in a spreadsheet's rows, whose cells have types."""
     rows = [row for row in rows if any(_filled(cell) for cell in row)]
     if not rows:
-        return pd.DataFrame(), {}
+        return ReadRows(pd.DataFrame())
     layout = find_layout(rows[:_PROBE_LINES])
-    frame = pd.DataFrame(list(rows[layout.first :]), columns=_unique(layout.names, len(rows[layout.header])))
+    header = [] if layout.header is None else [_name(cell) for cell in rows[layout.header]]
+    body = [row for row in rows[layout.first :] if not header or [_name(cell) for cell in row] != header]
+    repeated = len(rows) - layout.first - len(body)
+    frame = pd.DataFrame(body, columns=_unique(layout.names, max(map(len, body), default=len(header))))
     frame = _without_nameless(frame.map(_plain).dropna(how="all"))
-    return frame.infer_objects().reset_index(drop=True), layout.units
+    preamble = tuple(" ".join(str(cell) for cell in row if _filled(cell)) for row in rows[: layout.header or 0])
+    remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
+    frame = frame.infer_objects().reset_index(drop=True)
+    return ReadRows(frame, layout.units, preamble, remarks, layout.header is None)
 
 
 def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:

@@ -1,42 +1,57 @@
-"""Times of foreign tables as UTC: day first or month first, in two columns, serial days, counts since 1970.
+"""Times of tables as UTC: text of any form, in one column or two, digits, serial days, counts since a start.
 
-What a map's ``[time]`` says becomes a column of zoned times, or of seconds, which the rest of the import reads.
+What a map's ``[time]`` states becomes one index of UTC times, in the order in which the rows were written.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
 from datetime import datetime
 from typing import Annotated, Any, Literal
-from zoneinfo import available_timezones
 
 import numpy as np
 import pandas as pd
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from acquisition.core.arrays import Ints
+from acquisition.core.arrays import Bools, Ints
 from acquisition.core.errors import InputError
-from acquisition.tables.table_files import STORABLE, RawTable, storable
+from acquisition.core.frames import NANO
+from acquisition.core.times import DAY_NS, Order, date_order
+from acquisition.tables.table_files import RawTable, parse_numbers
+from acquisition.tables.time_text import (
+    MIDNIGHT,
+    as_clock,
+    distinct_dates,
+    filled_text,
+    stamps_in,
+    time_in_head,
+    time_in_name,
+    with_digits,
+)
+from acquisition.tables.zones import known_zone, to_utc
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
 """The day that serial days count from, and its number: Excel's 1900 system, MATLAB's ``datenum``."""
 NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 3600 * 10**9, "d": 86_400 * 10**9}
 """How many nanoseconds each unit of counted time has."""
+STORABLE = "1970-01-01", "2262-01-01"
+"""The first day that the times of a recording reach, and the first beyond: they are nanoseconds since 1970."""
+TEXT = "text"
+"""The format of times that :func:`acquisition.core.times.find_stamp` reads."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
+_ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
+_ZONE_AT_END = r"\s*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
+_NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
-_MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
-_HALF_DAY = pd.Timedelta(hours=12)
+_FIRST_NS = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
+_MICRO = 1_000_000
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
-
-
-def known_zone(zone: str) -> str:
-    """A zone's name; :class:`ValueError` for another text."""
-    if zone not in available_timezones():
-        raise ValueError("is no time zone; write UTC, or a name like Europe/Oslo")
-    return zone
+_NEWEST_FIRST = 0.9  # of the steps go back
+_SET_NS = pd.Timestamp("1990-01-01").value  # receivers and clocks that are not set begin in 1970 or 1980
 
 
 def _instant(text: str) -> str:
@@ -49,7 +64,7 @@ def _instant(text: str) -> str:
     return text
 
 
-IN_NAMES = {
+_IN_NAMES = {
     **dict.fromkeys(("%d", "%m", "%H", "%M", "%S", "%y"), r"\d{1,2}"),
     "%Y": r"\d{4}", "%j": r"\d{3}", "%b": "[A-Za-z]{3}", "%B": "[A-Za-z]+",
 }  # fmt: skip
@@ -57,16 +72,22 @@ IN_NAMES = {
 
 
 def _in_name(text: str) -> str:
-    unknown = set(re.findall("%.?", text)) - set(IN_NAMES)
-    if unknown or "%" not in text:
-        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S; known are {' '.join(IN_NAMES)}")
+    unknown = set(re.findall("%.?", text)) - set(_IN_NAMES)
+    if text != TEXT and (unknown or "%" not in text):
+        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S, nor {TEXT}; known are {' '.join(_IN_NAMES)}")
     return text
 
 
 def _known_format(text: str) -> str:
-    if text not in ("iso", "seconds", *SERIAL_DAYS) and "%" not in text:
-        raise ValueError("is none of iso, seconds, excel, matlab, nor a form like %d.%m.%Y %H:%M:%S")
+    if text not in ("iso", "seconds", TEXT, *SERIAL_DAYS) and "%" not in text:
+        raise ValueError("is none of iso, text, seconds, excel, matlab, nor a form like %d.%m.%Y %H:%M:%S")
     return text
+
+
+def with_zone(instant: str) -> str:
+    """A time with its zone, UTC where it names none. Raises :class:`ValueError` for another text."""
+    stamp = pd.Timestamp(instant)
+    return stamp.isoformat() + ("" if stamp.tz else "+00:00")
 
 
 def known_day(text: str) -> str:
@@ -80,12 +101,16 @@ class TimeColumn:
     """The time column: ISO 8601 (``zone`` where the text has none), seconds, or another ``format``.
 
     Seconds, or what the ``unit`` says, count from ``start``, or from the local time in ``zone`` that the file's
-    name holds in the form ``in_name`` (of :meth:`datetime.strptime`), which is that of the first row, or of the
-    last where ``name_tells`` the "end". With none of them they are taken for counted since 1970.
+    name holds in the form ``in_name`` (of :meth:`datetime.strptime`, or "text"), which is that of the first row,
+    or of the last where ``name_tells`` the "end", or from the time in the lines before the header (``in_head``).
+    With none of them they are taken for counted since 1970. For other formats ``start`` is the first row's time,
+    where the clock that wrote them was wrong.
 
-    ``format`` may be "excel" or "matlab" for days by their serial number, or a form of :meth:`datetime.strptime`
-    for other text; fractions of a second are read besides. The ``date`` may stand in a column of its own; where
-    only the time of day is told, ``day`` is that of the first row.
+    ``format`` may be "text" for any usual date and time, whose numbers stand in ``order`` and are of the ``year``
+    where they name none; "excel" or "matlab" for days by their serial number; or a form of
+    :meth:`datetime.strptime`; fractions of a second are read besides. The ``date`` may stand in a column of its
+    own; where only the time of day is given, ``day`` is that of the first row. A ``zone`` that the text names is
+    "ignored" where ``zone_in_text`` says so.
     """
 
     column: str
@@ -93,51 +118,219 @@ class TimeColumn:
     zone: Annotated[str, AfterValidator(known_zone)] | None = None
     start: Annotated[str, AfterValidator(_instant)] | None = None
     in_name: Annotated[str, AfterValidator(_in_name)] | None = None
+    in_head: bool = False
     name_tells: Literal["start", "end"] = "start"
     unit: Literal["ns", "us", "ms", "s", "min", "h", "d"] = "s"
     date: str | None = None
     day: Annotated[str, AfterValidator(known_day)] | None = None
+    order: Order | None = None
+    year: int | None = None
+    zone_in_text: Literal["used", "ignored"] = "used"
 
 
-def resolve_times(raw: RawTable, time: TimeColumn) -> tuple[RawTable, TimeColumn]:
-    """The table with its times in one column that is ISO 8601 or seconds, and what then says so.
+@plain_dataclass(frozen=True, slots=True)
+class TimedRows:
+    """A table with the UTC time of each row, NaT where it has none, in the order in which the rows were written."""
 
-    Cells that cannot be read become NaT. Raises :class:`InputError` for a time without a zone and a map that gives
-    none.
+    raw: RawTable
+    index: pd.DatetimeIndex
+    remarks: tuple[str, ...] = ()
+
+
+def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> TimedRows:
+    """The times of a table's rows. Raises :class:`InputError` for times without a zone where the map gives none.
+
+    Cells that cannot be read become NaT; ``strict`` refuses the first of them.
     """
+    if time.format == "seconds" and strict:
+        parse_numbers(raw, time.column)
+    local_ns, is_utc = _local_times(raw, time)
+    remarks = list(raw.remarks)
+    steps = np.diff(local_ns[local_ns != _NO_TIME])
+    if np.count_nonzero(steps < 0) > max(1, _NEWEST_FIRST * steps.size):
+        raw = replace(raw, columns=raw.columns.iloc[::-1].reset_index(drop=True))
+        local_ns, is_utc = local_ns[::-1], is_utc[::-1]
+        remarks.append("the newest row came first: the rows are turned round")
+    if time.day is not None:
+        local_ns = _over_midnights(local_ns)
+    time_ns = local_ns.copy()
+    naive = ~is_utc & (local_ns != _NO_TIME)
+    if naive.any():
+        if time.zone is None:
+            _refuse_naive(raw, time, int(np.flatnonzero(naive)[0]))
+        time_ns[naive], remark = to_utc(local_ns[naive], time.zone or "UTC")
+        remarks += [remark] if remark else []
+    if time.format != "seconds" and time.start is not None and (known := time_ns != _NO_TIME).any():
+        time_ns[known] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[known][0]
+    time_ns, remark = _storable(time_ns, time.column)
+    remarks += [remark] if remark else []
+    if not remark and (time.format != "seconds" or time.start is None):
+        remarks += _clock_remarks(time_ns, time)
+    index = pd.DatetimeIndex(time_ns.view("datetime64[ns]"), tz="UTC", name="time")
+    if strict:
+        _refuse_unread(raw, time, np.asarray(index.isna()))
+    return TimedRows(raw, index, tuple(remarks))
+
+
+def usual_time(raw: RawTable, name: str = "time") -> TimeColumn:
+    """The time column of a table in the contract's form: seconds since 1970, or ISO 8601."""
+    return TimeColumn(name, "seconds" if pd.api.types.is_numeric_dtype(raw.columns[name]) else "iso")
+
+
+def is_usual_time(raw: RawTable) -> bool:
+    """Whether the column ``time`` is of numbers or has some ISO 8601 text."""
+    cells = raw.columns["time"].dropna()
+    if cells.empty or pd.api.types.is_numeric_dtype(cells) or pd.api.types.is_datetime64_any_dtype(cells):
+        return True
+    return bool(pd.to_datetime(cells.astype("str"), format="ISO8601", errors="coerce", utc=True).notna().any())
+
+
+def parse_times(raw: RawTable, name: str) -> pd.DatetimeIndex:
+    """A column of ISO 8601 text with a zone, or of seconds since 1970, as UTC times; every row needs one."""
+    return resolve_times(raw, usual_time(raw, name), strict=True).index
+
+
+def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+    """The times [ns since 1970], and which are UTC; the others are on their zone's clock."""
     column = raw.columns[time.column]
     if time.format == "seconds":
-        if time.unit == "s":
-            return raw, time
-        if time.start is None and time.in_name is None:
-            return _with(raw, time, _counted(column, time.unit))
-        seconds = pd.to_numeric(column, errors="coerce") * (NS_IN[time.unit] / NS_IN["s"])
-        return replace(raw, columns=raw.columns.assign(**{time.column: seconds})), replace(time, unit="s")
+        local_ns = _counted(raw, column, time)
+        return local_ns, np.ones(local_ns.size, dtype=bool)
     if time.format in SERIAL_DAYS:
-        return _with(raw, time, _zoned(raw, _from_serial_days(column, time.format), time))
+        return _ns(_from_serial_days(column, time.format))
+    if time.format == TEXT:
+        return _from_stamps(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
-        return raw, time
-    return _with(raw, time, _from_form(raw, time))
+        if isinstance(column.dtype, pd.DatetimeTZDtype):
+            return _ns(column)
+        return _from_iso(column.astype("str"), time.zone_in_text == "used")
+    return _from_form(raw, time)
 
 
-def _with(raw: RawTable, time: TimeColumn, times: pd.Series[Any]) -> tuple[RawTable, TimeColumn]:
-    columns = raw.columns.assign(**{time.column: times})
-    return replace(raw, columns=columns), TimeColumn(time.column, zone=time.zone)
+def _ns(times: pd.Series[Any]) -> tuple[Ints, Bools]:
+    """Times as ns since 1970, and whether they are UTC. What is beyond nanoseconds has none."""
+    is_utc = isinstance(times.dtype, pd.DatetimeTZDtype)
+    plain = times.dt.tz_convert("UTC").dt.tz_localize(None) if is_utc else times
+    known = plain.dropna()
+    if len(known) and (known < _FIRST_NS).mean() > 0.5:  # a program's year 1: from the first day of 1970
+        plain = plain.dt.as_unit("us") - (known.iloc[0].normalize() - pd.Timestamp(0).as_unit("us"))
+    in_range = (plain >= _FIRST_NS) & (plain < pd.Timestamp(STORABLE[1]))
+    values = plain.where(in_range).dt.as_unit("ns").to_numpy()
+    return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
 
 
-def _counted(column: pd.Series[Any], unit: str) -> pd.Series[Any]:
-    """Counts since 1970 as UTC, whole numbers without a detour over floats."""
-    numbers = pd.to_numeric(column, errors="coerce")
+def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
+    """ISO 8601 text, with zones in all rows, in some, or in none."""
+    zoned = text.str.contains(_ZONED, regex=True, na=False)
+    if not use_zones:
+        text, zoned = text.str.replace(_ZONE_AT_END, "", regex=True), zoned & False
+    utc_ns, _ = _ns(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
+    local_ns, _ = _ns(pd.to_datetime(text.mask(zoned), format="ISO8601", errors="coerce"))
+    is_utc = zoned.to_numpy(dtype=bool)
+    return np.where(is_utc, utc_ns, local_ns), is_utc
+
+
+def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+    """Times as the one reader of dates finds them in each cell. Raises :class:`InputError` for unclear dates."""
+    stamps = stamps_in(raw, time.column, time.date, time.day)
+    dated = [stamp for stamp in stamps if stamp is not None]
+    order = time.order
+    if order is None:
+        order, why = date_order(distinct_dates(dated))
+        if dated and not why:
+            fix = 'say order = "day-first" or "month-first" under [time] in the map'
+            what = f"dates like {dated[0].text!r} may have the day or the month first"
+            raise InputError(what, where=str(raw.path), fix=fix)
+    used = time.zone_in_text == "used"
+    local_ns, is_utc = np.full(len(stamps), _NO_TIME), np.zeros(len(stamps), dtype=bool)
+    for row, stamp in enumerate(stamps):
+        if stamp is not None and order in stamp.orders and (stamp.has_year or time.year is not None):
+            is_utc[row] = used and stamp.offset_s is not None
+            year = None if stamp.has_year else time.year
+            try:
+                local_ns[row] = stamp.utc_ns(order, year) if is_utc[row] else stamp.local_ns(order, year)
+            except ValueError:  # the 29th of February of a year that has none
+                continue
+    return local_ns, is_utc
+
+
+def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+    """Text of a form of strptime, or ISO 8601 in two columns or of a time of day."""
+    form = re.sub("[.,]%f", "", time.format)  # fractions are read besides
+    if time.date is None:
+        text = _of_form(raw.columns[time.column], form)
+    else:
+        date_form, _, time_form = form.partition(" ") if form != "iso" else ("iso", "", "iso")
+        dates = _of_form(raw.columns[time.date], date_form).str.replace(MIDNIGHT, "", regex=True)
+        text = dates + " " + _of_form(raw.columns[time.column], time_form)
+    if time.day is not None:
+        text, form = f"{time.day} " + text, form if form == "iso" else f"%Y-%m-%d {form}"
+    if form == "iso":
+        return _from_iso(text, time.zone_in_text == "used")
+    text = text.str.strip().str.replace(r"\s*(?:UTC|GMT|Z)$", "", regex=True)
+    fraction = text.str.extract(_FRACTION, expand=True)[1]
+    base = text.str.replace(_FRACTION, r"\1", regex=True) if fraction.notna().any() else text
+    local_ns, is_utc = _ns(pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form))
+    part_ns = pd.to_numeric(fraction.str.ljust(9, "0").str[:9]).fillna(0.0).to_numpy(dtype=np.int64)
+    return np.where(local_ns == _NO_TIME, _NO_TIME, local_ns + part_ns), is_utc
+
+
+def _of_form(column: pd.Series[Any], form: str) -> pd.Series[Any]:
+    if not pd.api.types.is_numeric_dtype(column.dtype):
+        return filled_text(column)
+    is_share_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
+    return as_clock(column) if is_share_of_day else with_digits(column, _DIGITS.get(form, 1))
+
+
+def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
+    """Counts since a start, or since 1970, as UTC; whole numbers without a detour over floats.
+
+    A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one.
+    """
+    start = _start_in_name(raw, time) if time.in_name is not None else time.start
+    start = _start_in_head(raw, time) if time.in_head else start
+    begin_ns = 0 if start is None else pd.Timestamp(start).as_unit("ns").value
+    numbers, unit_ns = pd.to_numeric(column, errors="coerce"), NS_IN[time.unit]
     values = numbers.to_numpy(dtype=float)
-    valid = (values >= 0.0) & (values < _LAST_NS / NS_IN[unit])
+    valid = (values >= -begin_ns / unit_ns) & (values < (_LAST_NS - begin_ns) / unit_ns)
     if numbers.dtype.kind in "iu":
-        ns: Ints = numbers.to_numpy().astype(np.int64) * NS_IN[unit]
+        counted: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
     else:
         whole = np.floor(np.where(valid, values, 0.0))
-        part = np.rint((np.where(valid, values, 0.0) - whole) * NS_IN[unit])
-        ns = whole.astype(np.int64) * NS_IN[unit] + part.astype(np.int64)
-    ns = np.where(valid, ns, np.iinfo(np.int64).min)  # NaT
-    return pd.Series(pd.DatetimeIndex(ns.astype("datetime64[ns]"), tz="UTC"), index=column.index)
+        finest = _MICRO if start is None and time.unit == "s" else unit_ns
+        part = np.rint((np.where(valid, values, 0.0) - whole) * finest).astype(np.int64) * (unit_ns // finest)
+        counted = whole.astype(np.int64) * unit_ns + part
+    return np.where(valid, begin_ns + counted, _NO_TIME)
+
+
+def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
+    """The instant that the seconds count from, by the time that the file's name holds."""
+    form = time.in_name or ""
+    parts = (_IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
+    found = re.search("".join(parts), raw.path.name)
+    counted = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
+    passed_s = float(counted.max() if time.name_tells == "end" else counted.min())
+    try:
+        if form == TEXT:
+            local = pd.Timestamp(time_in_name(raw.path.name) or "")
+        else:
+            local = pd.Timestamp(datetime.strptime(found[0] if found else "", form))
+        utc_ns = to_utc(np.array([local.as_unit("ns").value]), time.zone or "UTC")[0][0]
+        passed = pd.Timedelta(0 if np.isnan(passed_s) else round(1e6 * passed_s), "us")
+        return str(pd.Timestamp(int(utc_ns), tz="UTC") - passed)
+    except (ValueError, OverflowError) as error:
+        where, fix = str(raw.path), "rename the file, or give `start` in the map's [time]"
+        raise InputError(f"holds no time like {form} in its name", where=where, why=str(error), fix=fix) from error
+
+
+def _start_in_head(raw: RawTable, time: TimeColumn) -> str:
+    """The instant that the seconds count from, by the lines before the header."""
+    local = time_in_head(raw.preamble)
+    if local is None:
+        fix = "give `start` in the map's [time]"
+        raise InputError("states no start in the lines before its header", where=str(raw.path), fix=fix)
+    utc_ns, _ = to_utc(np.array([pd.Timestamp(local).as_unit("ns").value]), time.zone or "UTC")
+    return str(pd.Timestamp(int(utc_ns[0]), tz="UTC"))
 
 
 def _from_serial_days(column: pd.Series[Any], system: str) -> pd.Series[Any]:
@@ -148,61 +341,76 @@ def _from_serial_days(column: pd.Series[Any], system: str) -> pd.Series[Any]:
     return pd.Timestamp(since) + pd.to_timedelta((days * 86_400e6).round(), unit="us")
 
 
-def _zoned(raw: RawTable, local: pd.Series[Any], time: TimeColumn) -> pd.Series[Any]:
-    if isinstance(local.dtype, pd.DatetimeTZDtype):
-        return storable(local)
-    if time.zone is None:
-        fix = 'give zone = "UTC", or a name like "Europe/Oslo", under [time] in the map'
-        raise InputError(f"times of column {time.column!r} have no zone", where=str(raw.path), fix=fix)
-    naive = storable(local).dt
-    zoned: pd.Series[Any] = naive.tz_localize(time.zone, ambiguous="NaT", nonexistent="NaT").dt.tz_convert("UTC")
-    return zoned
+def _over_midnights(local_ns: Ints) -> Ints:
+    """Times of day, all of one date, that run on to the next day where they fall by more than half a day."""
+    known = local_ns != _NO_TIME
+    days = np.cumsum(np.diff(local_ns[known], prepend=local_ns[known][:1]) < -DAY_NS // 2)
+    result = local_ns.copy()
+    result[known] += days * DAY_NS
+    return result
 
 
-def _from_form(raw: RawTable, time: TimeColumn) -> pd.Series[Any]:
-    form = time.format
-    if time.date is None:
-        text = cells_as_text(raw.columns[time.column], form)
-    else:
-        date_form, _, time_form = form.partition(" ") if form != "iso" else ("iso", "", "iso")
-        dates = cells_as_text(raw.columns[time.date], date_form).str.replace(r"[T ]00:00(:00)?$", "", regex=True)
-        text = dates + " " + cells_as_text(raw.columns[time.column], time_form)
-    if time.day is not None:
-        text, form = f"{time.day} " + text, form if form == "iso" else f"%Y-%m-%d {form}"
-    local = parse_form(text, form)
-    if time.day is not None:
-        local = local + pd.to_timedelta((local.ffill().diff() < -_HALF_DAY).cumsum(), unit="D")
-    return _zoned(raw, local, time)
+def _storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
+    """Times that a recording can hold, others as none; where most are before 1970 they are moved to its first day.
 
-
-def cells_as_text(column: pd.Series[Any], form: str) -> pd.Series[Any]:
-    """Cells as text; numbers, that lost their leading zeros, with as many digits as the form has."""
-    if not pd.api.types.is_numeric_dtype(column.dtype):
-        return column.astype("str").where(column.notna())
-    is_share_of_day = form not in _DIGITS and column.dropna().between(0.0, 1.0, inclusive="left").all()
-    if is_share_of_day:  # as a spreadsheet has times
-        since = pd.Timestamp(0) + pd.to_timedelta((column * 86_400e6).round(), unit="us")
-        return since.dt.strftime("%H:%M:%S.%f").where(column.notna())
-    digits = _DIGITS.get(form, 1)
-    micros = (column.where(column.abs() < _MOST_DIGITS) * 1e6).round()
-    text = [
-        f"{int(each // 1_000_000):0{digits}d}" + (f".{int(each % 1_000_000):06d}" if each % 1_000_000 else "")
-        for each in micros.fillna(0.0)
-    ]
-    return pd.Series(text, index=column.index).where(column.notna())
-
-
-def parse_form(text: pd.Series[Any], form: str) -> pd.Series[Any]:
-    """Local times, or UTC where the text has offsets; NaT for what is not of the form.
-
-    Fractions of a second may follow the seconds after a point or a comma, in some rows or in all.
+    Years such as 0001 and 9999 are what programs write that know no time.
     """
-    if form == "iso":
-        return storable(pd.to_datetime(text, format="ISO8601", errors="coerce"))
-    text = text.str.strip().str.replace(r"\s*(?:UTC|GMT|Z)$", "", regex=True)
-    fraction = text.str.extract(_FRACTION, expand=True)[1]
-    base = text.str.replace(_FRACTION, r"\1", regex=True) if fraction.notna().any() else text
-    times = pd.to_datetime(base, format=form, errors="coerce", utc="%z" in form)
-    nanoseconds = pd.to_numeric(fraction.str.ljust(9, "0").str[:9]).fillna(0.0)
-    exact: pd.Series[Any] = storable(times) + pd.to_timedelta(nanoseconds, unit="ns")
-    return exact
+    known, time_ns = time_ns != _NO_TIME, time_ns.copy()
+    early = known & (time_ns < 0)
+    remark = ""
+    if np.count_nonzero(early) > np.count_nonzero(known) / 2:
+        first = int(np.flatnonzero(known)[0])
+        was, now = time_ns[first], time_ns[first] % DAY_NS
+        time_ns[known] += now - was
+        remark = (
+            f"the times of {column!r} begin on {_iso(was)}: moved to 1970, so that durations are kept;"
+            " --answer start=2026-05-17T12:00:00Z is the first row's time"
+        )
+        early = known & (time_ns < 0)
+    return np.where(known & ~early & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
+
+
+def _clock_remarks(time_ns: Ints, time: TimeColumn) -> list[str]:
+    """What to know of a clock that was not set; rows before it was set, once, run on to those behind, in place."""
+    places = np.flatnonzero(time_ns != _NO_TIME)
+    unset = time_ns[places] < _SET_NS
+    if not unset.any() or (time.format == "seconds" and unset.all()):
+        return []  # what counts from an unknown start is another matter
+    if unset.all():
+        return [
+            f"the clock of {time.column!r} was not set, it begins on {_iso(time_ns[places[0]])}: durations hold;"
+            " --answer start=2026-05-17T12:00:00Z is the first row's time"
+        ]
+    first = int(np.count_nonzero(unset))
+    if not unset[:first].all():
+        return [f"the clock of {time.column!r} goes to before 1990 and back, {first} rows are there"]
+    steps = np.diff(time_ns[places])
+    was, step = time_ns[places[0]], int(np.median(steps))
+    time_ns[places[:first]] += time_ns[places[first]] - step - time_ns[places[first - 1]]
+    return [
+        f"the clock of {time.column!r} was set in row {places[first] + 1}, it began on {_iso(was)}: the rows before"
+        " are moved so that they run on"
+    ]
+
+
+def _iso(time_ns: int) -> str:
+    return pd.Timestamp(int(time_ns)).isoformat()
+
+
+def _refuse_naive(raw: RawTable, time: TimeColumn, row: int) -> None:
+    what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
+    fix = 'write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give zone = "UTC" under [time] in a map'
+    raise InputError(what, where=str(raw.path), fix=fix)
+
+
+def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:
+    """Raise :class:`InputError` naming the first row without a time."""
+    rows = np.flatnonzero(missing)
+    if not rows.size:
+        return
+    given = raw.columns[time.column].iloc[rows[0]]
+    form = "an ISO 8601 time" if time.format in ("iso", "seconds") else f"a time of the form {time.format}"
+    what = "has no time" if pd.isna(given) else f"holds {str(given)!r}, which is not {form}"
+    what, why = f"row {rows[0] + 1} of column {time.column!r} {what}", f"{rows.size} such rows"
+    fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
+    raise InputError(what, where=str(raw.path), why=why, fix=fix)

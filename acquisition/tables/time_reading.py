@@ -1,64 +1,77 @@
-"""Which columns of a table tell the time, in which form, and what they do not tell: zone, day, start."""
+"""Which columns of a table state the time, in which form, and what they do not state: zone, day, start.
+
+What a text means as a date and time is for :mod:`acquisition.core.times` to say; here is decided which columns it
+reads, and in which order of day and month, by all rows of them.
+"""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import product
 from typing import Any
+from zoneinfo import available_timezones
 
 import numpy as np
 import pandas as pd
 
-from acquisition.core.errors import InputError
-from acquisition.tables.draft import Candidate, Draft
-from acquisition.tables.time_columns import NS_IN, cells_as_text, parse_form
+from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.times import ORDERS, Order, Stamp, date_order, is_of_several, offset_s
+from acquisition.tables.column_names import TIME_WORDS, words_of
+from acquisition.tables.draft import Draft
+from acquisition.tables.time_columns import NS_IN, TEXT, with_zone
+from acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
+from acquisition.tables.zones import GPS
 
 _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17, 4e18)}
 """How large counts since 1970 are, of the years 1979 to 2096."""
 _SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds are further
-_CLOCK = (
-    r"(?P<h>\d{1,2})(?P<c>[:.])(?P<m>\d{2})(?:[:.](?P<s>\d{2})(?P<f>[.,]\d+)?)?\s*(?P<p>[AaPp][Mm])?"
-    r"\s*(?P<z>Z|UTC|GMT|[+-]\d{2}:?\d{2})?"
-)
-_DATE = r"(?P<a>\d{1,4})(?P<s1>[-./ ])(?P<b>\d{1,2}|[A-Za-z]{3,9})(?P<s2>[-./ ])(?P<y>\d{1,4})"
-_DATE_ONLY, _CLOCK_ONLY = re.compile(_DATE), re.compile(_CLOCK)
-_BOTH = re.compile(rf"{_DATE}(?P<gap>[T ,;_]+| - ){_CLOCK}")
-_COMPACT = re.compile(r"(?P<d>(19|20)\d{6})(?P<gap>[T_ -]?)(?P<t>\d{6})?([.,]\d+)?(?P<z>Z)?")
-_MUCH = 10.0  # a month in the place of a day makes a day a month
-_LONGEST_TRIAL_D = 15.0
+_MOST_CELLS = 50  # decide what a column holds
+_ENOUGH = 0.8  # of them are of one kind
+_FORWARD = 0.95  # of the steps of a time
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
-_OFFSET = re.compile(r"(?:UTC|GMT)\s*(?P<sign>[+-])\s*(?P<h>\d{1,2})(?::?00)?(?![\d:])", re.IGNORECASE)
 _LOCAL_WORDS = frozenset(["local", "lt", "localtime", "lokal", "lokalzeit", "ortszeit", "bordzeit", "locale"])
-_NAME_FORMS = (
-    "%Y-%m-%d_%H-%M-%S", "%Y-%m-%d_%H_%M_%S", "%Y-%m-%dT%H-%M-%S", "%Y-%m-%d_%H%M%S", "%Y%m%d_%H%M%S",
-    "%Y%m%dT%H%M%S",
-    "%Y%m%d-%H%M%S", "%d-%b-%Y_%H_%M_%S", "%d-%b-%Y_%H-%M-%S", "%Y-%m-%d-%H-%M-%S",
-)  # fmt: skip
-_PARTS = {"%Y": r"(?:19|20)\d\d", "%b": "[A-Za-z]{3}"}
+_GPS_WORDS = frozenset({"gpst", "gpstime"})
+_OFFSET = re.compile(
+    r"(?:UTC|GMT)\s*[+-]\s*\d{1,2}(?::?\d\d)?(?![\d:])|(?<![\w:])[+-]\d\d:?\d\d(?![\w:])", re.IGNORECASE
+)
 
 
 def read_time(draft: Draft) -> tuple[str, ...]:
-    """Put what tells the time into the map; the columns that do. Raises :class:`InputError` where none does."""
-    kinds = {each.column: _kind_of(draft, each.column) for each in draft.of("time", "date")}
+    """Put what states the time into the map; the columns that do. Raises :class:`InputError` where none does."""
+    columns = [candidate.column for candidate in draft.of("time", "date")]
+    kinds = {column: _kind_of(draft, column) for column in columns}
+    if not any(kinds.values()) and (column := _unnamed_time(draft)):
+        columns, kinds = [column], {column: _kind_of(draft, column)}
 
-    def of(*wanted: str) -> list[Candidate]:
-        return [each for each in draft.of("time", "date") if kinds[each.column] in wanted]
+    def of(*wanted: str) -> list[str]:
+        return [column for column in columns if kinds[column] in wanted]
 
-    if whole := of("both"):
-        return _one_column(draft, whole[0].column)
+    if stated := of("both"):
+        return _one_column(draft, stated[0])
     if counted := of("count"):
-        return _count(draft, counted[0].column)
+        return _count(draft, counted[0])
     for clock, date in product(of("clock", "number"), of("date", "number")):
-        if date.column != clock.column and (found := _two_columns(draft, clock.column, date.column)):
-            return found
+        if date != clock and _are_date_and_clock(draft, date, clock):
+            return _two_columns(draft, clock, date)
     if clocks := of("clock"):
-        return _time_of_day(draft, clocks[0].column)
+        return _time_of_day(draft, clocks[0])
     if numbers := of("number"):
         return _seconds(draft, numbers[0])
-    why = f"it has {', '.join(map(repr, list(draft.raw.columns.columns)[:8]))}"
-    fix = "rename it to `time`, or name it in a column map (--columns)"
-    raise InputError("has no time column", where=str(draft.raw.path), why=why, fix=fix)
+    raise _no_time(draft, columns)
+
+
+def _no_time(draft: Draft, columns: list[str]) -> InputError:
+    where, fix = str(draft.raw.path), "rename it to `time`, or name it in a column map (--columns)"
+    for column in columns:
+        for text in _cells(draft, column).head(1):
+            fix = "write it as 2026-05-17T12:00:00.500Z, or give its `format` in a column map (--columns)"
+            return InputError(
+                f"column {column!r} holds {str(text)!r}, which is no known time", where=where, fix=fix
+            )
+    given = ", ".join(map(repr, list(draft.raw.columns.columns)[:8]))
+    return InputError("has no time column", where=where, why=f"it has {given}", fix=fix)
 
 
 def _cells(draft: Draft, column: str) -> pd.Series[Any]:
@@ -74,19 +87,38 @@ def _kind_of(draft: Draft, column: str) -> str:
         return "both"
     if pd.api.types.is_numeric_dtype(cells.dtype):
         return "count" if _count_unit(cells) else "number"
-    text = [str(each).strip() for each in cells.head(50)]
-    for kind, pattern in (("both", _BOTH), ("date", _DATE_ONLY), ("clock", _CLOCK_ONLY)):
-        if sum(bool(pattern.fullmatch(each)) for each in text) > 0.8 * len(text):
+    text = [str(cell).strip() for cell in cells.head(_MOST_CELLS)]
+    for kind, before, behind in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
+        if sum(whole_stamp(before + cell + behind) is not None for cell in text) > _ENOUGH * len(text):
             return "date" if kind == "both" and _midnights(text) else kind
-    compact = [_COMPACT.fullmatch(each) for each in text]
-    if all(compact):
-        return "both" if all(each and each["t"] for each in compact) else "date"
-    return ""
+    return (
+        "both" if pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce").notna().all() else ""
+    )
 
 
 def _midnights(text: list[str]) -> bool:
     """Whether all times are midnight: a spreadsheet's dates."""
-    return len(text) > 1 and all(re.fullmatch(r"\S+[T ]00:00(:00)?", each) for each in text)
+    return len(text) > 1 and all(re.fullmatch(r"\S+[T ]00:00(:00)?", cell) for cell in text)
+
+
+def _unnamed_time(draft: Draft) -> str | None:
+    """A column that holds dates and times, or counts since 1970, under a name that says nothing; counts come first.
+
+    A number is one only if its name has a word for time: others are as large.
+    """
+    found = {"count": list[str](), "both": list[str]()}
+    for column in map(str, draft.raw.columns.columns):
+        kind = _kind_of(draft, column)
+        if kind == "both" or (
+            kind == "count" and TIME_WORDS & set(words_of(column)) and _goes_forward(draft, column)
+        ):
+            found[kind].append(column)
+    return next(iter(found["count"] + found["both"]), None)
+
+
+def _goes_forward(draft: Draft, column: str) -> bool:
+    steps = np.diff(_cells(draft, column).to_numpy(dtype=float))
+    return steps.size == 0 or bool(np.mean(steps > 0.0) > _FORWARD)
 
 
 def _count_unit(cells: pd.Series[Any]) -> str:
@@ -100,219 +132,195 @@ def _count_unit(cells: pd.Series[Any]) -> str:
     for system, (low, high) in _SERIALS.items():
         if low < middle < high and step < _LONGEST_STEP_D and np.any(values % 1.0):
             return system
-    if 1.9e13 < middle < 2.1e13:
-        return "%Y%m%d%H%M%S"
-    return ""
+    return TEXT if 1.9e13 < middle < 2.1e13 else ""
 
 
 def _one_column(draft: Draft, column: str) -> tuple[str, ...]:
     cells = _cells(draft, column)
     if pd.api.types.is_datetime64_any_dtype(cells.dtype):
         zoned = isinstance(cells.dtype, pd.DatetimeTZDtype)
-        return _put(draft, column, {"column": column, "format": "iso"}, zoned, "dates and times")
-    form, zoned, why = _form_of(draft, cells.astype(str))
-    return _put(draft, column, {"column": column, "format": form}, zoned, why)
+        return _put(draft, column, {"column": column, "format": "iso"}, [], "dates and times", zoned=zoned)
+    if pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _ENOUGH:
+        zoned = bool(cells.astype("str").str.contains(r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$").all())
+        return _put(draft, column, {"column": column, "format": "iso"}, [], "ISO 8601", zoned=zoned)
+    return _put_text(draft, {"column": column}, "")
 
 
 def _count(draft: Draft, column: str) -> tuple[str, ...]:
     unit = _count_unit(_cells(draft, column))
+    if unit == TEXT:
+        return _put_text(draft, {"column": column}, "digits of date and time")
     if unit in _SERIALS:
-        return _put(draft, column, {"column": column, "format": unit}, False, f"serial days of {unit.capitalize()}")
-    if unit.startswith("%"):
-        return _put(draft, column, {"column": column, "format": unit}, False, "digits of date and time")
+        why = f"serial days of {unit.capitalize()}"
+        return _put(draft, column, {"column": column, "format": unit}, [], why)
     entry = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
-    return _put(draft, column, entry, True, f"{unit} since 1970, by their size")
+    why = f"{unit} since 1970, by their size"
+    if "start" in draft.answers:
+        start = with_zone(draft.ask("start", "") or "")
+        passed = pd.Timedelta(int(_cells(draft, column).iloc[0]) * NS_IN[unit], "ns")
+        entry["start"], why = (
+            (pd.Timestamp(start) - passed).isoformat(),
+            f"{unit}; the first row is of {start}, as answered",
+        )
+    return _put(draft, column, entry, [], why, zoned=True)
+
+
+def _are_date_and_clock(draft: Draft, date: str, clock: str) -> bool:
+    """Whether two columns make dates and times together."""
+    head = draft.raw.columns[[date, clock]].dropna().head(_MOST_CELLS)
+    numbers = [draft.numbers(column) for column in (date, clock) if not _is_text(draft, column)]
+    if head.empty or any(np.any(values < 0.0) for values in numbers):
+        return False
+    stamps = stamps_in(replace(draft.raw, columns=head), clock, date)
+    return sum(stamp is not None for stamp in stamps) > _ENOUGH * len(stamps)
+
+
+def _is_text(draft: Draft, column: str) -> bool:
+    return not pd.api.types.is_numeric_dtype(draft.raw.columns[column].dtype)
 
 
 def _two_columns(draft: Draft, clock: str, date: str) -> tuple[str, ...]:
-    times, dates = _cells(draft, clock), _cells(draft, date)
-    numbers = pd.api.types.is_numeric_dtype(times.dtype)
-    if pd.api.types.is_numeric_dtype(dates.dtype):
-        date_form, why = _digits_of_date(draft, dates)
-    else:
-        text = dates.astype(str).str.replace(r"[T ]00:00(:00)?$", "", regex=True)
-        date_form, _, why = _form_of(draft, text)
-    if numbers:
-        values = times.to_numpy(dtype=float)
-        share = bool(np.all((values >= 0.0) & (values < 1.0)))
-        if not (share or np.all((values >= 0) & (values < 240_000) & (values // 100 % 100 < 60))):
-            return ()
-        time_form, zoned = "%H:%M:%S" if share else "%H%M%S", False
-    else:
-        time_form, zoned = _clock_form([str(each).strip() for each in times.head(200)])
-    if not date_form:
-        return ()
-    form = "iso" if date_form == "iso" and time_form == "%H:%M:%S" else f"{_plain(date_form)} {time_form}"
-    draft.note(date, "date", "", f"with the time in {clock!r}", why)
-    return (date, *_put(draft, clock, {"column": clock, "date": date, "format": form}, zoned, "time of day"))
-
-
-def _plain(date_form: str) -> str:
-    return "%Y-%m-%d" if date_form == "iso" else date_form
-
-
-def _digits_of_date(draft: Draft, dates: pd.Series[Any]) -> tuple[str, str]:
-    """The form of dates that are numbers: 20260517, 17052026, or six digits in whatever order fits."""
-    eight = cells_as_text(dates, "%Y%m%d")
-    if dates.max() >= 1_000_000:
-        form = "%Y%m%d" if eight.str[:2].isin(["19", "20"]).all() else "%d%m%Y"
-        return (form, "digits") if parse_form(eight, form).notna().all() else ("", "")
-    six = cells_as_text(dates, "%d%m%y")
-    fitting = [form for form in ("%d%m%y", "%y%m%d", "%m%d%y") if parse_form(six, form).notna().all()]
-    if not fitting:
-        return "", ""
-    names = {"%d%m%y": "ddmmyy", "%y%m%d": "yymmdd", "%m%d%y": "mmddyy"}
-    if len(fitting) == 1:
-        return fitting[0], f"only {names[fitting[0]]} fits"
-    spans = sorted((_span(six, form, "", ""), form) for form in fitting)
-    if 0.0 < spans[0][0] * _MUCH < spans[1][0] and spans[0][0] < _LONGEST_TRIAL_D:
-        return spans[0][1], f"{names[spans[0][1]]}: else it would last {spans[1][0]:.0f} days"
-    orders = [names[each] for each in fitting]
-    answer = draft.ask("date_order", f"is the date {six.iloc[0]} {' or '.join(orders)}?", orders)
-    return next((form for form, name in names.items() if name == answer), fitting[0]), "as answered"
+    columns = _put_text(draft, {"column": clock, "date": date}, "time of day")
+    draft.note(date, "date", "", f"with the time in {clock!r}")
+    return (date, *columns)
 
 
 def _time_of_day(draft: Draft, column: str) -> tuple[str, ...]:
-    form, zoned = _clock_form([str(each).strip() for each in _cells(draft, column).head(200)])
     named = re.search(r"(?:19|20)\d\d-?[01]\d-?[0-3]\d", draft.raw.path.name)
     default = str(pd.Timestamp(named[0]).date()) if named else None
-    day = draft.ask("day", f"column {column!r} tells the time of day only; of which day (2026-05-17)?", (), default)
-    entry = {"column": column, "format": "iso" if form == "%H:%M:%S" else form, "day": day or "1970-01-01"}
-    return _put(draft, column, entry, zoned, f"time of day, of {day}" if day else "time of day")
+    day = draft.ask("day", f"column {column!r} has the time of day only; of which day (2026-05-17)?", (), default)
+    why = f"time of day, of {day}" if day else "time of day"
+    return _put_text(draft, {"column": column, "day": day or "1970-01-01"}, why)
 
 
-def _seconds(draft: Draft, candidate: Candidate) -> tuple[str, ...]:
+def _put_text(draft: Draft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
+    """Note a time column of text, with the order of its dates and their year."""
+    column = entry["column"]
+    stamps = [stamp for stamp in stamps_in(draft.raw, column, entry.get("date"), entry.get("day")) if stamp]
+    if not stamps:
+        raise _no_time(draft, [column])
+    entry["format"] = TEXT
+    entry["order"], reason = _order(draft, distinct_dates(stamps))
+    if not all(stamp.has_year for stamp in stamps):
+        text = f"dates like {stamps[0].text!r} name no year; which is it (2026)?"
+        entry["year"] = int(draft.ask("year", text) or 1970)
+    return _put(draft, column, entry, stamps, "; ".join(part for part in (why, reason) if part))
+
+
+def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
+    """The order of the numbers in a column's dates, and why: as answered, as the whole column decides, or asked."""
+    order, why = date_order(stamps)
+    possible = [each for each in ORDERS if all(each in stamp.orders for stamp in stamps)]
+    example = next((stamp for stamp in stamps if len(stamp.orders) > 1), stamps[0])
+    answer = draft.answers.get("date_order")
+    if answer is not None and possible and answer not in possible:
+        against = next(stamp for stamp in stamps if answer not in stamp.orders)
+        raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {against.text!r}")
+    if why and answer is None:
+        return order, "" if len(example.orders) == 1 else f"{order.replace('-', ' ')}: {why}"
+    days = {each: pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in possible}
+    text = f"is {example.text} the {' or the '.join(days.values())}?"
+    answer = draft.ask("date_order", text, possible)
+    return (next((each for each in possible if each == answer), order)), "as answered" if answer else "not clear"
+
+
+def _seconds(draft: Draft, column: str) -> tuple[str, ...]:
     """Seconds, or what else is counted, since some start."""
-    column, values = candidate.column, draft.numbers(candidate.column)
+    values = draft.numbers(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     usual = float(np.median(steps)) if steps.size else 1.0
-    unit, why = next((each for each in candidate.units if each in NS_IN), "s"), "as its head says"
-    if not candidate.units:
+    units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
+    unit, why = next((each for each in units if each in NS_IN), "s"), "as its head says"
+    if not units:
         why = f"steps of {usual:g}"
-        if usual >= 20.0:
+        if usual >= 20.0 or "time_unit" in draft.answers:
             text = f"column {column!r} goes in steps of {usual:g}: which unit?"
             unit = draft.ask("time_unit", text, ("ms", "s", "us")) or "ms"
     entry: dict[str, Any] = {"column": column, "format": "seconds"} | ({} if unit == "s" else {"unit": unit})
-    form = _form_in_name(draft.raw.path.name)
+    named, head = time_in_name(draft.raw.path.name), time_in_head(draft.raw.preamble)
     if "start" in draft.answers:
         start = draft.ask("start", "") or ""
-        entry["start"] = str(pd.Timestamp(start).isoformat()) + ("" if pd.Timestamp(start).tz else "+00:00")
-        return _put(draft, column, entry, True, f"{unit} since {start}")
-    if form:
-        entry["in_name"] = form
-        return _put(draft, column, entry, False, f"{unit}; the first row's time is that in the file's name", unit)
-    text = f"column {column!r} counts {unit} from a start that is not told; when was it?"
+        entry["start"] = with_zone(start)
+        return _put(draft, column, entry, [], f"{unit} since {start}", zoned=True)
+    if head:
+        entry["in_head"] = True
+        return _put(
+            draft, column, entry, [], f"{unit} since the start in the lines before the header, {head}", unit
+        )
+    if named:
+        entry["in_name"] = TEXT
+        why = f"{unit}; the first row's time is that in the file's name"
+        return _put(draft, column, entry, [], why, unit)
+    text = f"column {column!r} counts {unit} from a start that is not stated; when was it?"
     draft.ask("start", text, (), "1970-01-01T00:00:00Z")
     draft.warnings.append(
         f"{column!r} counts from an unknown start, taken for 1970; use --answer start=2026-05-17T12:00:00Z"
     )
-    return _put(draft, column, entry, True, why)
-
-
-def _form_in_name(name: str) -> str:
-    for form in _NAME_FORMS:
-        pattern = re.sub(r"%.", lambda found: _PARTS.get(found[0], r"\d\d"), form.replace("-", r"\-"))
-        if re.search(rf"(?<!\d){pattern}(?!\d)", name):
-            return form
-    return ""
+    return _put(draft, column, entry, [], why, zoned=True)
 
 
 def _put(
-    draft: Draft, column: str, entry: dict[str, Any], zoned: bool, why: str, unit: str = ""
+    draft: Draft,
+    column: str,
+    entry: dict[str, Any],
+    stamps: list[Stamp],
+    why: str,
+    unit: str = "",
+    *,
+    zoned: bool = False,
 ) -> tuple[str, ...]:
-    """Note the time column, and its zone where its text tells none."""
-    if not zoned:
-        entry["zone"], reason = _zone(draft, column, entry.get("date", ""))
+    """Note the time column, and its zone where its text names none, or where an answer says another."""
+    zoned = zoned or bool(stamps and all(stamp.offset_s is not None for stamp in stamps))
+    if zoned and "zone" in draft.answers and entry["format"] != "seconds":
+        entry["zone"], entry["zone_in_text"] = draft.ask("zone", ""), "ignored"
+        why = f"{why}; {entry['zone']} as answered, what the text names is ignored"
+    elif not zoned:
+        several = next((stamp.zone for stamp in stamps if stamp.zone), "")
+        entry["zone"], reason = _zone(draft, column, entry.get("date", ""), several)
         why = f"{why}; {reason}"
+    if "start" in draft.answers and entry["format"] != "seconds":
+        entry["start"] = with_zone(draft.ask("start", "") or "")
+        why = f"{why}; the first row is of {entry['start']}, as answered"
     draft.tree["time"] = entry
     draft.note(column, "time", unit or entry.get("unit", ""), why)
     return (column,)
 
 
-def _zone(draft: Draft, column: str, date: str) -> tuple[str, str]:
-    """The zone that an answer or the column's name tells, else UTC; and why."""
-    name = f"{column} {draft.raw.units.get(column, '')}"
-    words, offset = set(re.findall(r"[a-z]+", f"{name} {date}".lower())), _OFFSET.search(name)
-    answered = "zone" in draft.answers
-    if offset and int(offset["h"]) and not answered:
-        # Etc/GMT-2 is two hours ahead of UTC (POSIX)
-        return f"Etc/GMT{'-' if offset['sign'] == '+' else '+'}{int(offset['h'])}", f"{offset[0]} by its name"
-    if words & _UTC_WORDS and not answered:
-        return "UTC", "UTC by its name"
-    text, default = f"column {column!r} names no zone; which is it (UTC, Europe/Oslo ...)?", "UTC"
-    zone = draft.ask("zone", text, (), None if words & _LOCAL_WORDS else default) or default
-    if answered:
-        return zone, f"{zone} as answered"
-    draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
-    return zone, "UTC is assumed, no zone is told"
+def _zone(draft: Draft, column: str, date: str, several: str) -> tuple[str, str]:
+    """The zone that an answer or the columns' names state, else UTC; and why."""
+    name = f"{column} {draft.raw.units.get(column, '')} {date}"
+    words = set(words_of(name))
+    stated = _zone_in(name)
+    if "zone" not in draft.answers and not several and not is_of_several(stated) and stated:
+        if stated == GPS:
+            draft.warnings.append(
+                f"{column!r} is taken for GPS time, which is ahead of UTC by the leap seconds, 18 s since 2017;"
+                " if it is UTC: --answer zone=UTC"
+            )
+        return stated, f"{stated} by its name"
+    several = several or stated
+    text, default = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", "UTC"
+    if several:
+        text = f"column {column!r} names the zone {several}, which stands for several; which is it (-06:00 ...)?"
+    zone = draft.ask("zone", text, (), None if several or words & _LOCAL_WORDS else default)
+    if "zone" in draft.answers:
+        return zone or default, f"{zone} as answered"
+    if not several:
+        draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
+    return default, "UTC is assumed, no zone is stated"
 
 
-def _form_of(draft: Draft, cells: pd.Series[Any]) -> tuple[str, bool, str]:
-    """The form of dates with or without a time, whether they have a zone, and why; "iso" where it is that."""
-    text = cells.str.strip()
-    some = [str(each) for each in pd.unique(text)[:2000]]
-    found = [each for each in map(_BOTH.fullmatch, some) if each] or [
-        each for each in map(_DATE_ONLY.fullmatch, some) if each
-    ]
-    if not found:
-        compact = _COMPACT.fullmatch(some[0])
-        if compact is None:
-            return "", False, ""
-        form = "%Y%m%d" + (compact["gap"] + "%H%M%S" if compact["t"] else "")
-        return form, bool(compact["z"]), "digits"
-    first = found[0].groupdict()
-    clock, zoned = (
-        _clock_form([each.group(0)[each.start("h") :] for each in found]) if first.get("h") else ("", False)
-    )
-    order, why = _order_of_date(draft, found, clock, first.get("gap") or " ", text)
-    if order == "iso" and clock in ("", "%H:%M:%S", "%H:%M", "%H:%M:%S%z"):
-        return "iso", zoned, why
-    return _plain(order) + ((first.get("gap") or " ") + clock if clock else ""), zoned, why
-
-
-def _order_of_date(
-    draft: Draft, found: list[re.Match[str]], clock: str, gap: str, text: pd.Series[Any]
-) -> tuple[str, str]:
-    first = found[0]
-    one, two = first["s1"], first["s2"]
-    year = "%Y" if len(first["y"]) == 4 else "%y"
-    if len(first["a"]) == 4:
-        return ("iso", "ISO 8601") if one == "-" else (f"%Y{one}%m{two}%d", "year first")
-    if first["b"].isalpha():
-        return f"%d{one}{'%b' if len(first['b']) == 3 else '%B'}{two}{year}", "month by name"
-    forms = {"day-first": f"%d{one}%m{two}{year}", "month-first": f"%m{one}%d{two}{year}"}
-    if one == ".":
-        return forms["day-first"], "day first, as dates with points are"
-    high = [max(int(each[part]) for each in found) for part in "ab"]
-    if max(high) > 12:
-        return (forms["day-first"], "day first: there is a day beyond 12") if high[0] > 12 else (
-            forms["month-first"], "month first: there is a day beyond 12")  # fmt: skip
-    spans = {name: _span(text, form, clock, gap) for name, form in forms.items()}
-    ordered = sorted(spans, key=spans.__getitem__)
-    told = "date_order" in draft.answers
-    if not told and spans[ordered[0]] * _MUCH < spans[ordered[1]] and spans[ordered[0]] < _LONGEST_TRIAL_D:
-        return forms[ordered[0]], f"{ordered[0].replace('-', ' ')}: else it would last {spans[ordered[1]]:.0f} days"
-    date = first.group(0)[: first.end("y")]
-    both = [pd.to_datetime(date, format=form).strftime("%-d %B %Y") for form in forms.values()]
-    answer = draft.ask("date_order", f"is {first.group(0)} the {' or the '.join(both)}?", list(forms))
-    return forms[answer or "day-first"], "as answered" if answer else "not clear"
-
-
-def _span(text: pd.Series[Any], form: str, clock: str, gap: str) -> float:
-    """Days between the first and the last time if the dates are of this form."""
-    times = parse_form(text, f"{form}{gap}{clock}" if clock else form).dropna()
-    return float((times.max() - times.min()) / pd.Timedelta(days=1)) if len(times) else np.inf
-
-
-def _clock_form(text: list[str]) -> tuple[str, bool]:
-    """The form of times of day, and whether they have a zone."""
-    found = [each for each in map(_CLOCK_ONLY.fullmatch, text) if each]
-    if not found:
-        return "%H:%M:%S", False
-    first = found[0]
-    sign = first["c"]
-    form = f"%I{sign}%M" if first["p"] else f"%H{sign}%M"
-    form += f"{sign}%S" if first["s"] else ""
-    form += " %p" if first["p"] else ""
-    offset = first["z"] is not None and first["z"][0] in "+-"
-    return form + ("%z" if offset else ""), first["z"] is not None
+def _zone_in(name: str) -> str:
+    """The zone that a column's name has: an offset, a name, an abbreviation, UTC, or GPS time; empty for none."""
+    words = set(re.findall(r"[a-z]+", name.lower()))
+    if match := _OFFSET.search(name):
+        return re.sub(r"\s", "", match[0])
+    if place := next((each for each in re.findall(r"[A-Z]\w+/[\w/]+", name) if each in available_timezones()), ""):
+        return place
+    if words & _UTC_WORDS:
+        return "UTC"
+    for word in re.findall(r"(?<![A-Za-z])[A-Z]{3,4}(?![A-Za-z])", name):
+        if offset_s(word) is not None or is_of_several(word):
+            return str(word)
+    is_gps = words & _GPS_WORDS or ("gps" in words and set(words_of(name)) <= TIME_WORDS | {"gps"})
+    return GPS if is_gps else ""

@@ -7,8 +7,8 @@ It has no phase shift, leaves constants and ramps as they are whatever the spaci
 less than 3 % of anything above half the output rate. Motion and wind get a parabola over three output steps on
 either side: at a tenth of the output rate 1 % is lost, at a fifth 11 %. A setting is a staircase, and a parabola
 would overshoot at its steps: it gets a straight line over two output steps, which stays between the values that
-were set. A channel that is as fast as the grid or slower is interpolated linearly. Angles go through all of it
-on the circle.
+were set. No result leaves the range of its channel unless samples do: a wind speed is never negative. A channel
+that is as fast as the grid or slower is interpolated linearly. Angles go through all of it on the circle.
 """
 
 from __future__ import annotations
@@ -200,6 +200,8 @@ def _resampled(
         smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
+        if channel is not None and not circular:  # a parabola overshoots at a step: no wind blows at -0.15 m/s
+            result = np.clip(result, min(channel.low, samples.min()), max(channel.high, samples.max()))
     return in_turn(channel, result)
 
 

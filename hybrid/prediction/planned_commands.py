@@ -23,7 +23,8 @@ from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.child import read_in_child
 from acquisition.core.errors import InputError
 from acquisition.core.files import read_regular
-from acquisition.tables.table_files import FOREIGN_READER, RawTable, parse_times
+from acquisition.tables.table_files import FOREIGN_READER, RawTable
+from acquisition.tables.time_columns import parse_times
 from hybrid.prediction.prediction_windows import difference_rad
 from hybrid.vessel.actuators import angle_columns, control_units
 

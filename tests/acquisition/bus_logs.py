@@ -96,6 +96,15 @@ def candump_log() -> bytes:
     )
 
 
+def savvycan() -> bytes:
+    head = "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8"
+    lines = [
+        f"{f.time_ns // 1000},{f.identifier:08X},true,Rx,0,{len(f.payload)},{spaced(f.payload).replace(' ', ',')},"
+        for f in FRAMES
+    ]
+    return text([head, *lines], "\n")
+
+
 def candump_console() -> bytes:
     lines = [f" ({f.time_ns / 1e9:.6f})  can0  {f.identifier:08X}   [8]  {spaced(f.payload)}" for f in FRAMES]
     return text(lines, "\n")
@@ -322,6 +331,7 @@ class Form(NamedTuple):
 
 FORMS = {
     "candump -L": Form(candump_log, False, 1000),
+    "SavvyCAN": Form(savvycan, False, 1000),
     "candump -ta": Form(candump_console, False, 1000),
     "candump -td": Form(candump_differences, False, MILLISECOND),
     "candump -S": Form(candump_swapped, False, 1000),

@@ -66,7 +66,8 @@ def test_times_are_iso_with_zone_or_seconds_since_1970(tmp_path: Path, times: li
 
 @given(microseconds=st.integers(0, 2**51))
 def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> None:
-    from acquisition.tables.table_files import RawTable, parse_times
+    from acquisition.tables.table_files import RawTable
+    from acquisition.tables.time_columns import parse_times
 
     raw = RawTable(Path("x.csv"), pd.DataFrame({"time": [microseconds / 1e6]}))
     assert parse_times(raw, "time").as_unit("ns").asi8[0] == microseconds * 1000

@@ -263,3 +263,21 @@ def test_the_history_says_what_was_done() -> None:
     assert step["step"] == "resample"
     assert step["options"] == {"rate_hz": 2.0, "longest_gap_s": 4.0}
     assert [each["step"] for each in history_of(resample(first))] == ["resample", "resample"]
+
+
+@given(
+    before=st.sampled_from([0.0, 0.05, 0.4]), after=st.floats(1.0, 40.0), rate=st.sampled_from([4.0, 10.0, 25.0]),
+    place=st.floats(5.0, 25.0),
+    name=st.sampled_from(["wind_speed_mps", "speed_over_ground_mps", "apparent_wind_speed_mps"]),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_a_gust_from_a_calm_makes_no_negative_speed(
+    before: float, after: float, rate: float, place: float, name: str
+) -> None:
+    times = np.arange(0.0, 30.0, 1.0 / rate)
+    limit = min(after, BY_NAME[name].high)
+    values = np.where(times < place, before, limit)
+    for samples in (values, values[::-1]):
+        result = resample(table_at(times, {name: samples}))[name]
+        assert result.min() >= 0.0
+        assert result.max() <= BY_NAME[name].high

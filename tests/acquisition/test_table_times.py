@@ -1,0 +1,395 @@
+"""Times of tables: written in a known form from known instants, and read back by ``import``."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime as dt
+from collections.abc import Callable
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.times import gps_ahead_s
+from acquisition.tables.import_table import import_table, propose_for
+from acquisition.tables.propose import Proposal
+from acquisition.tables.table_files import read_raw
+from acquisition.tables.time_columns import TimeColumn, resolve_times
+from acquisition.tables.zones import known_zone, to_utc
+from tests.conftest import Command
+
+START = dt.datetime(2026, 5, 17, 12, 0, 0, 500_000, dt.UTC)
+
+
+def instants(rows: int = 60, start: dt.datetime = START, step_s: float = 1.0) -> pd.DatetimeIndex:
+    return pd.DatetimeIndex([start + dt.timedelta(seconds=row * step_s) for row in range(rows)]).as_unit("ns")
+
+
+def table(path: Path, cells: list[str], head: str = "time", date: list[str] | None = None) -> Path:
+    """A semicolon table of times and a heading."""
+    names = [*(["Date"] if date else []), head, "heading"]
+    lines = [";".join(names)]
+    for row, cell in enumerate(cells):
+        lines.append(";".join([*([date[row]] if date else []), cell, f"{100.0 + row / 2:.1f}"]))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def read(path: Path, **answers: str) -> tuple[Proposal, pd.DatetimeIndex]:
+    """What is proposed for a table, and its times."""
+    import tomllib
+
+    raw = read_raw(path)
+    proposal = propose_for(raw, answers)
+    assert not proposal.unanswered, proposal.unanswered
+    return proposal, resolve_times(raw, TimeColumn(**tomllib.loads(proposal.text)["time"])).index
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%d.%m.%Y %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S:%f", "%d-%b-%Y %I:%M:%S.%f %p", "%Y/%m/%d %H:%M:%S,%f",
+        "%B %d, %Y %I:%M:%S.%f %p", "%d %B %Y, %H:%M:%S.%f", "%Y%m%dT%H%M%S.%f", "%Y%m%d%H%M%S.%f",
+        "%a %d.%m.%y %H:%M:%S.%f", "%m/%d/%Y %H.%M.%S.%f", "%Y-%j:%H:%M:%S.%f", "%d.%m.%Y - %H:%M:%S.%f",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("zone", "hours"),
+    [("", 0.0), (" UTC+02:00", 2.0), (" GMT-3", -3.0), (" CEST", 2.0), (" EST", -5.0), ("Z", 0.0), (" +0530", 5.5)],
+)
+def test_times_in_any_form_and_zone_come_back(tmp_path: Path, form: str, zone: str, hours: float) -> None:
+    expected = instants()
+    local = expected + pd.Timedelta(hours=hours)
+    _, found = read(table(tmp_path / "t.csv", [each.strftime(form) + zone for each in local]))
+    assert found.asi8.tolist() == expected.asi8.tolist()
+
+
+@pytest.mark.parametrize(("month", "number"), [("mai", 5), ("août", 8), ("Dez", 12), ("Okt.", 10), ("mrt", 3)])
+def test_months_by_their_names_in_other_languages(tmp_path: Path, month: str, number: int) -> None:
+    cells = [f"17 {month} 2026 12:00:{second:02d}" for second in range(20)]
+    _, found = read(table(tmp_path / "t.csv", cells))
+    assert found[0] == pd.Timestamp(2026, number, 17, 12, tz="UTC")
+
+
+@pytest.mark.parametrize("order", ["day-first", "month-first"])
+def test_the_whole_column_decides_the_order_of_day_and_month(tmp_path: Path, order: str) -> None:
+    """The 13th is in the last row alone."""
+    form = "%d/%m/%Y %H:%M:%S" if order == "day-first" else "%m/%d/%Y %H:%M:%S"
+    expected = instants(100, dt.datetime(2026, 5, 12, 22, tzinfo=dt.UTC), 75.0)
+    proposal, found = read(table(tmp_path / "t.csv", [each.strftime(form) for each in expected]))
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert not proposal.questions or proposal.questions[0].key == "zone"
+    other = "month-first" if order == "day-first" else "day-first"
+    with pytest.raises(ConfigurationError, match=f"date_order={other} cannot be used"):
+        propose_for(read_raw(tmp_path / "t.csv"), {"date_order": other})
+
+
+def test_an_order_that_nothing_decides_is_asked_with_the_first_example(tmp_path: Path) -> None:
+    path = table(tmp_path / "t.csv", [f"05/06/26 12:00:{second:02d}" for second in range(30)])
+    (question,) = propose_for(read_raw(path)).unanswered
+    assert question.key == "date_order"
+    assert "05/06/26 12:00:00" in question.text
+    assert "5 June 2026" in question.text
+    for order, day in (("day-first", "2026-06-05"), ("month-first", "2026-05-06")):
+        _, found = read(path, date_order=order)
+        assert str(found[0].date()) == day
+
+
+@pytest.mark.parametrize("text", ["12h00m07s", "noon", "2026-05-17T25:61:00", "17 Xyz 2026 12:00:07", "1,2,3"])
+def test_a_time_that_is_not_understood_is_shown(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError) as caught:
+        propose_for(read_raw(table(tmp_path / "t.csv", [text] * 9)))
+    assert text in str(caught.value)
+    assert "rename" not in str(caught.value)
+
+
+def test_rows_without_a_time_are_counted_with_an_example(tmp_path: Path) -> None:
+    cells = [f"17.05.2026 12:00:{second:02d}" for second in range(30)]
+    cells[4] = "no fix"
+    proposal, _ = read(table(tmp_path / "t.csv", cells))
+    assert any("1 rows" in each and "'no fix' in row 5" in each for each in proposal.warnings)
+
+
+ZONES = ["Europe/Berlin", "America/New_York", "Australia/Lord_Howe", "Atlantic/Azores", "America/St_Johns"]
+
+
+@given(
+    zone=st.sampled_from(ZONES), year=st.integers(2010, 2026), before_min=st.integers(80, 300),
+    rows=st.integers(100, 400), step_s=st.sampled_from([60, 97, 150]),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_rows_run_on_when_the_clock_is_changed(
+    zone: str, year: int, before_min: int, rows: int, step_s: int
+) -> None:
+    """The order of the rows states which of the doubled hours it is."""
+    changes = [
+        hour
+        for hour in pd.date_range(f"{year}-01-01", f"{year + 1}-01-01", freq="h", tz="UTC")
+        if hour.astimezone(ZoneInfo(zone)).utcoffset()
+        != (hour - pd.Timedelta(minutes=1)).astimezone(ZoneInfo(zone)).utcoffset()
+    ]
+    for change in changes:
+        expected = pd.date_range(
+            change - pd.Timedelta(minutes=before_min), periods=rows, freq=f"{step_s}s"
+        ).as_unit("ns")
+        local = expected.tz_convert(zone).tz_localize(None).as_unit("ns").asi8
+        found, remark = to_utc(local, zone)
+        assert found.tolist() == expected.asi8.tolist()
+        assert not remark
+
+
+@pytest.mark.parametrize(("start", "hours"), [("2018-10-27T22:00:00", 2), ("2018-03-24T23:00:00", 1)])
+def test_a_clock_that_was_not_changed_keeps_its_durations(start: str, hours: int) -> None:
+    expected = pd.date_range(start, periods=300, freq="60s").as_unit("ns").asi8
+    found, remark = to_utc(expected + hours * 3600 * 10**9, "Europe/Berlin")
+    assert found.tolist() == expected.tolist()
+    assert "was not put" in remark
+    assert f"+0{hours}:00" in remark
+
+
+def test_a_doubled_hour_that_nothing_decides_is_said() -> None:
+    local = pd.date_range("2018-10-28T02:10:00", periods=20, freq="60s").as_unit("ns").asi8
+    found, remark = to_utc(local, "Europe/Berlin")
+    assert found[0] == pd.Timestamp("2018-10-28T00:10:00").as_unit("ns").value
+    assert "comes twice" in remark
+    assert "zone=+01:00" in remark
+
+
+@pytest.mark.parametrize(
+    ("day", "seconds"),
+    [("1999-08-21", 13), ("2005-12-31", 13), ("2008-12-31", 14), ("2012-07-02", 16), ("2016-12-31", 17),
+     ("2026-05-17", 18)],
+)  # fmt: skip
+@pytest.mark.parametrize("head", ["GPS time", "GPST", "gps_time", "GPS Zeit"])
+def test_gps_time_is_ahead_by_the_leap_seconds_of_its_day(
+    tmp_path: Path, day: str, seconds: int, head: str
+) -> None:
+    path = table(tmp_path / "t.csv", [f"{day} 12:00:{second:02d}" for second in range(30)], head)
+    proposal, found = read(path)
+    assert found[0] == pd.Timestamp(f"{day}T12:00:00Z") - pd.Timedelta(seconds=seconds)
+    assert any("leap seconds" in each for each in proposal.warnings)
+    _, as_utc = read(path, zone="UTC")
+    assert as_utc[0] == pd.Timestamp(f"{day}T12:00:00Z")
+
+
+@pytest.mark.parametrize("head", ["GPS UTC time", "Time (UTC) from GPS", "gps_utc"])
+def test_utc_that_a_receiver_states_is_utc(tmp_path: Path, head: str) -> None:
+    _, found = read(table(tmp_path / "t.csv", [f"2026-05-17 12:00:{second:02d}" for second in range(9)], head))
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+
+
+def test_leap_seconds_are_those_of_the_instant() -> None:
+    """The last of 2016 was inserted at 2017-01-01 00:00:17 GPS time."""
+    last = int(pd.Timestamp("2017-01-01T00:00:17").as_unit("ns").value)
+    assert (gps_ahead_s(last - 1), gps_ahead_s(last), gps_ahead_s(last + 10**9)) == (17, 17, 18)
+    assert gps_ahead_s(0) == 0
+
+
+@pytest.mark.parametrize(
+    ("head", "hours"),
+    [("Time (CEST)", 2), ("Zeit [MESZ]", 2), ("Time UTC+05:30", 5.5), ("time EST", -5), ("Time (Europe/Oslo)", 2),
+     ("Timestamp (GMT-3)", -3), ("Time (+02:00)", 2)],
+)  # fmt: skip
+def test_a_zone_in_the_head_is_applied(tmp_path: Path, head: str, hours: float) -> None:
+    expected = instants(20, dt.datetime(2026, 5, 17, 12, tzinfo=dt.UTC))
+    cells = [(each + pd.Timedelta(hours=hours)).strftime("%Y-%m-%d %H:%M:%S") for each in expected]
+    proposal, found = read(table(tmp_path / "t.csv", cells, head))
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert not proposal.warnings
+
+
+@pytest.mark.parametrize("zone", ["CST", "IST", "BST"])
+@pytest.mark.parametrize("place", ["cell", "head"])
+def test_a_zone_that_stands_for_several_is_asked(tmp_path: Path, zone: str, place: str) -> None:
+    behind, head = (f" {zone}", "time") if place == "cell" else ("", f"Time ({zone})")
+    path = table(tmp_path / "t.csv", [f"17.05.2026 12:00:{second:02d}{behind}" for second in range(9)], head)
+    assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["zone"]
+    _, found = read(path, zone="-06:00")
+    assert found[0] == pd.Timestamp("2026-05-17T18:00:00Z")
+
+
+@pytest.mark.parametrize("zone", ["+02:00", "UTC+2", "GMT+2", "CEST", "Europe/Berlin", "Etc/GMT-2", "+0200"])
+@pytest.mark.parametrize("way", ["proposed", "standard names", "map", "map of text"])
+def test_an_answered_zone_is_honoured_whatever_the_way(
+    tmp_path: Path, command: Command, zone: str, way: str
+) -> None:
+    head = "heading" if way == "proposed" else "heading_deg"
+    stamp = "2026-05-17T14:00:0{}" if way != "map of text" else "17.05.2026 14:00:0{}"
+    path = tmp_path / "t.csv"
+    path.write_text(f"time,{head}\n" + "".join(f"{stamp.format(second)},{second}\n" for second in range(9)))
+    columns = tmp_path / "map.toml"
+    form = "text" if way == "map of text" else "iso"
+    columns.write_text(
+        f'absent = {ABSENT}\n[time]\ncolumn = "time"\nformat = "{form}"\nzone = "UTC"\n'
+        '[channels]\nheading_deg = { column = "heading_deg" }\n'
+    )
+    options = ["--columns", columns] if way.startswith("map") else ["--yes", "--allow-missing"]
+    done = command("import", path, "-o", tmp_path / "o.mcap", *options, "--answer", f"zone={zone}")
+    assert done.code == 0, done.err
+    command("export", tmp_path / "o.mcap", "-o", tmp_path / "v.csv")
+    assert (tmp_path / "v.csv").read_text().splitlines()[1].startswith("2026-05-17T12:00:00")
+
+
+ABSENT = (
+    '["north_m", "east_m", "surge_mps", "sway_mps", "yaw_rate_dps", "wind_direction_deg", "wind_speed_mps",'
+    ' "port_rpm", "port_angle_deg", "starboard_rpm", "starboard_angle_deg", "tunnel_rpm"]'
+)
+
+
+def test_an_answer_counts_for_more_than_what_the_text_names(tmp_path: Path) -> None:
+    """A logger that writes Z behind its local time."""
+    path = table(tmp_path / "t.csv", [f"2026-05-17T14:00:{second:02d}Z" for second in range(9)])
+    proposal, found = read(path, zone="+02:00")
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert any("ignored" in reason for each in proposal.readings for reason in each.reasons)
+
+
+@pytest.mark.parametrize(
+    ("answers", "says"),
+    [({"start": "2026-05-17T12:00:00Z"}, None), ({"date_order": "day-first"}, "date_order"),
+     ({"wind": "true"}, "wind"), ({"zone": "Mars"}, "zone"), ({"unit.heading": "furlongs"}, "furlongs"),
+     ({"unit.x": "m"}, "unit.x")],
+)  # fmt: skip
+def test_an_answer_beside_a_map_is_applied_or_refused(
+    tmp_path: Path, answers: dict[str, str], says: str | None
+) -> None:
+    path = table(tmp_path / "t.csv", [str(second) for second in range(9)], "t")
+    (tmp_path / "map.toml").write_text(
+        f'absent = {ABSENT}\n[time]\ncolumn = "t"\nformat = "seconds"\n'
+        '[channels]\nheading_deg = { column = "heading" }\n'
+    )
+
+    def run() -> object:
+        return import_table(path, tmp_path / "o.mcap", tmp_path / "map.toml", answers=answers)
+
+    if says is None:
+        run()
+    else:
+        with pytest.raises(ConfigurationError, match=says):
+            run()
+
+
+def test_an_answer_that_is_not_needed_is_said(tmp_path: Path) -> None:
+    path = table(tmp_path / "t.csv", [f"2026-05-17T14:00:{second:02d}Z" for second in range(9)])
+    proposal, _ = read(path, day="2026-05-17")
+    assert any("day=2026-05-17 is not used" in each for each in proposal.warnings)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda times: table_of_both(times, "%Y-%m-%dT%H:%M:%S.%fZ"),
+        lambda times: table_of_both(times, "%d.%m.%Y %H:%M:%S.%f"),
+        lambda times: [f"{each.timestamp():.3f}" for each in times],
+    ],
+)
+def test_the_newest_row_first_is_turned_round_and_said(
+    tmp_path: Path, write: Callable[[pd.DatetimeIndex], list[str]]
+) -> None:
+    expected = instants()
+    path = table(tmp_path / "t.csv", write(expected[::-1]), "time UTC")
+    proposal, found = read(path)
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert any("newest row" in each for each in proposal.warnings)
+
+
+def table_of_both(times: pd.DatetimeIndex, form: str) -> list[str]:
+    return [each.strftime(form) for each in times]
+
+
+def test_times_of_day_alone_newest_first_run_over_midnight(tmp_path: Path) -> None:
+    expected = instants(120, dt.datetime(2026, 5, 17, 23, 59, tzinfo=dt.UTC))
+    path = table(tmp_path / "t.csv", [each.strftime("%H:%M:%S") for each in expected[::-1]], "time UTC")
+    _, found = read(path, day="2026-05-17")
+    assert found.asi8.tolist() == expected.asi8.tolist()
+
+
+@pytest.mark.parametrize(
+    "start", ["1970-01-01 00:00:05", "1980-01-06 00:00:05", "1899-12-30 07:00:00", "1904-01-01 00:00:00",
+              "0001-01-01 00:00:01"]
+)  # fmt: skip
+def test_a_clock_that_was_not_set_costs_no_durations(tmp_path: Path, start: str) -> None:
+    began = dt.datetime.fromisoformat(start)
+    steps = np.array([0, 1, 2, 5, 6, 7, 60, 61, 62, 63])
+    path = table(tmp_path / "t.csv", [str(began + dt.timedelta(seconds=int(step))) for step in steps])
+    proposal, found = read(path)
+    assert ((found.asi8 - found.asi8[0]) / 1e9).tolist() == steps.tolist()
+    assert any("--answer start=" in each for each in proposal.warnings)
+    _, set_right = read(path, start="2026-05-17T12:00:00Z")
+    assert set_right[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert ((set_right.asi8 - set_right.asi8[0]) / 1e9).tolist() == steps.tolist()
+
+
+def test_a_clock_that_is_set_within_the_table_is_said_and_rows_run_on(tmp_path: Path) -> None:
+    early = [f"1970-01-01 00:00:{second:02d}" for second in range(20)]
+    late = [f"2026-05-17 12:00:{second:02d}" for second in range(20)]
+    proposal, found = read(table(tmp_path / "t.csv", early + late))
+    assert np.diff(found.asi8).tolist() == [10**9] * 39
+    assert found[20] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert any("was set in row 21" in each for each in proposal.warnings)
+
+
+def test_dates_without_a_year_are_asked(tmp_path: Path) -> None:
+    path = table(tmp_path / "t.csv", [f"May 17 12:00:{second:02d}" for second in range(9)])
+    assert [each.key for each in propose_for(read_raw(path)).unanswered] == ["year"]
+    _, found = read(path, year="2026")
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+
+
+@pytest.mark.parametrize(
+    ("dates", "clocks"),
+    [("%d.%m.%Y", "%H:%M:%S"), ("%Y-%m-%d", "%I:%M:%S %p"), ("%d-%b-%y", "%H:%M:%S:%f"), ("%Y%m%d", "%H%M%S"),
+     ("%d%m%y", "%H%M%S.%f"), ("%Y/%m/%d", "%H.%M.%S")],
+)  # fmt: skip
+def test_date_and_time_in_two_columns(tmp_path: Path, dates: str, clocks: str) -> None:
+    expected = instants(90, dt.datetime(2026, 5, 17, 23, 59, tzinfo=dt.UTC))
+    cells = [each.strftime(clocks) for each in expected]
+    path = table(tmp_path / "t.csv", cells, "Time UTC", [each.strftime(dates) for each in expected])
+    _, found = read(path)
+    assert found.asi8.tolist() == expected.asi8.tolist()
+
+
+@pytest.mark.parametrize("head", ["original_timestamp", "log entry", "Unnamed", "recorded at", "stempel"])
+def test_a_column_of_dates_is_found_under_a_name_that_says_nothing(tmp_path: Path, head: str) -> None:
+    _, found = read(table(tmp_path / "t.csv", [f"2026-05-17 12:00:{second:02d}" for second in range(20)], head))
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+
+
+def test_seconds_count_from_the_start_in_the_lines_before_the_header(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = "".join(f"{second},{second}.0\n" for second in range(20))
+    path.write_text(f"Yard,X\nStart of log: 17.05.2026 12:00:00\nExported: 2026-06-01 08:00:00\nt,heading\n{rows}")
+    proposal, found = read(path, **{"unit.heading": "deg"})
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert not any("unknown start" in each for each in proposal.warnings)
+
+
+@pytest.mark.parametrize("zone", ["Oslo", "+25", "UTC+", "CST", "", "GPS time"])
+def test_what_is_no_zone_is_refused(zone: str) -> None:
+    with pytest.raises(ValueError, match="zone"):
+        known_zone(zone)
+
+
+@given(
+    head=st.sampled_from(["time", "GPS time", "date", "t", "x", "Zeit (CST)"]),
+    cells=st.lists(
+        st.one_of(
+            st.text(alphabet="0123456789:-/. TZUCPMapm+", max_size=24), st.floats(0, 1e19).map(str),
+            st.integers(10**7, 10**15).map(str), st.datetimes().map(str),
+            st.sampled_from(["", "-", "May 17 12:00"]),
+        ),
+        min_size=1, max_size=12,
+    ),
+)  # fmt: skip
+@settings(max_examples=300, deadline=None)
+def test_any_cells_are_times_or_an_error_of_ours(
+    tmp_path_factory: pytest.TempPathFactory, head: str, cells: list[str]
+) -> None:
+    path = table(tmp_path_factory.mktemp("any") / "t.csv", cells, head)
+    with contextlib.suppress(InputError, ConfigurationError):
+        propose_for(read_raw(path))
