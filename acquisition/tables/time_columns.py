@@ -225,7 +225,7 @@ def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
     if not use_zones:
         text, zoned = text.str.replace(_ZONE_AT_END, "", regex=True), zoned & False
     utc_ns, _ = _ns(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))
-    local_ns, _ = _ns(pd.to_datetime(text.mask(zoned), format="ISO8601", errors="coerce"))
+    local_ns, _ = _ns(pd.to_datetime(text.mask(zoned), format="ISO8601", utc=True, errors="coerce"))
     is_utc = zoned.to_numpy(dtype=bool)
     return np.where(is_utc, utc_ns, local_ns), is_utc
 

@@ -92,7 +92,9 @@ def _kind_of(draft: Draft, column: str) -> str:
         if sum(whole_stamp(before + cell + behind) is not None for cell in text) > _ENOUGH * len(text):
             return "date" if kind == "both" and _midnights(text) else kind
     return (
-        "both" if pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce").notna().all() else ""
+        "both"
+        if pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True).notna().all()
+        else ""
     )
 
 

@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.errors import ConfigurationError, InputError
@@ -387,6 +387,7 @@ def test_what_is_no_zone_is_refused(zone: str) -> None:
     ),
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
+@example(head="time", cells=["00000101 00", "00000101T00Z"])
 def test_any_cells_are_times_or_an_error_of_ours(
     tmp_path_factory: pytest.TempPathFactory, head: str, cells: list[str]
 ) -> None:
