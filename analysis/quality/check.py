@@ -39,6 +39,7 @@ from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
+from analysis.quality.two_levels import alternation_findings
 from analysis.quality.wind import check_wind
 from analysis.tables.table import (
     MOST,
@@ -56,7 +57,8 @@ CHECKS: tuple[Check, ...] = (
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
-SEVERITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
+SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards", "out_of_range", "feedback_frozen",
+           "percent_scaled",
            "motion_contradiction", "helm_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
@@ -161,7 +163,9 @@ def _check_stretch(
     across = tuple(finding for each in checked for finding in each.findings)
     _drop_explained_spikes(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(series, joined)
-    findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
+    in_turn_findings = alternation_findings({name: each.samples for name, each in faults.items()}, channels)
+    checked += [CheckResult(uniform_flags(joined, [each.channel], Quality.SUSPECT)) for each in in_turn_findings]
+    findings = (*known, *across, *jump_findings, *in_turn_findings, *_single_findings(faults, across, jumps))
     flags = _merge_all_flags(faults, rows, checked, joined)
     qualities = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
     missing = tuple(name for name in trial_channels(joined) if name not in faults)
