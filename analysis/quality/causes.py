@@ -19,7 +19,8 @@ from analysis.quality.samples import Stretch
 from analysis.tables.table import NANO
 
 _OF_TIME = frozenset({"gap", "duplicate", "time_backwards", "time_jitter", "stuck", "clock_jump"})
-"""Codes of what a source does to all of its channels at once; other faults are the channel's own."""
+"""Codes of what a source does to all of its channels at once; other faults are the channel's own, unless they are
+of the very same samples."""
 _SLACK_S = 3.0
 """Channels of one outage fall silent and come back within their intervals and what a source takes to start."""
 _ALIKE = 0.7
@@ -97,12 +98,14 @@ def _belongs(
     gaps: Mapping[str, Sequence[Stretch]],
     sources: Mapping[str, Sequence[str]],
 ) -> bool:
-    if finding.code != other.code or finding.code not in _OF_TIME or ALL in (finding.channel, other.channel):
+    if finding.code != other.code or ALL in (finding.channel, other.channel):
         return False
     if finding.code == "gap":
         return _silent_together(gaps.get(finding.channel, ()), gaps.get(other.channel, ()))
     lines = _lines_of(sources, finding.channel)
-    return bool(lines) and lines == _lines_of(sources, other.channel) and _same_stretch(finding, other)
+    if not lines or lines != _lines_of(sources, other.channel):
+        return False
+    return _same_stretch(finding, other) if finding.code in _OF_TIME else _same_places(finding, other)
 
 
 def _silent_together(one: Sequence[Stretch], other: Sequence[Stretch]) -> bool:
@@ -115,6 +118,12 @@ def _silent_together(one: Sequence[Stretch], other: Sequence[Stretch]) -> bool:
     )  # fmt: skip
     longest_s = max(sum(gap.seconds for gap in gaps) for gaps in (one, other))
     return together_s > 0.0 and together_s >= _ALIKE * longest_s
+
+
+def _same_places(one: Finding, other: Finding) -> bool:
+    """Whether two findings are of the same samples, as a position's in metres and in degrees are."""
+    counted = one.estimate.get("count"), other.estimate.get("count")
+    return (one.start, one.end) == (other.start, other.end) and None not in counted and counted[0] == counted[1]
 
 
 def _same_stretch(one: Finding, other: Finding) -> bool:

@@ -350,8 +350,8 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
             alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL]
             likely = [each for each in alike if count == 1 and each.misfit <= _ADEQUATE and each.is_late]
             best = likely[0] if likely and best.is_early else best
-            rivals = {cause: each.size(cause)[0] for each in alike[::-1] for cause in each.causes
-                      if cause not in best.causes}  # fmt: skip
+            others = [(each, {*each.causes} - {*best.causes}) for each in alike[::-1]]
+            rivals = {cause: each.size(cause)[0] for each, other in others if len(other) == 1 for cause in other}
             return replace(best, rivals=tuple(rivals.items()))
     return best
 

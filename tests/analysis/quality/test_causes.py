@@ -74,6 +74,18 @@ def test_the_recorders_own_event_is_quoted() -> None:
     assert "back after 121.0 s" in cause.text
 
 
+def test_spikes_of_a_position_in_metres_and_in_degrees_are_one_cause() -> None:
+    def spikes(name: str, count: float) -> Finding:
+        return Finding("spike", name, INDEX[3], INDEX[90], "leaves its neighbours", estimate={"count": count})
+
+    sources = {name: ["table: a"] for name in ("east_m", "longitude_deg", "heading_deg")}
+    found = [spikes("east_m", 7.0), spikes("longitude_deg", 7.0), spikes("heading_deg", 2.0)]
+    assert [each.channels for each in causes_of(found, {}, sources)] == [
+        ("east_m", "longitude_deg"),
+        ("heading_deg",),
+    ]
+
+
 @pytest.mark.parametrize("count", [3, 10, 11, 55])
 def test_a_terminal_shows_ten_and_says_how_many_more(count: int) -> None:
     findings = tuple(
