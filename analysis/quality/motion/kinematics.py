@@ -504,7 +504,7 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
 
 def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Solution:
     """The solution in the directions of parameter space that the data determine. In the others the estimate is
-    zero, and its standard error the prior.
+    zero, and its standard error what the attenuated one may have been, or the prior.
 
     A direction's reliability is the part of its information, ``common`` [p, p] of all, that is not noise. Noise in
     slopes makes a parameter too small by just that factor (attenuation: W. A. Fuller, Measurement Error Models,
@@ -519,7 +519,8 @@ def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) ->
     values = basis @ directions[:, determined].T @ sides.sum(axis=0)
     covariance, informative = _spread(matrices, sides, directions[:, determined], basis)
     undetermined = directions[:, ~determined]
-    size = np.einsum("pi,pq,qi->i", undetermined, precision, undetermined)
+    attenuated = np.hypot(undetermined.T @ sides.sum(axis=0), 2.0) / np.maximum(reliability[~determined], 0.1)
+    size = np.maximum(np.einsum("pi,pq,qi->i", undetermined, precision, undetermined), attenuated**-2.0)
     return Solution(
         values, covariance + (undetermined / size) @ undetermined.T + 1e-12 * np.diag(prior**2), informative
     )
