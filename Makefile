@@ -82,6 +82,7 @@ benchmark-day: $(STAMP) ## 24 h of 13 channels at 20 Hz, from MCAP to held windo
 benchmark-quality: $(STAMP) ## false alarms on sound simulated trials and in waves, faults found in spoilt ones
 	$(BIN)/python tests/benchmarks/quality_trials.py 4
 	$(BIN)/python tests/benchmarks/wave_trials.py 300
+	$(BIN)/python tests/benchmarks/delay_trials.py 500
 
 benchmark-diagnosis: $(STAMP) ## hidden effects named blind, scored; two hours (SIZE=small: ten minutes, SIZE=full: a night)
 	$(BIN)/python -m tests.benchmarks.diagnosis_trials -o $(or $(RESULTS),diagnosis_$(or $(SIZE),designed).jsonl) \

@@ -115,8 +115,9 @@ _PLACES = {
 } | {
     name: f"{_SCRIPTING}:{name}"
     for name in (
-        "check", "diagnose", "effects", "evaluate", "identify", "info", "manoeuvres", "plan", "plot", "predict",
-        "prepare", "report", "simulate", "speed_power", "train", "validate", "vessel_check", "windows", "write",
+        "check", "diagnose", "effects", "evaluate", "events", "identify", "info", "manoeuvres", "plan", "plot",
+        "predict", "prepare", "report", "simulate", "speed_power", "train", "validate", "vessel_check",
+        "windows", "write",
     )
 }  # fmt: skip
 """The names of a script: the module that each is in, and what it is called there."""

@@ -328,18 +328,24 @@ def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool
     return proposal
 
 
+_MOST_MARKS = 20
+
+
 def info(
     files: Annotated[list[Path], typer.Argument(help="A recording, or the parts of one.")],
     as_json: AsJson = False,
 ) -> None:
     """Show what is in a recording."""
+    from acquisition.core.frames import iso
+    from acquisition.recording.events import counts_text, events_of
     from acquisition.recording.grouping import read_together
     from acquisition.recording.reader import describe
 
     recording = read_together(files)
     found = describe(recording)
+    events = events_of(recording)
     if as_json:
-        echo(json.dumps(found))
+        echo(json.dumps({**found, "events": [event.as_json() for event in events]}))
         return
     from acquisition.core.terminal import Terminal
     from acquisition.logger.missing import by_reason, missing_in
@@ -369,6 +375,13 @@ def info(
         tell(f"{topic}: {count:,} raw messages")
     if recording.predictions:
         tell(f"/prediction: {recording.predictions:,} predictions made beside the recorder")
+    if events:
+        tell(f"events: {counts_text(events)}")
+    named = [event for event in events if event.kind in ("mark", "alarm")]
+    for event in named[:_MOST_MARKS]:
+        tell(f"  {iso(event.time_ns)}  {event.kind}: {event.text}")
+    if len(named) > _MOST_MARKS:
+        tell(f"  {len(named) - _MOST_MARKS:,} more marks and alarms: `seatrial export FILE --events -o EVENTS.csv`")
 
 
 @writes("output")

@@ -114,6 +114,10 @@ def export(
     flags: Annotated[
         bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel; always in NetCDF.")
     ] = False,
+    events: Annotated[
+        bool,
+        typer.Option("--events", help="Write marks, alarms and events of sources instead, .csv, .parquet, .xlsx."),
+    ] = False,
     attribute: Annotated[
         list[str] | None,
         typer.Option(help="NAME=VALUE: a global attribute of the NetCDF, like license=CC-BY-4.0; may be repeated."),
@@ -127,6 +131,11 @@ def export(
     from analysis.tables.export import KINDS, export_table
     from analysis.tables.table import history_of
 
+    if events:
+        if rate or smooth or repair or remove_delays or flags or attribute:
+            raise typer.BadParameter("--events writes the log as it is: leave the other options out")
+        _export_events(files, output)
+        return
     netcdf = expect_suffix(output, *KINDS) == ".nc"
     attributes = _named_values(attribute or [])
     if attributes and not netcdf:
@@ -146,6 +155,17 @@ def export(
         for remark in remarks(table, attributes):
             echo(remark, err=True)
     echo(written)
+
+
+def _export_events(files: list[Path], output: Path) -> None:
+    """Write the event log of a recording as a table."""
+    from acquisition.recording.grouping import read_together
+    from analysis.tables.events import event_table, export_events
+
+    table = event_table(read_together(files))
+    written = export_events(table, output)
+    echo(f"{len(table):,} events", err=True)
+    echo(written[0])
 
 
 def _named_values(given: list[str]) -> dict[str, str]:

@@ -73,8 +73,36 @@ def write(
 
 
 def info(recording: Paths) -> dict[str, Any]:
-    """What is in a recording or its parts: channels with counts, rates, spans, sources; whether it was closed."""
-    return describe(read_together(recording))
+    """What is in a recording or its parts: channels with counts, rates, spans, sources; its events; whether it was
+    closed."""
+    from acquisition.recording.events import events_of
+
+    read = read_together(recording)
+    return {**describe(read), "events": [event.as_json() for event in events_of(read)]}
+
+
+def events(recording: Paths) -> pd.DataFrame:
+    """The event log of a recording or its parts: marks, alarms, what happened to its sources and to the recorder.
+
+    Parameters
+    ----------
+    recording
+        The file, or the files of one recording in parts.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row an event, in the order of time: ``kind`` (mark, alarm, source, recorder), ``level`` (info, warning,
+        error), ``source`` (which one, if any) and ``text``, with a UTC index named ``time``.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing or no recording.
+    """
+    from analysis.tables.events import event_table
+
+    return event_table(read_together(recording))
 
 
 def check(data: Paths | pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:

@@ -143,7 +143,8 @@ def test_names_and_notes_are_no_markup(simulated: Simulated, tmp_path: Path, com
 
 def test_info_is_the_contracts_object(unseen: Path, command: Command) -> None:
     found = command("info", unseen, "--json").json
-    assert set(found) == {"closed", "messages", "start", "end", "duration_s", "channels", "raw", "trial"}
+    keys = {"closed", "messages", "start", "end", "duration_s", "channels", "raw", "trial", "events"}
+    assert set(found) == keys
     assert found["closed"] is True
     assert set(found["channels"]) == set(NAMES)
     for channel in found["channels"].values():

@@ -194,6 +194,7 @@ def read_parts(paths: Sequence[Path]) -> Recording:
         series={name: Series.joined(pieces) for name, pieces in samples.items()},
         raw=dict(sum((Counter(part.raw) for part in parts), Counter())),
         events=[event for part in parts for event in part.events],
+        event_labels=[label for part in parts for label in part.event_labels],
         messages=sum(part.messages for part in parts), predictions=sum(part.predictions for part in parts),
         closed=all(part.closed for part in parts),
         start_ns=min(part.start_ns for part in spans), end_ns=max(part.end_ns for part in spans),

@@ -39,6 +39,7 @@ NOT_SAID = float("nan")
 _NO_FIX = Fix()
 _DIAGONAL_KNOWN = 2
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
+_LEVEL_NAMES = {number: name for name, number in _LEVELS.items()}
 _NUMBERS = struct.Struct("<BdBdBqBI")  # the first four fields of a sample, each behind its tag
 _VALUE, _SOURCE_TIME, _MONOTONIC, _QUALITY = 1 << 3 | 1, 2 << 3 | 1, 3 << 3 | 1, 4 << 3 | 5
 _CAN, _RECEIVED = struct.Struct("<BIBIBB"), struct.Struct("<Bq")  # the fields of a CAN frame, but its data's bytes
@@ -88,6 +89,11 @@ def decode(topic: Topic, data: bytes) -> dict[str, Any]:
         return plain(_class_in(topic.name, topic.schema).FromString(data))
     except (DecodeError, TypeError) as error:
         raise ValueError(str(error)) from error
+
+
+def level_name(level: Any) -> str:
+    """The name of an event's level by its number; empty for none that is known."""
+    return _LEVEL_NAMES.get(level, "") if isinstance(level, int) else ""
 
 
 @lru_cache(maxsize=256)

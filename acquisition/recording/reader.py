@@ -25,7 +25,7 @@ from acquisition.core.frames import Frame, iso
 from acquisition.core.text import printable
 from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
-from acquisition.recording.messages import Topic, decode, frame_of
+from acquisition.recording.messages import Topic, decode, frame_of, level_name
 from acquisition.recording.records import RecordError, without_checksum
 from acquisition.recording.scan import MCAP_MAGIC, Damage, Intact, scan
 from acquisition.recording.schemas import (
@@ -49,6 +49,7 @@ class Recording:
     source: its state, its frames, how many were refused, why, and dropped. ``predictions`` counts what another
     program foretold beside the recorder. ``later_parts`` are the files after the first of one in parts.
     ``clock`` says what is to be known of the times of one in parts: that the clock was set meanwhile.
+    ``event_labels`` are the name and the level of each event, as the recorder gave them.
     """
 
     path: Path
@@ -65,6 +66,7 @@ class Recording:
     predictions: int = 0
     later_parts: tuple[Path, ...] = ()
     clock: str = ""
+    event_labels: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -313,6 +315,7 @@ def read_recording(path: Path | str) -> Recording:
     samples: dict[str, SeriesBuilder] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
+    labels: list[tuple[str, str]] = []
     health: dict[str, dict[str, Any]] = {}
     start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
@@ -326,8 +329,9 @@ def read_recording(path: Path | str) -> Recording:
                 raw[topic.name] += count
             elif topic.name == EVENT_TOPIC:
                 part = batch.of_channels([number])
-                texts = [text for text, _ in _said(part, topic, stream.meter, "message", "event")]
-                events += zip(part.heads["log_ns"].tolist(), texts, strict=True)
+                said = _said(part, topic, stream.meter, "message", "event")
+                events += zip(part.heads["log_ns"].tolist(), [text for text, _ in said], strict=True)
+                labels += [(str(body.get("name", "")), level_name(body.get("level"))) for _, body in said]
             elif topic.name == HEALTH_TOPIC:
                 part = batch.of_channels([number])
                 health |= _said(part, topic, stream.meter, "source", "state of a source")
@@ -346,6 +350,7 @@ def read_recording(path: Path | str) -> Recording:
         metadata=stream.metadata,
         health=printable(health),
         predictions=predictions,
+        event_labels=printable(labels),
     )
 
 

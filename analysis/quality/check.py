@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,9 @@ from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from acquisition.core.result import Result
+from acquisition.recording.events import Event, events_of
 from acquisition.recording.reader import Recording
+from analysis.quality.causes import Cause, causes_of
 from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes
 from analysis.quality.commands import check_helm_sign, check_orders, check_thruster_feedback
 from analysis.quality.findings import (
@@ -39,6 +41,7 @@ from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
+from analysis.quality.two_levels import alternation_findings
 from analysis.quality.wind import check_wind
 from analysis.tables.table import (
     MOST,
@@ -56,7 +59,8 @@ CHECKS: tuple[Check, ...] = (
 )  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
-SEVERITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
+SEVERITY = ("time_outlier", "clock_jump", "alternating_levels", "time_backwards", "out_of_range", "feedback_frozen",
+           "percent_scaled",
            "motion_contradiction", "helm_sign", "stuck", "position_jump", "heading_wrap_interpolated",
            "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
            "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
@@ -76,21 +80,37 @@ class DataQuality(Result):
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
     4 bad, 9 missing. ``findings`` come with the gravest first. ``missing`` are the channels of a trial of this ship
-    that the recording lacks altogether, which no check can judge.
+    that the recording lacks altogether, which no check can judge. ``sources`` are those of each channel, ``events``
+    the recording's log; ``causes`` are the findings by what they have in common.
     """
 
     channels: dict[str, ChannelQuality]
     findings: tuple[Finding, ...]
     flags: pd.DataFrame
     missing: tuple[str, ...] = ()
+    sources: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
     view = "analysis.report.quality_page:quality_view"
     drawing = "analysis.report.quality_page:draw_flags"
 
+    @property
+    def marks(self) -> list[Event]:
+        """The crew's marks, for axes of time."""
+        return [event for event in self.events if event.kind == "mark"]
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The findings by cause, the gravest first."""
+        gaps = {name: each.gaps for name, each in self.channels.items()}
+        return causes_of(self.findings, gaps, self.sources, self.events)
+
     def as_json(self) -> dict[str, Any]:
-        """The contract's object: channels by name, findings."""
+        """The contract's object: channels by name, findings, the causes of these, the recording's events."""
         return {
             "channels": {name: each.as_json() for name, each in self.channels.items()},
             "findings": [finding.as_json() for finding in self.findings],
+            "causes": [cause.as_json() for cause in self.causes],
+            "events": [event.as_json() for event in self.events],
         }
 
 
@@ -103,7 +123,8 @@ def check_recording(
     """
     joined = table_of(recording) if table is None else table
     names = channels_of_table(recording.series, joined.attrs)
-    return _check({name: recording.series[name] for name in names if name in recording.series}, joined, own)
+    quality = _check({name: recording.series[name] for name in names if name in recording.series}, joined, own)
+    return replace(quality, events=tuple(events_of(recording)))
 
 
 def check_table(table: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
@@ -161,11 +182,13 @@ def _check_stretch(
     across = tuple(finding for each in checked for finding in each.findings)
     _drop_explained_spikes(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(series, joined)
-    findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
+    in_turn_findings = alternation_findings({name: each.samples for name, each in faults.items()}, channels)
+    checked += [CheckResult(uniform_flags(joined, [each.channel], Quality.SUSPECT)) for each in in_turn_findings]
+    findings = (*known, *across, *jump_findings, *in_turn_findings, *_single_findings(faults, across, jumps))
     flags = _merge_all_flags(faults, rows, checked, joined)
     qualities = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
     missing = tuple(name for name in trial_channels(joined) if name not in faults)
-    return DataQuality(qualities, tuple(sorted(findings, key=_severity)), flags, missing)
+    return DataQuality(qualities, tuple(sorted(findings, key=_severity)), flags, missing, sources)
 
 
 def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:

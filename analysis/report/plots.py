@@ -5,6 +5,7 @@ A trial is two figures of a page: its track, and its channels against time.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import cycle
 from types import MappingProxyType
 
@@ -25,6 +26,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, known_channels
 from acquisition.core.units import DIMENSIONLESS, ending_of
+from acquisition.recording.events import Event
 from analysis.kinematics import mean_wind
 from analysis.report.labels import label_points
 from analysis.tables.table import declared_channels, table_actuators, utc_index
@@ -338,11 +340,32 @@ def track_figure(
     return draw, size_inch, f"The track, north up and to scale, times in UTC{held}{begins}."
 
 
+MOST_MARKS = 12
+"""Marks that have their text on an axis of time; more could not be read."""
+
+
+def draw_marks(axes: Axes, marks: Sequence[Event]) -> None:
+    """The crew's marks as lines across an axis of dates, with their texts above where there is room."""
+    from matplotlib.dates import date2num
+
+    low, high = axes.get_xlim()
+    for mark in marks:
+        at = date2num(np.datetime64(mark.time_ns, "ns"))  # type: ignore[no-untyped-call]
+        if low <= at <= high:
+            axes.axvline(at, color=INK, linewidth=0.8, linestyle=":", zorder=0.5)
+            if len(marks) <= MOST_MARKS:
+                axes.annotate(f" {mark.text[:30]}", (at, 1.0), xycoords=("data", "axes fraction"), fontsize=6,
+                              rotation=90, ha="right", va="top", annotation_clip=True)  # fmt: skip
+
+
 def channels_figure(
-    table: pd.DataFrame, windows: pd.DataFrame | None = None, predicted: Predicted = MappingProxyType({})
+    table: pd.DataFrame,
+    windows: pd.DataFrame | None = None,
+    predicted: Predicted = MappingProxyType({}),
+    marks: Sequence[Event] = (),
 ) -> Drawing | None:
-    """The channels of a 1 Hz table against time, held windows shaded, and what is ``predicted`` of the motion; None
-    without any channel. What never changes is left to the caption.
+    """The channels of a 1 Hz table against time, held windows shaded, what is ``predicted`` of the motion, and the
+    crew's ``marks``; None without any channel. What never changes is left to the caption.
     """
     panels, still = _panels(table)
     if not panels:
@@ -353,6 +376,7 @@ def channels_figure(
         for axes, (title, names) in zip(grid, panels.items(), strict=True):
             series(axes, table, names, windows, title, predicted)
             axes.label_outer()
+            draw_marks(axes, marks if axes is grid[0] else [replace(mark, text="") for mark in marks])
         if windows is not None or predicted:
             figure.legend(*_distinct(grid[0]), loc="outside upper left", ncols=5)
         figure.align_ylabels()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.files import write_text, written_together
 from acquisition.core.frames import Quality
+from acquisition.recording.events import counts_text
 from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
 from analysis.report.rendering import Page, render
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
+    from analysis.quality.causes import Cause
     from analysis.quality.channel_checks import ChannelQuality
     from analysis.quality.check import DataQuality
     from analysis.quality.findings import Finding
@@ -102,6 +105,8 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     from matplotlib.dates import ConciseDateFormatter, date2num
     from matplotlib.patches import Patch
 
+    from analysis.report.plots import draw_marks
+
     axes = figure.subplots()
     stamps = times_ns(quality.flags)
     first, last = main_stretch(stamps)
@@ -121,6 +126,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     axes.set_xlim(days[0], days[-1])
     axes.xaxis_date()
     axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
+    draw_marks(axes, quality.marks)
     axes.tick_params(axis="y", length=0)
     axes.grid(False)
     for side in ("top", "right", "left"):
@@ -180,14 +186,52 @@ def quality_view(quality: DataQuality) -> RenderableType:
     ]
     if not quality.findings:
         parts.append(Text("Nothing found.", style="green"))
-    for finding in quality.findings:
-        where = "all channels" if finding.channel == ALL else finding.channel
+    causes = quality.causes
+    for cause in causes[:MOST_CAUSES]:
+        start, end = cause.span
         parts += [
-            Text(f"{finding.code}  {where}", style="bold"),
-            Text(f"  {finding.start:%Y-%m-%d %H:%M:%S} to {finding.end:%H:%M:%S}", style="dim"),
-            Text(f"  {finding_text(finding)}"),
+            Text(f"{cause.code}  {_where(cause)}", style="bold"),
+            Text(f"  {start:%Y-%m-%d %H:%M:%S} to {end:%H:%M:%S}", style="dim"),
+            Text(f"  {cause_text(cause)}"),
         ]
+    if len(causes) > MOST_CAUSES:
+        parts += ["", Text(_more(causes[MOST_CAUSES:]), style="yellow")]
+    if events := counts_text(list(quality.events)):
+        parts.append(Text(f"in the log: {events}; `seatrial info` lists marks and alarms", style="dim"))
     return Group(*parts)
+
+
+MOST_CAUSES = 10
+"""What a terminal shows: more would push the gravest out of sight."""
+
+
+def _where(cause: Cause) -> str:
+    """The channels of a cause as a heading has them: the first three."""
+    names = ["all channels" if name == ALL else name for name in cause.channels]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def _more(causes: tuple[Cause, ...]) -> str:
+    """How many findings a terminal leaves out, of what kinds, and where they all are."""
+    kinds = Counter(cause.code for cause in causes)
+    said = ", ".join(f"{code} {count}" if count > 1 else code for code, count in kinds.items())
+    return (
+        f"{len(causes)} more, less severe ({said}): `seatrial check FILE -o FOLDER` writes a page with all of them"
+    )
+
+
+def cause_text(cause: Cause) -> str:
+    """A cause as sentences: a finding alone as it stands, several of them as one paragraph."""
+    return cause.text if len(cause.findings) > 1 or cause.events else finding_text(cause.findings[0])
+
+
+def cause_cells(cause: Cause) -> list[str]:
+    """What was found, in which channels and when, and all that is to be said of it."""
+    what, about, _ = finding_cells(cause.findings[0])
+    if len(cause.channels) > 1:
+        start, end = cause.span
+        about = f"{_where(cause)} \u00b7 {start:%H:%M:%S} to {end:%H:%M:%S} UTC"
+    return [what, about, cause_text(cause)]
 
 
 def missing_text(quality: DataQuality) -> str:

@@ -135,7 +135,7 @@ def time_series(case: Case, name: str) -> Drawing | None:
     products = case.products[name]
     predicted = {} if case.why_not else case.predicted(name)
     coloured = {plain(method): (motion, plots.COLOUR[method]) for method, motion in predicted.items()}
-    return channels_figure(products.one_hz, products.window_rows, coloured)
+    return channels_figure(products.one_hz, products.window_rows, coloured, products.quality.marks)
 
 
 def all_errors_by_second(figure: Figure, case: Case) -> None:

@@ -80,7 +80,7 @@ def test_a_sensor_that_is_not_there_is_none(sound: pd.DataFrame, tmp_path: Path,
 
 
 def test_delays_that_are_certain_are_taken_off_before(sound: pd.DataFrame, tmp_path: Path) -> None:
-    late = sound.assign(**{name: np.interp(np.arange(len(sound)) - 2.0, np.arange(len(sound)), sound[name])
+    late = sound.assign(**{name: np.interp(np.arange(len(sound)) - 3.0, np.arange(len(sound)), sound[name])
                            for name in ("north_m", "east_m")})  # fmt: skip
     (table,) = checked(late, tmp_path, repaired=True).tables
     assert "channel_delay" not in {each.code for each in check_motion(table).findings}

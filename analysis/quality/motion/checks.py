@@ -26,7 +26,7 @@ import pandas as pd
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.frames import Quality
+from acquisition.core.frames import Quality, label_parts, sensor_of
 from analysis.quality.findings import CheckResult, Finding, mark, uniform_flags
 from analysis.quality.motion.coarse import Coarse, coarse_fit, contradiction_finding
 from analysis.quality.motion.conventions import axes_finding, heading_finding, is_derived_from
@@ -41,6 +41,7 @@ from analysis.quality.motion.jumps import PositionJump, displaced, jump_finding,
 from analysis.quality.motion.kinematics import (
     CHANCE,
     NAMES,
+    PARTS,
     Kinematics,
     Solution,
     fit_kinematics,
@@ -137,13 +138,19 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
 
 def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     span, jitter = span_of(table), stamp_jitter(table, fit)
-    explanation = explain_delays(fit, jitter.variance_s2 if jitter.beyond(SMALLEST_POSITION_JITTER_S) else 0.0)
+    jitters = jitter.beyond(SMALLEST_POSITION_JITTER_S)
+    explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
+    independent = independent_groups(table)
     found = [
         speed_scale(fit, span),
         yaw_rate_scale(fit, span),
         yaw_rate_bias(fit, span),
         heading_offset(fit, span),
-        *(_delay(explanation, cause, fit, span) for cause in explanation.causes if cause in GROUPS),
+        *(
+            _delay(explanation, cause, fit, span, cause in independent)
+            for cause in explanation.causes
+            if cause in GROUPS
+        ),
         _arm(explanation, fit, span),
         position_jitter_finding(jitter, span),
         heading_jitter_finding(heading_jitter(table, fit), span),
@@ -183,7 +190,30 @@ def _with_positions(table: pd.DataFrame) -> list[str]:
     return [name for name in (*_GEOGRAPHIC, *same) if name in table]
 
 
-def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span) -> Finding | None:
+def independent_groups(table: pd.DataFrame) -> frozenset[str]:
+    """The groups whose delay is seen against sensors of their own, by the sources that the table names.
+
+    Speeds that were derived from the positions or with the heading, or come from the positions' own receiver, and a
+    yaw rate that was derived from the heading, share noise and stamps with what they would be compared with. What
+    names no source is taken for recorded.
+    """
+    sources: dict[str, list[str]] = table.attrs.get("sources", {})
+    told = {name: [source for part in names for source in sources.get(part, [])] for name, names in GROUPS.items()}
+    derived = {name for name in ("surge_mps", "yaw_rate_dps") if any(map(_is_derived, told[name]))}
+    receivers = {sensor_of(source) for source in told["north_m"] if label_parts(source)[1]}
+    same = receivers & {sensor_of(source) for source in told["surge_mps"]}
+    of_path = not same and "surge_mps" not in derived
+    of_turn = "yaw_rate_dps" not in derived
+    shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
+    return frozenset(name for name, independent in shown.items() if independent)
+
+
+def _is_derived(source: str) -> bool:
+    """Whether a source's label says that the product computed the channel of others."""
+    return "derived" in source.split(" ")
+
+
+def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, independent: bool) -> Finding | None:
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
@@ -200,15 +230,46 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span) ->
     steady = half <= max(3.0 * error, _SMALLEST_DELAY_S)
     if not steady:
         text += "; it is not the same throughout the recording"
-    certain = steady and not explanation.rivals
-    remedy = (
-        "`--repair` takes it off the stamps."
-        if certain
-        else "`--repair` leaves it: this trial does not tell enough."
-    )
+    doubt = _doubt(explanation, cause, fit, independent)
+    certain = steady and not doubt
+    remedy = "`--repair` takes it off the stamps."
+    if not certain:
+        remedy = f"`--repair` leaves it: {doubt or 'this trial does not tell enough'}."
     estimate = {"seconds": seconds, "low": low, "high": high}
     found = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
     return _in_band(found, _band_of_cause(explanation, cause, fit))
+
+
+_FEWEST_SAMPLES_LATE = 2.0
+"""Within two samples of a channel its delay may as well be how it was sampled or averaged."""
+
+
+def _doubt(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
+    """Why a delay is not to be taken off unasked; empty where nothing speaks against it."""
+    seconds, _ = explanation.size(cause)
+    if not independent:
+        return "what it was compared with is derived from the same values or of the same receiver"
+    if explanation.rivals:
+        return "this trial does not tell enough"
+    interval_s = fit.motion.recorded_s[list(GROUPS).index(cause)]
+    if abs(seconds) <= _FEWEST_SAMPLES_LATE * interval_s:
+        return f"it is no more than two of its samples, which come every {interval_s:.3g} s"
+    if not all(_confirms(quarter, explanation, cause) for quarter in fit.quarters) or len(fit.quarters) < PARTS:
+        return "not every quarter of the recording confirms it"
+    return ""
+
+
+def _confirms(quarter: Solution, explanation: Explanation, cause: str) -> bool:
+    """Whether a quarter of the recording by itself has this delay, and not none."""
+    whole, _ = explanation.size(cause)
+    size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
+    half = quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
+    return abs(size) > half and abs(size - whole) < max(2.0 * half, _SMALLEST_DELAY_S)
+
+
+def _place_of(cause: str) -> int:
+    """The first of the fitted parameters that a cause shows in."""
+    return next(NAMES.index(name) for name, of in zip(OBSERVED, CAUSES[cause], strict=True) if of)
 
 
 def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
@@ -224,8 +285,7 @@ def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
 
 def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, float]:
     """The band in which a cause shows: from 0 where the slow motion alone says the same of it."""
-    place = next(NAMES.index(name) for name, of in zip(OBSERVED, CAUSES[cause], strict=True) if of)
-    if fit.slowly[place]:
+    if fit.slowly[_place_of(cause)]:
         return 0.0, fit.slow_hz
     size, error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
     return 0.0 if abs(size) > 4.0 * error else fit.slow_hz, fit.fastest_hz
@@ -309,7 +369,8 @@ class Explanation:
 def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
 
-    ``jitter_s2`` is the variance of the positions' stamps: by chance they are late on the whole.
+    ``jitter_s2`` is the variance of the mean of the positions' stamps: by chance they are late on the whole, or on
+    one leg and not on the next, which a heading that is late looks like.
     """
     for count in range(4):
         tried = sorted(
@@ -318,11 +379,12 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         )
         best = tried[0]
         if best.misfit <= _ADEQUATE:
-            alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL] if count == 1 else []
-            likely = [each for each in alike if each.misfit <= _ADEQUATE and each.is_late]
+            alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL]
+            likely = [each for each in alike if count == 1 and each.misfit <= _ADEQUATE and each.is_late]
             best = likely[0] if likely and best.is_early else best
-            named = tuple((each.causes[0], float(each.sizes[0])) for each in alike if each is not best)
-            return replace(best, rivals=named)
+            others = [(each, {*each.causes} - {*best.causes}) for each in alike[::-1]]
+            rivals = {cause: each.size(cause)[0] for each, other in others if len(other) == 1 for cause in other}
+            return replace(best, rivals=tuple(rivals.items()))
     return best
 
 
@@ -334,7 +396,7 @@ def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Ex
     covariance = fit.covariance[np.ix_(places, places)] * np.outer(wider, wider) + np.diag(
         (0.5 * _NEGLIGIBLE) ** 2 / 9.0
     )
-    covariance[0, 0] += jitter_s2 / max(fit.informative[places[0]], 1.0)
+    covariance[[0, 1], [0, 1]] += jitter_s2
     inverse = np.linalg.inv(covariance)
     design = np.array([CAUSES[cause] for cause in causes]).reshape(-1, len(OBSERVED)).T
     normal = design.T @ inverse @ design

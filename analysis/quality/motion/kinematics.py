@@ -84,6 +84,9 @@ SLOW_HZ = 1.0 / 30.0
 """Sea waves are faster: 1 to 30 s are their periods (W. H. Munk, Origin and generation of waves, 1950)."""
 _SLOW_STAGES = (None, None, None)
 _STAGES_HZ = (0.15, 0.5, 0.5)
+_SAMPLING = (0.01, 0.02)
+"""Standard deviation of delays by sampling and interpolation: seconds, and a share of the slowest interval. In
+`tests/benchmarks/delay_trials.py` yaw rates derived from headings come out up to 0.04 s off at 1 Hz."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,8 @@ class Kinematics:
     it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every``
     by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion. ``half_between``
     [11] is the least half width of an interval by how the quarters of the recording differ, zero where they agree
-    or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
+    or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`); ``quarters`` are those that could
+    be fitted.
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
@@ -110,6 +114,7 @@ class Kinematics:
     converged: bool = True
     coarse: Coarse = field(default_factory=Coarse)
     half_between: Floats = field(default_factory=lambda: np.zeros(len(NAMES)))
+    quarters: tuple[Solution, ...] = ()
 
     @cached_property
     def believed(self) -> Solution:
@@ -226,11 +231,17 @@ def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
     turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solved()
     better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
     slowly = np.repeat(better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
-    slow, every = (path[which].beside(turn[which]) for which in (0, 1))
+    slow, every = (path[which].beside(turn[which]).widened(_sampling(motion)) for which in (0, 1))
     fit = Kinematics(
         slow, every, slowly, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
     )  # fmt: skip
     return replace(fit, converged=_within_bounds(fit))
+
+
+def _sampling(motion: Motion) -> Floats:
+    """What sampling and interpolation may do to the parameters, as standard deviations [11]."""
+    fixed_s, share = _SAMPLING
+    return np.where([name.endswith("_s") for name in NAMES], fixed_s + share * motion.slowest_s, 0.0)
 
 
 def _slow_is_better(slow: Solution, every: Solution, alike: Floats) -> bool:
@@ -332,10 +343,11 @@ class _Fit:
         off; what the last one still moved is not known better.
         """
         for limit_hz in stages:
+            before = found
             unclear = np.abs(found.parameters) < _CLEAR * np.sqrt(np.diag(found.covariance))
             values = np.where(unclear & (self.prior >= _DELAY_PRIOR_S), 0.0, found.parameters)
             found = self._step(values, limit_hz)
-        moving = np.diag((2.0 * (found.parameters - values)) ** 2)
+        moving = np.diag((2.0 * (found.parameters - before.parameters)) ** 2)
         return replace(found, covariance=found.covariance + moving)
 
     def _step(self, values: Floats, limit_hz: float | None) -> Solution:
@@ -353,7 +365,8 @@ class _Fit:
         return replace(found, parameters=values + found.parameters / max(far, 1.0))
 
 
-_PARTS = 4
+PARTS = 4
+"""Parts of a recording that are fitted by themselves."""
 _FEWEST_PARTS = 3
 _CHANCE_OF_PARTS = 1e-3
 _SAMPLES = 8
@@ -375,6 +388,7 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
             part = fit_motion(quarter, fit.path_parameters[_OF_HEEL])  # a quarter is too short to tell of heel
             parts.append(replace(part, slowly=fit.slowly))
     parts = [part for part in parts if part.converged]
+    fit = replace(fit, quarters=tuple(part.believed for part in parts))
     if len(parts) < _FEWEST_PARTS:
         return fit
     half = _half_between(
@@ -407,7 +421,7 @@ def _variance(part: Kinematics) -> Floats:
 
 def _quarters(motion: Motion) -> list[Motion]:
     """The quarters of a motion in which no group lacks samples."""
-    edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], _PARTS + 1)
+    edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], PARTS + 1)
     quarters = []
     for begin, end in pairwise(edges):
         position, heading, speed, yaw_rate = (
@@ -440,6 +454,10 @@ class Solution:
             np.concatenate([self.informative, other.informative]),
         )  # fmt: skip
 
+    def widened(self, deviations: Floats) -> Solution:
+        """With independent errors of these standard deviations [p] added."""
+        return replace(self, covariance=self.covariance + np.diag(deviations**2))
+
     def transformed(self, scale: Floats, shift: Floats) -> Solution:
         """The parameters multiplied by ``scale`` and then increased by ``shift``, both [p]."""
         covariance = self.covariance * np.outer(scale, scale)
@@ -457,9 +475,10 @@ def cosines(levels: Floats, starts: Ints, length: int, most: int) -> Floats:
 def solve(residuals: Floats, slopes: Floats, halves: tuple[Floats, Floats], prior: Floats) -> Solution:
     """Estimate parameters from residuals [blocks, c, k] and their derivatives ``slopes`` [blocks, p, c, k].
 
-    ``halves`` are the slopes from every other sample and from the rest: what they do not have in common is noise
-    and carries no information. ``prior`` [p] are standard deviations far beyond anything sensible: they bound what
-    the data do not determine.
+    ``halves`` are the slopes from every other sample and from the rest. Half of their difference has the noise of
+    the slopes from all samples and none of the motion, which both have smoothed alike by their wider steps: what
+    smoothing takes away must not count as noise. ``prior`` [p] are standard deviations far beyond anything
+    sensible: they bound what the data do not determine.
     """
     bands = _bands(residuals.shape[-1])
     weights = np.broadcast_to(1.0 / _noise(residuals, bands), residuals.shape)
@@ -470,9 +489,9 @@ def solve(residuals: Floats, slopes: Floats, halves: tuple[Floats, Floats], prio
         noise = _noise(left, bands)
         weights = np.broadcast_to(_trust(left**2 / noise, bands) / noise, residuals.shape)
     matrices, sides = _normal(residuals, slopes, weights)
-    first, second = (each.reshape(len(each), prior.size, -1) for each in halves)
-    common = np.einsum("bpn,bn,bqn->pq", first, weights.reshape(len(weights), -1), second, optimize=True)
-    return _solution(matrices, sides, 0.5 * (common + common.T), prior)
+    differences = (halves[0] - halves[1]).reshape(len(weights), prior.size, -1)
+    noise = np.einsum("bpn,bn,bqn->pq", differences, weights.reshape(len(weights), -1), differences, optimize=True)
+    return _solution(matrices, sides, matrices.sum(axis=0) - 0.25 * noise, prior)
 
 
 def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats, Floats]:
@@ -485,9 +504,9 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
 
 def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Solution:
     """The solution in the directions of parameter space that the data determine. In the others the estimate is
-    zero, and its standard error ten times the nominal one, or the prior.
+    zero, and its standard error what the attenuated one may have been, or the prior.
 
-    A direction's reliability is the part of its information that both halves of the samples share. Noise in
+    A direction's reliability is the part of its information, ``common`` [p, p] of all, that is not noise. Noise in
     slopes makes a parameter too small by just that factor (attenuation: W. A. Fuller, Measurement Error Models,
     1987), which is undone.
     """
@@ -500,10 +519,8 @@ def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) ->
     values = basis @ directions[:, determined].T @ sides.sum(axis=0)
     covariance, informative = _spread(matrices, sides, directions[:, determined], basis)
     undetermined = directions[:, ~determined]
-    size = np.maximum(
-        np.einsum("pi,pq,qi->i", undetermined, precision, undetermined),
-        np.maximum(reliability[~determined], 0.1) ** 2,
-    )
+    attenuated = np.hypot(undetermined.T @ sides.sum(axis=0), 2.0) / np.maximum(reliability[~determined], 0.1)
+    size = np.maximum(np.einsum("pi,pq,qi->i", undetermined, precision, undetermined), attenuated**-2.0)
     return Solution(
         values, covariance + (undetermined / size) @ undetermined.T + 1e-12 * np.diag(prior**2), informative
     )

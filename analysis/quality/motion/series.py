@@ -56,13 +56,15 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Four groups cleaned of spikes; ``heading`` is unwrapped. ``step_s`` is the grid the fit works on."""
+    """Four groups cleaned of spikes; ``heading`` is unwrapped. ``step_s`` is the grid the fit works on,
+    ``recorded_s`` [4] how far apart the samples were before they were averaged to it."""
 
     position: Group
     heading: Group
     speed: Group
     yaw_rate: Group
     step_s: float
+    recorded_s: tuple[float, ...] = ()
 
     def half(self, first: int) -> Motion:
         """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
@@ -94,7 +96,8 @@ def motion_of(table: pd.DataFrame) -> Motion:
     heading = _average(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
     spikes = outliers(raw["north_m"].levels - path)
-    return Motion(_average(raw["north_m"].without(spikes), step_s), heading, speed, yaw_rate, step_s)
+    position = _average(raw["north_m"].without(spikes), step_s)
+    return Motion(position, heading, speed, yaw_rate, step_s, tuple(each.interval_s for each in raw.values()))
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:

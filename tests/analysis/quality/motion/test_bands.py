@@ -83,8 +83,9 @@ def test_what_shows_in_waves_alone_is_said_so_and_left() -> None:
     assert all("slower motion does not tell" in each.text for each in found)
 
 
-@pytest.mark.parametrize(("channel", "seconds"), [("north_m", 0.5), ("heading_deg", -0.8), ("surge_mps", 1.5)])
+@pytest.mark.parametrize(("channel", "seconds"), [("north_m", 1.1), ("heading_deg", -1.2), ("surge_mps", 1.5)])
 def test_a_delay_is_taken_off_the_stamps(channel: str, seconds: float) -> None:
+    """Samples come every half second: a delay of more than two of them is taken off."""
     table = sailed(Faults(late_s={channel: seconds}))
     quality = check_table(table)
     repaired = repair(table, quality.findings, quality.flags)

@@ -172,11 +172,11 @@ def test_quarters_too_short_to_tell_of_heel_are_no_crash() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_of_two_causes_that_a_trial_cannot_tell_apart_the_late_one_is_named(seed: int) -> None:
-    """At a steady speed a heading that is late and a yaw rate that is early look alike; no sensor is early."""
+def test_a_late_heading_at_a_steady_speed_is_no_early_yaw_rate(seed: int) -> None:
+    """Speeds that are so noisy tell little of the path; no sensor is early."""
     table = sailed(
         Faults(late_s={"heading_deg": 1.5}), 600.0, 1.0, seed, noise=Noise(speed_mps=0.2), speed_changes=0.0
     )
     (delay,) = [each for each in check_motion(table).findings if each.code == "channel_delay"]
-    assert (delay.channel, delay.certain) == ("heading_deg", False)
-    assert "yaw rate" in delay.text
+    assert delay.channel == "heading_deg"
+    assert near(delay, "seconds", 1.5)

@@ -1,0 +1,99 @@
+"""Delays of slow, noisy records: no bias by how the noise of slopes is told, and what is taken off unasked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.quality.findings import Finding
+from analysis.quality.motion.checks import check_motion, independent_groups
+from analysis.quality.motion.kinematics import fit_kinematics
+from tests.analysis.quality.motion.kinematic_trials import Faults, sailed
+from tests.benchmarks.delay_trials import DELAYS, SPEEDS, Recorded, recorded
+
+
+def delays_found(table: pd.DataFrame) -> list[Finding]:
+    return [each for each in check_motion(table).findings if each.code == "channel_delay"]
+
+
+def large_ship(position_m: float, speeds: str = SPEEDS[0], late_s: float = 0.1) -> Recorded:
+    """A ship of 200 m in zigzags of three hours, at 1 Hz, whose heading is a little late."""
+    return Recorded(
+        200.0,
+        1.0,
+        "zigzag_20_20",
+        10800.0,
+        speeds,
+        position_m,
+        0.02,
+        0.005,
+        0.02,
+        np.array([0.0, late_s, 0.0, 0.0]),
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_positions_of_a_large_ship_that_scatter_make_no_delay(seed: int) -> None:
+    how = large_ship(0.5)
+    table = recorded(how, seed, np.random.default_rng(seed))
+    fit = fit_kinematics(table)
+    for name, true in zip(DELAYS, how.delays_s, strict=True):
+        low, high = fit.interval(name)
+        assert low <= true <= high
+        assert abs(fit.value(name) - true) < 0.3
+    assert not delays_found(table)
+
+
+def test_noise_of_positions_alone_does_not_move_the_estimate() -> None:
+    """Slopes without noise of their own are no less reliable for being sampled slowly: attenuation is none."""
+    quiet, noisy = (recorded(large_ship(size), 0, np.random.default_rng(0)) for size in (0.001, 0.5))
+    first, second = fit_kinematics(quiet), fit_kinematics(noisy)
+    for name in DELAYS:
+        assert abs(first.value(name) - second.value(name)) < 0.2
+
+
+def test_a_delay_is_taken_off_only_beyond_two_samples() -> None:
+    small, large = (delays_found(sailed(Faults(late_s={"north_m": seconds}))) for seconds in (0.8, 1.4))
+    assert [each.certain for each in (*small, *large)] == [False, True]
+    assert "two of its samples" in small[0].as_json()["text"]
+
+
+def test_a_delay_of_half_the_recording_is_not_taken_off() -> None:
+    late, sound = sailed(Faults(late_s={"heading_deg": 2.0})), sailed()
+    half = len(sound) // 2
+    table = pd.concat([late.iloc[:half], sound.iloc[half:]])
+    assert not any(each.certain for each in delays_found(table))
+
+
+@pytest.mark.parametrize(
+    ("sources", "independent"),
+    [
+        ({}, {"north_m", "heading_deg", "surge_mps", "yaw_rate_dps"}),
+        ({"yaw_rate_dps": ["table derived from heading_deg"]}, {"north_m", "surge_mps"}),
+        ({"surge_mps": ["gps/GP:VTG derived"]}, {"yaw_rate_dps"}),
+        ({"surge_mps": ["table derived from north_m, east_m and heading_deg"]}, {"yaw_rate_dps"}),
+        ({"north_m": ["gps/GP:GGA derived"], "surge_mps": ["gps/GP:VBW"]}, {"yaw_rate_dps"}),
+        ({"north_m": ["gps/GP:GGA derived"], "surge_mps": ["log/VD:VBW"]},
+         {"north_m", "heading_deg", "surge_mps", "yaw_rate_dps"}),
+        ({"north_m": ["bus/3:129025 derived"], "surge_mps": ["bus/9:130578"]},
+         {"north_m", "heading_deg", "surge_mps", "yaw_rate_dps"}),
+    ],
+)  # fmt: skip
+def test_what_is_derived_confirms_no_delay(sources: dict[str, list[str]], independent: set[str]) -> None:
+    table = sailed()
+    table.attrs["sources"] = sources
+    assert independent_groups(table) == independent
+
+
+def test_a_delay_against_derived_speeds_is_left() -> None:
+    table = sailed(Faults(late_s={"north_m": 2.0}))
+    table.attrs["sources"] = {"surge_mps": ["gps/GP:VTG derived"]}
+    (finding,) = delays_found(table)
+    assert not finding.certain
+    assert "derived" in finding.remedy
+
+
+def test_an_antenna_that_looks_late_at_a_steady_speed_is_not_moved() -> None:
+    table = sailed(Faults(forward_m=-9.0, starboard_m=-2.0), rate_hz=1.0, turning=0.3, speed_changes=0.0)
+    assert not any(each.certain for each in delays_found(table))
