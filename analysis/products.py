@@ -19,7 +19,7 @@ from analysis.prepare import with_motion
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, RepairResult, repair
 from analysis.tables.resample import resample
-from analysis.tables.table import require, table_of
+from analysis.tables.table import require, table_of, with_calm
 from analysis.windows.held import HeldWindows, held_windows
 from analysis.windows.recordings import add_start_states
 
@@ -93,7 +93,7 @@ def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products
     one_hz = resample(repaired.table, 1.0)
     products = Products(recording, quality, repaired.table, one_hz, repaired.repairs)
     with products.step():
-        require(one_hz)
+        require(with_calm(one_hz))
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name)
     with products.step():
         products.manoeuvres, products.left_out = manoeuvres_and_left_out(

@@ -20,7 +20,7 @@ from acquisition.core.progress import bar
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import read_recordings, read_together
 from acquisition.recording.reader import describe
-from analysis.tables.table import percent_of, read_table, require, table_actuators, table_of
+from analysis.tables.table import percent_of, read_table, require, table_actuators, table_of, with_calm
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -376,7 +376,7 @@ def predict(
 
     by = predictor_of(trials_of([Path(recording)]), calibrator, vessel, horizon_s)
     table = read_table(recording)
-    require(table)
+    require(with_calm(table))
     recorded = second_by_second(partial(resample, table))
     planned = None if commands is None else read_commands(Path(commands), table_actuators(table))
     instant = parse_time(at, recorded.table)

@@ -27,6 +27,7 @@ from acquisition.core.budget import RECORDING_CELLS
 from acquisition.core.channel import Channel
 from acquisition.core.channels import (
     BY_NAME,
+    ENVIRONMENT,
     ChannelsByName,
     actuators_of,
     channels_of_table,
@@ -231,6 +232,26 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
     if missing:
         fix = "record the channel, or import with a map that gives it a constant"
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
+
+
+CALM = "no wind was recorded: calm is taken in its place, and what the wind did counts as error of the model"
+"""What should be known of a table that :func:`with_calm` has filled."""
+
+
+def with_calm(table: pd.DataFrame) -> pd.DataFrame:
+    """The table, with a calm (0 m/s) where it has no wind at all, which its history says.
+
+    Models of a ship take the wind as an input; a trial in a basin, or of a ship without an anemometer, has none.
+    """
+    absent = [name for name in ENVIRONMENT if name not in table or not table[name].notna().any()]
+    if not absent:
+        return table
+    return add_step(table, "calm", channels=absent).assign(**dict.fromkeys(absent, 0.0))
+
+
+def is_calm(table: pd.DataFrame) -> bool:
+    """Whether :func:`with_calm` has filled a table."""
+    return any(step["step"] == "calm" for step in history_of(table))
 
 
 def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.DataFrame:

@@ -39,7 +39,7 @@ from acquisition.core.result import Result
 from analysis.estimation.noise_levels import noise_of
 from analysis.kinematics import to_earth
 from analysis.tables.resample import MOTION_FILTER, SETTING_FILTER
-from analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns
+from analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns, with_calm
 
 _MOVED: dict[Sort, str] = {
     "azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved",
@@ -105,13 +105,13 @@ def held_windows(
 
     ``trial`` names the recording; windows and legs carry it. With ``keep_moving`` windows in which only a
     thruster moved are kept too, and a column ``held`` tells them apart; legs are then as long as windows follow
-    each other without a break. A table shorter than the horizon has no
-    candidates. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
+    each other without a break. A table shorter than the horizon has no candidates; one without wind is taken as of
+    a calm. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
     """
     if horizon_s < 2 or stride_s < 1:
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
-    actuators = table_actuators(table)
+    actuators, table = table_actuators(table), with_calm(table)
     start_ns, values, there = _every_second(table, trial_names(actuators))
     reason = np.empty(0, dtype=np.int64)
     if start_ns.size > horizon_s:

@@ -172,7 +172,7 @@ def test_a_ship_without_a_tunnel_thruster_still_has_her_motion_with_uncertaintie
     assert "heading_deg_sigma" in table
     assert row["windows_kept"] is None
     assert "tunnel_rpm" in row["cause"]
-    assert "wind_direction_deg" in row["cause"]
+    assert "wind_direction_deg" in row["missing"]  # of which windows do without
 
 
 def test_the_page_says_which_uncertainties_are_in_doubt(tmp_path: Path) -> None:

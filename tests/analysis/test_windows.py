@@ -13,9 +13,19 @@ from hypothesis import strategies as st
 from acquisition.core.actuators import DEFAULT
 from acquisition.core.channels import COMMAND, NAMES
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.trial import Trial
+from acquisition.recording.tables import write_table
 from analysis.estimation.noise_levels import noise_of
+from analysis.tables.table import CALM, is_calm, with_calm
 from analysis.windows.held import columns_for, held_windows, join_windows
-from analysis.windows.recordings import SecondBySecond, read_windows, trial_names, windows_of_tables, write_windows
+from analysis.windows.recordings import (
+    SecondBySecond,
+    read_windows,
+    trial_names,
+    windows_of_recordings,
+    windows_of_tables,
+    write_windows,
+)
 from tests.analysis.conftest import steady_table, table_at
 
 NOISES = ((0.0, 0.0), (0.3, 0.2), (2.0, 1.0))
@@ -219,3 +229,30 @@ def test_windows_across_a_jump_are_left_out_and_no_others(
     assert sound.kept == 110
     assert starts == set(range(110)) - near
     assert found.dropped == {"position_jump": len(near)}
+
+
+@pytest.mark.parametrize("absent", [["wind_direction_deg", "wind_speed_mps"], ["wind_speed_mps"], []])
+def test_without_wind_the_windows_are_those_of_a_calm(absent: list[str]) -> None:
+    """Which windows are held does not depend on the wind; their wind is 0 m/s, and only what lacks is filled."""
+    table = steady_table(121, 0.3, 0.2).assign(wind_direction_deg=90.0, wind_speed_mps=0.0)
+    expected = held_windows(table)
+    windows = held_windows(table.drop(columns=absent))
+    assert (windows.kept, windows.dropped) == (expected.kept, expected.dropped)
+    assert (windows.rows["wind_speed_mps"] == 0.0).all()
+    assert (windows.rows["wind_direction_deg"] == (0.0 if "wind_direction_deg" in absent else 90.0)).all()
+
+
+def test_a_calm_is_in_the_history_and_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    table = steady_table(121, 0.3, 0.2)
+    winds = [name for name in table if name.startswith("wind_")]
+    empty = table.assign(**dict.fromkeys(winds, np.nan))
+    for without in (table.drop(columns=winds), empty):
+        calm = with_calm(without)
+        assert is_calm(calm)
+        assert not is_calm(without)
+        assert with_calm(calm) is calm
+    write_table(table.drop(columns=winds), tmp_path / "basin.mcap", Trial("basin"), source="simulated")
+    windows = windows_of_recordings([tmp_path / "basin.mcap"])
+    assert windows.kept
+    assert [record.getMessage() for record in caplog.records] == [f"basin: {CALM}"]
+    assert any(step["step"] == "calm" for step in windows.provenance["basin"]["history"])
