@@ -265,19 +265,21 @@ class Nmea0183Decoder(Decoder):
     def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
         """The samples in a line that came in a frame; ``time_ns`` is the time that was stated beside it."""
         groups: list[Group] = []
-        for part in sentences_in(line):
+        parts = sentences_in(line)
+        for part in parts:
             tagged = split_tag(part)
-            groups += self._decode(frame, tagged if time_ns is None else replace(tagged, time_ns=time_ns))
+            tagged = tagged if time_ns is None else replace(tagged, time_ns=time_ns)
+            groups += self._decode(frame, tagged, alone=len(parts) == 1)
         return groups
 
-    def _decode(self, frame: Frame, tagged: TaggedSentence) -> list[Group]:
-        """The samples in a sentence, with what its envelope said."""
-        sentence = split_sentence(tagged.sentence, unchecked=self._unchecked)
+    def _decode(self, frame: Frame, tagged: TaggedSentence, *, alone: bool) -> list[Group]:
+        """The samples in a sentence, with what its envelope said; beside others one without a sum was cut off."""
+        sentence = split_sentence(tagged.sentence, unchecked=self._unchecked and alone)
         if not tagged.sound:
             self.refused["TAG block with a wrong checksum"] += 1
         if sentence is None:
             if tagged.sound or tagged.sentence.startswith((b"$", b"!")):  # a TAG block alone is one fault, not two
-                has_none = _UNCHECKED.fullmatch(tagged.sentence) is not None
+                has_none = alone and _UNCHECKED.fullmatch(tagged.sentence) is not None
                 self.refused[NO_CHECKSUM if has_none else "no sound checksum"] += 1
             return []
         if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own

@@ -37,6 +37,14 @@ def test_what_is_disturbed_is_not_taken_for_one_without_a_checksum(text: str) ->
         assert decoder.refused == {"no sound checksum": 1}
 
 
+def test_a_cut_sentence_before_another_is_no_sentence_without_a_checksum() -> None:
+    """`$HEHDT,12` and then a whole one: the 12 may have been 123."""
+    decoder = Nmea0183Decoder(unchecked=True)
+    ((only,),) = decoder.decode(line(b"$HEHDT,12" + sound("HEHDT,123.4,T")))
+    assert only.value == 123.4
+    assert decoder.refused == {"no sound checksum": 1}
+
+
 def test_optional_checksums_decode_the_same_values() -> None:
     given, bare = (Nmea0183Decoder(unchecked=unchecked) for unchecked in (False, True))
     for text in BARE:

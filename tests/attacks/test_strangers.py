@@ -648,18 +648,28 @@ YEARS = [
 
 
 @pytest.mark.parametrize("year", YEARS)
-@pytest.mark.parametrize("rows", ["one", "all"])
-def test_year_that_no_recording_holds_is_refused_with_its_row(
-    rows: str, year: str, place: Path, command: Command
-) -> None:
+def test_year_that_no_recording_holds_is_refused_with_its_row(year: str, place: Path, command: Command) -> None:
     """Also 1960: such times would become the first of January 1970, without a word."""
     lines = TABLE.splitlines()
-    for number in range(1, len(lines)) if rows == "all" else [6]:
-        lines[number] = year + lines[number][20:]
+    lines[6] = year + lines[6][20:]
     (place / "table.csv").write_text("\n".join(lines) + "\n")
     line = refused(command(*PROPOSED))
-    assert f"row {1 if rows == 'all' else 6} of column 'time'" in line
+    assert "row 6 of column 'time'" in line
     assert year in line
+
+
+@pytest.mark.parametrize("year", YEARS)
+def test_table_of_such_years_alone_is_refused_or_said_to_have_no_date(
+    year: str, place: Path, command: Command
+) -> None:
+    """A clock that was not set has durations all the same; a year beyond all is none."""
+    first, *lines = TABLE.splitlines()
+    (place / "table.csv").write_text("\n".join([first, *(year + line[20:] for line in lines)]) + "\n")
+    done = command(*PROPOSED)
+    if done.code == 0:
+        assert re.search(r"(was not set|moved to 1970).*durations", done.err)
+    else:
+        assert year in refused(done)
 
 
 @pytest.mark.parametrize("form", ["seconds", "excel", "matlab", "%Y%m%d%H%M%S", "%d.%m.%Y %H:%M:%S", "ms", "ns"])
