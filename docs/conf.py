@@ -19,7 +19,7 @@ except PackageNotFoundError:
     release = "unreleased"
 version = release
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "command_line"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "command_line", "inputs"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build", "_extensions"]
 

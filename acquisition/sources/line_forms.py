@@ -121,7 +121,7 @@ def _frame(time: str | None, identifier: str, data: bytes, remote: bool, bus: st
 
 
 _SAVVYCAN = _pattern(
-    r"(?P<time>\d{1,19}),(?P<id>[0-9A-Fa-f]{1,8}),(?P<extended>true|false),(?:(?P<direction>[RT]x),)?\d+,"
+    r"(?P<time>\d{1,19}),(?P<id>[0-9A-Fa-f]{1,8}),(?P<extended>true|false),(?:(?P<direction>[RT]x),)?(?P<bus>\d+),"
     r"(?P<length>\d{1,2}),(?P<data>(?:[0-9A-Fa-f]{2},?){0,64}),*"
 )
 
@@ -132,7 +132,8 @@ def _savvycan(match: re.Match[str]) -> Entry | None:
     if len(data) != int(match["length"]):
         return None
     flags = can_flags(match["extended"] == "false")
-    return Entry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags)
+    bus = f"channel{match['bus']}"
+    return Entry(1000 * int(match["time"]), data, identifier & HIGHEST_IDENTIFIER, flags, bus=bus)
 
 
 _DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|[+-]\d\d(?::?\d\d)?)?")

@@ -5,16 +5,21 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import can
 import pytest
 
 from acquisition.config.configuration import load_config
+from acquisition.config.sections import AnySource
 from acquisition.core.frames import sensor_of
 from acquisition.decoders.nmea0183 import Nmea0183Decoder
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
 from acquisition.recording.reader import Recording, read_recording
+from acquisition.sources.file_forms import FILE_FORMS
+from acquisition.sources.inputs import INPUTS
+from acquisition.sources.line_forms import LINE_FORMS
 from tests.acquisition.bus_logs import block
 from tests.acquisition.conftest import config_text
 from tests.acquisition.test_nmea0183 import line, sound
@@ -232,3 +237,26 @@ def test_a_jump_of_one_receiver_is_no_second_receiver() -> None:
 def test_noise_names_no_receivers_without_end() -> None:
     said = [(gga(0.0), 0.01 * number, 100.0 * number) for number in range(500)]
     assert len(set(fixes(said)[0])) <= 4
+
+
+def savvycan(frames: Frames) -> bytes:
+    head = "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8,\n"
+    return (head + "".join(
+        f"{round((BEGAN_S + at_s) * 1e6)},{HEADING:08X},true,Rx,{bus[-1]},8,{data.hex(',').upper()},\n"
+        for at_s, bus, data in frames
+    )).encode()  # fmt: skip
+
+
+def test_two_buses_of_a_table_are_two_compasses(tmp_path: Path) -> None:
+    _, recording = from_log(tmp_path, savvycan(two_buses()))
+    assert recording.series["heading_deg"].sources == ("line/4@channel0:127250",)
+    assert recording.series["heading_deg"].value == pytest.approx([FIRST_DEG] * 4, abs=0.01)
+
+
+def test_every_form_and_type_of_input_has_its_rules() -> None:
+    """Listed for the documentation, each with who is a source in it and what its times are."""
+    types = {name for source in get_args(AnySource) for name in get_args(get_type_hints(source)["type"])}
+    forms = {*LINE_FORMS, *FILE_FORMS, "nmea0183", "actisense", "blf", "trc"}
+    lines = {"serial", "udp", "tcp", "file", "can_file", "own", "mavlink_tcp", "mavlink_serial"}  # of several forms
+    assert {*INPUTS} == forms | (types - lines)
+    assert all(each.identity and each.times for each in INPUTS.values())
