@@ -311,19 +311,19 @@ class Nmea0183Decoder(Decoder):
         self, reading: Reading, frame: Frame, talker: str, kind: str, tagged: TaggedSentence
     ) -> list[Group]:
         label = _label(frame.origin, talker, kind, tagged, reading)
-        number = self._receiver(kind, sensor_of(label), reading)
+        number = self._receiver(kind, sensor_of(label), reading, frame)
         if number > 1:
             tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}receiver{number}")
             label = _label(frame.origin, talker, kind, tagged, reading)
         self._note_fix(kind, sensor_of(label), reading)
         return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
 
-    def _receiver(self, kind: str, sensor: str, reading: Reading) -> int:
+    def _receiver(self, kind: str, sensor: str, reading: Reading, frame: Frame) -> int:
         """Which of several receivers that have one name says it."""
         position = dict(reading.values)
         if reading.seconds_of_day is not None and {"latitude_deg", "longitude_deg"} <= position.keys():
             place = position["latitude_deg"], position["longitude_deg"]
-            return self._receivers.number(sensor, kind, reading.seconds_of_day, place)
+            return self._receivers.number(sensor, kind, reading.seconds_of_day, frame.monotonic_ns, place)
         return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
 
     def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:

@@ -12,15 +12,20 @@ _APART_M, _APART_AT_FIRST_M = 10.0, 25.0
 """Two positions of one moment further apart than this are of two receivers: one repeats itself, or states whole
 seconds only, in which a ship whose speed is not known yet may go the longer way."""
 _SECONDS_OF_WAY = 1.5  # in a stated second, with an error of the speed
+_ONE_MOMENT_NS = 900_000_000
+"""What comes later than this after a position of the same stated time is of another moment: that clock stands still,
+as fixes come once a second and more often."""
 _MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name receivers without end
 
 
 @dataclass(slots=True)
 class _Receiver:
-    """One receiver's last position [deg] and moment [s of the day], and the kinds of sentences that reported it."""
+    """One receiver's last position [deg] and moment, as stated [s of the day] and when it came [ns, monotonic], and
+    the kinds of sentences that reported it."""
 
     position: tuple[float, float]
     moment_s: float
+    came_ns: int
     kinds: set[str] = field(default_factory=set)
     speed_mps: float | None = None
 
@@ -36,11 +41,16 @@ class _Receiver:
             return _APART_AT_FIRST_M
         return max(_APART_M, _SECONDS_OF_WAY * self.speed_mps)
 
-    def update(self, kind: str, moment_s: float, position: tuple[float, float]) -> None:
+    def has_said(self, kind: str, moment_s: float, came_ns: int) -> bool:
+        """Whether it has reported this moment in a sentence of this kind."""
+        return self.moment_s == moment_s and kind in self.kinds and came_ns - self.came_ns <= _ONE_MOMENT_NS
+
+    def update(self, kind: str, moment_s: float, came_ns: int, position: tuple[float, float]) -> None:
         since_s = moment_s - self.moment_s
-        if since_s:
+        if since_s or came_ns - self.came_ns > _ONE_MOMENT_NS:
             self.kinds.clear()
             self.speed_mps = self.distance_m(position) / since_s if since_s > 0 else None
+            self.came_ns = came_ns
         self.kinds.add(kind)
         self.position, self.moment_s = position, moment_s
 
@@ -53,26 +63,27 @@ class Receivers:
         self._known: dict[str, list[_Receiver]] = {}
         self._last: dict[str, int] = {}
 
-    def number(self, sensor: str, kind: str, moment_s: float, position: tuple[float, float]) -> int:
+    def number(self, sensor: str, kind: str, moment_s: float, came_ns: int, position: tuple[float, float]) -> int:
         """Which receiver reports a position [deg] of a moment [s of the day]: 1 for the first of a sensor.
 
+        ``came_ns`` is when the sentence came, on the monotonic clock.
         One sentence of a kind is expected of each receiver at each moment; a further one, if it is too far from all
         known positions, is another receiver's.
         """
         receivers = self._known.setdefault(sensor, []) if len(self._known) < _MOST_TALKERS else []
         if not receivers:
-            receivers.append(_Receiver(position, moment_s))
-        said = [each.moment_s == moment_s and kind in each.kinds for each in receivers]
+            receivers.append(_Receiver(position, moment_s, came_ns))
+        said = [each.has_said(kind, moment_s, came_ns) for each in receivers]
         waiting = [each for each, has in zip(receivers, said, strict=True) if not has]
         found = min(waiting or receivers, key=lambda each: each.distance_m(position))
         if any(said) and found.distance_m(position) > found.reach_m:
             found = min(receivers, key=lambda each: each.distance_m(position))
             if found.distance_m(position) > found.reach_m and len(receivers) < _MOST_RECEIVERS:
                 distance_m = found.distance_m(position)
-                found = _Receiver(position, moment_s)
+                found = _Receiver(position, moment_s, came_ns)
                 receivers.append(found)
                 self._notices.append(("warning", _told(sensor, len(receivers), distance_m)))
-        found.update(kind, moment_s, position)
+        found.update(kind, moment_s, came_ns, position)
         self._last[sensor] = receivers.index(found) + 1
         return self._last[sensor]
 

@@ -234,6 +234,15 @@ def test_a_jump_of_one_receiver_is_no_second_receiver() -> None:
     assert set(fixes(said)[0]) == {"line/GN"}
 
 
+@pytest.mark.parametrize("speed_mps", [0.0, 10.0, 40.0])
+def test_a_receiver_whose_clock_stands_still_is_one(speed_mps: float) -> None:
+    """It states the same time again and again, for hours: that is no moment."""
+    said = [(gga(0.0), 1.0 * number, speed_mps * number) for number in range(200)]
+    sensors, decoder = fixes(said)
+    assert set(sensors) == {"line/GN"}
+    assert not any("receivers" in text for _, text in decoder.notices)
+
+
 def test_noise_names_no_receivers_without_end() -> None:
     said = [(gga(0.0), 0.01 * number, 100.0 * number) for number in range(500)]
     assert len(set(fixes(said)[0])) <= 4
