@@ -13,7 +13,7 @@ _APART_M, _APART_AT_FIRST_M = 10.0, 25.0
 seconds only, in which a ship whose speed is not known yet may go the longer way."""
 _SECONDS_OF_WAY = 1.5  # in a stated second, with an error of the speed
 _ONE_MOMENT_NS = 900_000_000
-"""What comes later than this after a position of the same stated time is of another moment: that clock stands still,
+"""What comes later than this after a position of the same stated time is of another moment: that clock stands,
 as fixes come once a second and more often."""
 _MOST_RECEIVERS, _MOST_TALKERS = 4, 100  # noise must not name receivers without end
 
