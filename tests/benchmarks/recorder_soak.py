@@ -39,6 +39,7 @@ split_mb = 20
 name = "line"
 type = "udp"
 port = 1
+budget_kb_s = 1e6  # a week passes in minutes: what a line says in a second comes in a millisecond
 channels = ["north_m", "east_m", "heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "wind_direction_deg",
             "wind_speed_mps", "port_rpm", "port_angle_deg", "starboard_rpm", "starboard_angle_deg", "tunnel_rpm"]
 """
