@@ -109,7 +109,7 @@ class LogFile(LogReader):
         self._newest_ns: int | None = None  # as the log tells it
         self._only_bus = ""  # the bus of all frames in the log's beginning, which needs no name
         self._date_remark = ""
-        self._clock_ns: int | None = None  # of the entry before, as the log tells it
+        self._clock_ns = 0  # of the entry before, as the log tells it
         self._back_at_ns: int | None = None  # where its times go back first, and by how much
         self._back_ns = 0
         self.timed = True  # whether the last frame had a time, of whatever kind
@@ -178,7 +178,10 @@ class LogFile(LogReader):
 
     def _frame(self, entry: Entry) -> Frame:
         time_ns = self._clock.time_ns(entry)
-        self._note_step(time_ns)
+        if time_ns is not None:
+            if self._clock_ns - time_ns >= _STEP_BACK_NS:
+                self._note_step_back(time_ns)
+            self._clock_ns = time_ns
         if time_ns is not None and self._newest_ns is not None and entry.protocol == "nmea0183":
             time_ns = max(time_ns, self._newest_ns)  # sentences come late, not early
         self._count, self._newest_ns, self.timed = self._count + 1, time_ns, time_ns is not None
@@ -194,13 +197,10 @@ class LogFile(LogReader):
         rest = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
         return Frame(self.name, entry.protocol, entry.payload, *rest)
 
-    def _note_step(self, time_ns: int | None) -> None:
-        """Note the first step back of the log's clock; what a gap is forward nobody can tell."""
-        if time_ns is not None and self._clock_ns is not None and self._back_at_ns is None:
-            back_ns = self._clock_ns - time_ns
-            if back_ns >= _STEP_BACK_NS:
-                self._back_at_ns, self._back_ns = time_ns, back_ns
-        self._clock_ns = time_ns
+    def _note_step_back(self, time_ns: int) -> None:
+        """Note the first step back of the log's clock; whether one forward is a gap nobody can tell."""
+        if self._back_at_ns is None:
+            self._back_at_ns, self._back_ns = time_ns, self._clock_ns - time_ns
 
 
 def _inflated(beginning: bytes) -> bytes:
