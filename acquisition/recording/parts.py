@@ -113,6 +113,10 @@ class RecordingParts(MessageSink):
             self._unkept += 1
         if self._part is not None:
             self._part.write(topic, data, log_ns, publish_ns)
+        if self.listeners:
+            self._pass_on(topic, data, log_ns)
+
+    def _pass_on(self, topic: str, data: bytes, log_ns: int) -> None:
         for listener in tuple(self.listeners):
             try:
                 listener(topic, data, log_ns)
