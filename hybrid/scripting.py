@@ -20,7 +20,15 @@ from acquisition.core.progress import bar
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import read_recordings, read_together
 from acquisition.recording.reader import describe
-from analysis.tables.table import percent_of, read_table, require, table_actuators, table_of, with_calm
+from analysis.tables.table import (
+    percent_of,
+    read_table,
+    require,
+    table_actuators,
+    table_of,
+    warn_of_calm,
+    with_calm,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -447,6 +455,8 @@ def identify(
         named_recordings(paths), percent_of(part),
         repaired=repair or bool(rebuild_positions), rebuild_positions=rebuild_positions,
     )  # fmt: skip
+    for table in tables.values() if not validation else ():  # the validation reports it, too
+        warn_of_calm(with_calm(table))
     with bar("identifying") as progress:
         found, fitted, model = identify_tables(
             tables, ship, candidates=repertoire_of(ship), segment_s=segment_s, progress=progress

@@ -152,22 +152,24 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
         (unit, sense): drift_of(moves, sense * angles) for unit, angles in readings.items() for sense in (1.0, -1.0)
     }
     unit, sense = best = min(sensed, key=lambda each: sensed[each].variance)
-    found, constant = sensed[best], drift_of(moves, np.zeros(moves.size))
-    others = [constant.variance, *(drift.variance for each, drift in sensed.items() if each != best)]
-    told = (
+    drift, constant = sensed[best], drift_of(moves, np.zeros(moves.size))
+    others = [constant.variance, *(other.variance for reading, other in sensed.items() if reading != best)]
+    is_decided = (
         np.count_nonzero(np.abs(moves) > 0.0) >= _FEWEST
         and constant.variance > _LEAST_COURSE
-        and found.variance < _MOST_DRIFT
-        and min(others) > _BEYOND_OTHERS * found.variance
-        and sensed[unit, -sense].variance > _BEYOND_OTHER_SENSE * found.variance
+        and drift.variance < _MOST_DRIFT
+        and min(others) > _BEYOND_OTHERS * drift.variance
+        and sensed[unit, -sense].variance > _BEYOND_OTHER_SENSE * drift.variance
         and _turns(readings[unit])
     )
-    if not told:
+    if not is_decided:
         return undecided
-    alike = [each for each in HEADINGS if each.scale == sense]
-    off = {each: abs(float(difference(found.mean_deg, each.offset_deg))) for each in alike}
-    nearest = min(alike, key=off.__getitem__)
-    return HeadingVerdict(unit, nearest if off[nearest] < _MOST_OFF_DEG else None, as_recorded, found)
+    conventions = [convention for convention in HEADINGS if convention.scale == sense]
+    off_deg = {
+        convention: abs(float(difference(drift.mean_deg, convention.offset_deg))) for convention in conventions
+    }
+    nearest = min(conventions, key=off_deg.__getitem__)
+    return HeadingVerdict(unit, nearest if off_deg[nearest] < _MOST_OFF_DEG else None, as_recorded, drift)
 
 
 def _turns(heading_deg: Floats) -> bool:
@@ -222,8 +224,8 @@ def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[st
     best = min(fits, key=lambda axes: fits[axes].left)
     others = min(fit.left for axes, fit in fits.items() if axes != best)
     left = fits[best].left
-    told = left < _MOST_LEFT and fits[best].factor > 0.0 and others > max(_LEAST_OTHERS, _BEYOND_OTHER_SENSE * left)
-    return (best if told else ""), fits
+    is_decided = left < _MOST_LEFT and others > max(_LEAST_OTHERS, _BEYOND_OTHER_SENSE * left)
+    return (best if is_decided and fits[best].factor > 0.0 else ""), fits
 
 
 def _axes_fit(moves: Complexes, travelled: Complexes) -> AxesFit:

@@ -39,11 +39,11 @@ class BusDevices:
 
     def __init__(self, configured: tuple[Device, ...], notices: Notices, bus: str = "") -> None:
         self.at_bus = f"@{safe_label(bus)}" if bus else ""
-        names = {id(each): each.name + self.at_bus for each in configured}
-        self._by_iso_name = {each.iso_name: names[id(each)] for each in configured if each.iso_name is not None}
-        self._by_address = {each.address: names[id(each)] for each in configured if each.address is not None}
+        labels = [(device.name + self.at_bus, device) for device in configured]
+        self._by_iso_name = {device.iso_name: label for label, device in labels if device.iso_name is not None}
+        self._by_address = {device.address: label for label, device in labels if device.address is not None}
         self._provides = {
-            names[id(each)]: _quantities(each.channels) for each in configured if each.channels is not None
+            label: _quantities(device.channels) for label, device in labels if device.channels is not None
         }
         self._notices = notices
         self._name_at: dict[int, str] = {}

@@ -116,7 +116,7 @@ class Nmea2000Decoder(Decoder):
         return Bus(BusDevices(self._configured, self.notices, name), clock, self.refused)
 
     def decode(self, frame: Frame) -> list[Group]:
-        bus = self._buses.get(frame.sender) or self.bus(frame)
+        bus = self.bus(frame)
         found = self._message(frame, bus)
         if found is None:
             return []

@@ -41,7 +41,7 @@ class _Receiver:
             return _APART_AT_FIRST_M
         return max(_APART_M, _SECONDS_OF_WAY * self.speed_mps)
 
-    def has_said(self, kind: str, moment_s: float, came_ns: int) -> bool:
+    def has_reported(self, kind: str, moment_s: float, came_ns: int) -> bool:
         """Whether it has reported this moment in a sentence of this kind."""
         return self.moment_s == moment_s and kind in self.kinds and came_ns - self.came_ns <= _ONE_MOMENT_NS
 
@@ -70,21 +70,23 @@ class Receivers:
         One sentence of a kind is expected of each receiver at each moment; a further one, if it is too far from all
         known positions, is another receiver's.
         """
-        receivers = self._known.setdefault(sensor, []) if len(self._known) < _MOST_TALKERS else []
-        if not receivers:
-            receivers.append(_Receiver(position, moment_s, came_ns))
-        said = [each.has_said(kind, moment_s, came_ns) for each in receivers]
-        waiting = [each for each, has in zip(receivers, said, strict=True) if not has]
-        found = min(waiting or receivers, key=lambda each: each.distance_m(position))
-        if any(said) and found.distance_m(position) > found.reach_m:
-            found = min(receivers, key=lambda each: each.distance_m(position))
-            if found.distance_m(position) > found.reach_m and len(receivers) < _MOST_RECEIVERS:
-                distance_m = found.distance_m(position)
-                found = _Receiver(position, moment_s, came_ns)
-                receivers.append(found)
-                self._notices.append(("warning", _told(sensor, len(receivers), distance_m)))
-        found.update(kind, moment_s, came_ns, position)
-        self._last[sensor] = receivers.index(found) + 1
+        if sensor not in self._known:
+            if len(self._known) >= _MOST_TALKERS:
+                return 1
+            self._known[sensor] = [_Receiver(position, moment_s, came_ns)]
+        receivers = self._known[sensor]
+        reported = [receiver.has_reported(kind, moment_s, came_ns) for receiver in receivers]
+        waiting = [receiver for receiver, has in zip(receivers, reported, strict=True) if not has]
+        receiver = _nearest(waiting or receivers, position)
+        if any(reported) and receiver.distance_m(position) > receiver.reach_m:
+            receiver = _nearest(receivers, position)
+            distance_m = receiver.distance_m(position)
+            if distance_m > receiver.reach_m and len(receivers) < _MOST_RECEIVERS:
+                receiver = _Receiver(position, moment_s, came_ns)
+                receivers.append(receiver)
+                self._notices.append(("warning", _notice(sensor, len(receivers), distance_m)))
+        receiver.update(kind, moment_s, came_ns, position)
+        self._last[sensor] = receivers.index(receiver) + 1
         return self._last[sensor]
 
     def last(self, sensor: str) -> int:
@@ -92,9 +94,13 @@ class Receivers:
         return self._last.get(sensor, 1)
 
 
-def _told(sensor: str, number: int, distance_m: float) -> str:
+def _nearest(receivers: list[_Receiver], position: tuple[float, float]) -> _Receiver:
+    return min(receivers, key=lambda receiver: receiver.distance_m(position))
+
+
+def _notice(sensor: str, number: int, distance_m: float) -> str:
     talker = sensor.partition("/")[2]
     return (
         f"two receivers with the talker {talker} on one line: a second position of the same moment is"
-        f" {distance_m:,.0f} m from the first; what it tells is kept apart, as receiver{number}"
+        f" {distance_m:,.0f} m from the first; its values are kept apart, as receiver{number}"
     )

@@ -102,22 +102,22 @@ class _Log:
     def _time_ns(self, stamped: re.Match[str]) -> int:
         """The line's time: UTC where the log has a date, else since its beginning."""
         fraction_ns = int((stamped["fraction"] or "").ljust(9, "0"))
-        told_ns = int(stamped["seconds"]) * NANO + (-fraction_ns if stamped["seconds"][0] == "-" else fraction_ns)
+        stated_ns = int(stamped["seconds"]) * NANO + (-fraction_ns if stamped["seconds"][0] == "-" else fraction_ns)
         is_first, before_ns = self._last_ns is None, self._last_ns or 0
-        self._last_ns = told_ns + before_ns if self._relative else told_ns
+        self._last_ns = stated_ns + before_ns if self._relative else stated_ns
         if self._began is None:
             return self._last_ns
         if is_first and not self._relative:
-            self._counts_from_midnight = _is_time_of_day(told_ns, self._began)
+            self._counts_from_midnight = _is_time_of_day(stated_ns, self._began)
             if self._counts_from_midnight:
                 self._reader.times.remark = "its stamps are times of day: they count from midnight of its date"
         began_ns = _utc_ns(self._began, self._reader.times.order_of(self._began))
         return self._last_ns + (began_ns - self._began.clock_ns if self._counts_from_midnight else began_ns)
 
 
-def _is_time_of_day(told_ns: int, began: Stamp) -> bool:
-    since_ns = (told_ns - began.clock_ns) % DAY_NS
-    return told_ns >= _EARLIEST_TIME_OF_DAY_NS and since_ns <= _DAY_BEGAN_WITHIN_NS
+def _is_time_of_day(stated_ns: int, began: Stamp) -> bool:
+    since_ns = (stated_ns - began.clock_ns) % DAY_NS
+    return stated_ns >= _EARLIEST_TIME_OF_DAY_NS and since_ns <= _DAY_BEGAN_WITHIN_NS
 
 
 def _utc_ns(began: Stamp, order: Order) -> int:

@@ -77,11 +77,11 @@ class TelemetryLog(LogReader):
         first = next_entry(beginning, 0, len(beginning))
         time_ns = None if first is None else time_at(beginning, first)
         changed_ns = self._config.path.stat().st_mtime_ns
-        self._unset_by_ns, self._steps, self._date = 0, list[tuple[int, int]](), ""
+        self._behind_ns, self._steps, self._date = 0, list[tuple[int, int]](), ""
         began_ns = changed_ns if time_ns is None else time_ns
         self._restart(file, began_ns)
         if not is_possible(began_ns):
-            self._unset_by_ns, self._date = self._late_by(file, changed_ns)
+            self._behind_ns, self._date = self._clock_error(file, changed_ns)
             self._restart(file, began_ns)
 
     def _restart(self, file: BinaryIO, began_ns: int) -> None:
@@ -89,7 +89,7 @@ class TelemetryLog(LogReader):
         self._time_ns, self._monotonic_ns, self._data = began_ns, 0, b""
         self._steps.clear()
 
-    def _late_by(self, file: BinaryIO, changed_ns: int) -> tuple[int, str]:
+    def _clock_error(self, file: BinaryIO, changed_ns: int) -> tuple[int, str]:
         """How far a clock that was not set is behind UTC [ns], and who says so: the first to state it."""
         last_ns = self._time_ns
         while (frames := self._next(file)) is not None:
@@ -106,7 +106,7 @@ class TelemetryLog(LogReader):
         remarks = []
         if self._date:
             remarks.append(
-                f"the clock of the log was not set: it is {self._unset_by_ns / NANO:,.0f} s behind; distances in"
+                f"the clock of the log was not set: it is {self._behind_ns / NANO:,.0f} s behind; distances in"
                 f" time are its own, the date is by {self._date}"
             )
         if self._steps:
@@ -155,7 +155,7 @@ class TelemetryLog(LogReader):
 
     def _utc_ns(self, time_ns: int) -> int:
         """A time of the log as UTC: by a clock that was not set it is behind."""
-        return time_ns if is_possible(time_ns) else time_ns + self._unset_by_ns
+        return time_ns if is_possible(time_ns) else time_ns + self._behind_ns
 
     def _frame(self, payload: bytes) -> Frame:
         time_ns = self._utc_ns(self._time_ns)

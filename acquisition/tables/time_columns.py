@@ -43,7 +43,7 @@ STORABLE = "1970-01-01", "2262-01-01"
 TEXT = "text"
 """The format of times that :func:`acquisition.core.times.find_stamp` reads."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
-_ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
+ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _ZONE_AT_END = r"\s*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
 _NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
@@ -221,7 +221,7 @@ def _ns(times: pd.Series[Any]) -> tuple[Ints, Bools]:
 
 def _from_iso(text: pd.Series[Any], use_zones: bool) -> tuple[Ints, Bools]:
     """ISO 8601 text, with zones in all rows, in some, or in none."""
-    zoned = text.str.contains(_ZONED, regex=True, na=False)
+    zoned = text.str.contains(ZONED, regex=True, na=False)
     if not use_zones:
         text, zoned = text.str.replace(_ZONE_AT_END, "", regex=True), zoned & False
     utc_ns, _ = _ns(pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce"))

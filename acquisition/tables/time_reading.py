@@ -19,7 +19,7 @@ from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.times import ORDERS, Order, Stamp, date_order, is_of_several, offset_s
 from acquisition.tables.column_names import TIME_WORDS, words_of
 from acquisition.tables.draft import Draft
-from acquisition.tables.time_columns import NS_IN, TEXT, with_zone
+from acquisition.tables.time_columns import NS_IN, TEXT, ZONED, with_zone
 from acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
 from acquisition.tables.zones import GPS
 
@@ -91,11 +91,8 @@ def _kind_of(draft: Draft, column: str) -> str:
     for kind, before, behind in (("both", "", ""), ("date", "", " 00:00:00"), ("clock", "2000-01-01 ", "")):
         if sum(whole_stamp(before + cell + behind) is not None for cell in text) > _ENOUGH * len(text):
             return "date" if kind == "both" and _midnights(text) else kind
-    return (
-        "both"
-        if pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True).notna().all()
-        else ""
-    )
+    times = pd.to_datetime(cells.head(_MOST_CELLS), format="ISO8601", errors="coerce", utc=True)
+    return "both" if times.notna().all() else ""
 
 
 def _midnights(text: list[str]) -> bool:
@@ -143,7 +140,7 @@ def _one_column(draft: Draft, column: str) -> tuple[str, ...]:
         zoned = isinstance(cells.dtype, pd.DatetimeTZDtype)
         return _put(draft, column, {"column": column, "format": "iso"}, [], "dates and times", zoned=zoned)
     if pd.to_datetime(cells, format="ISO8601", errors="coerce", utc=True).notna().mean() > _ENOUGH:
-        zoned = bool(cells.astype("str").str.contains(r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$").all())
+        zoned = bool(cells.astype("str").str.contains(ZONED).all())
         return _put(draft, column, {"column": column, "format": "iso"}, [], "ISO 8601", zoned=zoned)
     return _put_text(draft, {"column": column}, "")
 

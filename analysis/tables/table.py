@@ -12,6 +12,7 @@ is no time of day and no folder in it, so that the same input gives the same byt
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -234,6 +235,7 @@ def require(table: pd.DataFrame, names: tuple[str, ...] | None = None) -> None:
         raise InputError(f"has no {', '.join(missing)}", where=str(table.attrs.get("recording", "table")), fix=fix)
 
 
+LOG = logging.getLogger("seatrial")
 CALM = "no wind was recorded: calm is taken in its place, and what the wind did counts as error of the model"
 """What should be known of a table that :func:`with_calm` has filled."""
 
@@ -249,9 +251,10 @@ def with_calm(table: pd.DataFrame) -> pd.DataFrame:
     return add_step(table, "calm", channels=absent).assign(**dict.fromkeys(absent, 0.0))
 
 
-def is_calm(table: pd.DataFrame) -> bool:
-    """Whether :func:`with_calm` has filled a table."""
-    return any(step["step"] == "calm" for step in history_of(table))
+def warn_of_calm(table: pd.DataFrame) -> None:
+    """Report, with the recording's name, that :func:`with_calm` has filled a table."""
+    if any(step["step"] == "calm" for step in history_of(table)):
+        LOG.warning("%s: %s", printable_name(Path(str(table.attrs.get("recording", "table"))).stem), CALM)
 
 
 def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.DataFrame:

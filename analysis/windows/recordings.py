@@ -14,7 +14,6 @@ jitter in the times of positions it is much worse (16.9 m for 6.8 m).
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -34,19 +33,16 @@ from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
 from analysis.tables.resample import MOTION_FILTER, resample, resample_recording
 from analysis.tables.table import (
-    CALM,
     actuator_attributes,
-    is_calm,
     provenance_of,
     refuse_duplicates,
     select,
     table_actuators,
     trial_channels,
+    warn_of_calm,
     with_calm,
 )
 from analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
-
-LOG = logging.getLogger("seatrial")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +64,12 @@ class SecondBySecond:
 def second_by_second(resampled: Callable[..., pd.DataFrame]) -> SecondBySecond:
     """Samples at 1 Hz by one of the functions of :mod:`analysis.tables.resample`, its samples given.
 
-    Where no wind was recorded, they are of a calm.
+    Where no wind was recorded, they are of a calm, which is reported.
     """
     newest = (with_calm(resampled(known_steps=seconds)) for seconds in range(MOTION_FILTER.reach))
-    return SecondBySecond(with_calm(resampled()), tuple(newest))
+    table = with_calm(resampled())
+    warn_of_calm(table)
+    return SecondBySecond(table, tuple(newest))
 
 
 def tables_of_recordings(
@@ -96,14 +94,8 @@ def tables_of_recordings(
             tables[trial] = second_by_second(partial(resample, select(whole, part_percent)))
         else:
             tables[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
-        _tell_calm(tables[trial].table, trial)
         progress((number + 1) / len(recordings))
     return tables
-
-
-def _tell_calm(table: pd.DataFrame, trial: str) -> None:
-    if is_calm(table):
-        LOG.warning("%s: %s", trial, CALM)
 
 
 def named_recordings(paths: Sequence[Path]) -> dict[str, tuple[Path, ...]]:
@@ -201,7 +193,7 @@ def windows_of_recordings(
     for number, (trial, parts) in enumerate(recordings.items()):
         table = prepare(read_parts(parts), preparation, rebuild_positions=options.rebuild_positions)
         seconds = with_calm(table if simple else resample(table, 1.0))
-        _tell_calm(seconds, trial)
+        warn_of_calm(seconds)
         pieces.append(
             held_windows(seconds, options.horizon_s, options.stride_s, trial=trial, keep_moving=options.keep_moving)
         )

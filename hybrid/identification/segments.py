@@ -16,11 +16,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import ENVIRONMENT
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.local_polynomial import half_width_for, smooth_motion
 from analysis.tables.resample import rate_fraction, resample
-from analysis.tables.table import seconds_of, table_actuators
+from analysis.tables.table import seconds_of, table_actuators, with_calm
 from hybrid.prediction.prediction_windows import mean_controls
 from hybrid.vessel.channels import check_ship, controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
@@ -151,9 +150,8 @@ def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float,
 def _cut(table: pd.DataFrame, plant: Plant, every: int) -> tuple[Floats, Floats, Floats, Floats, int]:
     """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
     check_ship(table_actuators(table), plant)
-    calm = {name: 0.0 for name in ENVIRONMENT if name not in table}
     measured, controls = states_of(table), controls_of(table, plant.layout)
-    wind = wind_of(table.assign(**calm))
+    wind = wind_of(with_calm(table))
     motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
     motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
     steps = COMPARED * every

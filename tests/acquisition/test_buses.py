@@ -243,6 +243,14 @@ def test_a_receiver_whose_clock_stands_still_is_one(speed_mps: float) -> None:
     assert not any("receivers" in text for _, text in decoder.notices)
 
 
+def test_a_flood_of_talkers_does_not_mix_two_receivers() -> None:
+    """What is known of two receivers holds when no more talkers are taken up."""
+    flood = [(f"{a}{b}GGA{gga(0.0)[5:]}", 0.0, 0.0) for a in "ABCDEFGHIJK" for b in "ABCDEFGHIJK"]
+    said = [(gga(second), second, shift_m) for second in range(10) for shift_m in (0.0, 150.0)]
+    sensors, _ = fixes([*said[:4], *flood, *said[4:]])
+    assert sensors[:4] + sensors[4 + len(flood) :] == ["line/GN", "line/GN@receiver2"] * 10
+
+
 def test_noise_names_no_receivers_without_end() -> None:
     said = [(gga(0.0), 0.01 * number, 100.0 * number) for number in range(500)]
     assert len(set(fixes(said)[0])) <= 4

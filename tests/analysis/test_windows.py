@@ -16,7 +16,7 @@ from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.estimation.noise_levels import noise_of
-from analysis.tables.table import CALM, is_calm, with_calm
+from analysis.tables.table import CALM, history_of, with_calm
 from analysis.windows.held import columns_for, held_windows, join_windows
 from analysis.windows.recordings import (
     SecondBySecond,
@@ -248,8 +248,10 @@ def test_a_calm_is_in_the_history_and_is_told(tmp_path: Path, caplog: pytest.Log
     empty = table.assign(**dict.fromkeys(winds, np.nan))
     for without in (table.drop(columns=winds), empty):
         calm = with_calm(without)
-        assert is_calm(calm)
-        assert not is_calm(without)
+        assert [step["step"] for step in history_of(calm)] == [
+            *(step["step"] for step in history_of(without)),
+            "calm",
+        ]
         assert with_calm(calm) is calm
     write_table(table.drop(columns=winds), tmp_path / "basin.mcap", Trial("basin"), source="simulated")
     windows = windows_of_recordings([tmp_path / "basin.mcap"])
