@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import cycle
+from textwrap import shorten
 from types import MappingProxyType
 
 import matplotlib.dates as dates
@@ -354,8 +355,11 @@ def draw_marks(axes: Axes, marks: Sequence[Event]) -> None:
         if low <= at <= high:
             axes.axvline(at, color=INK, linewidth=0.8, linestyle=":", zorder=0.5)
             if len(marks) <= MOST_MARKS:
-                axes.annotate(f" {mark.text[:30]}", (at, 1.0), xycoords=("data", "axes fraction"), fontsize=6,
-                              rotation=90, ha="right", va="top", annotation_clip=True)  # fmt: skip
+                text = f" {shorten(mark.text, 30, placeholder='...')}"
+                axes.annotate(
+                    text, (at, 1.0), xycoords=("data", "axes fraction"), fontsize=6, rotation=90,
+                    ha="right", va="top", annotation_clip=True,
+                )  # fmt: skip
 
 
 def channels_figure(
