@@ -104,6 +104,7 @@ class Alarms:
             except (OSError, RuntimeError) as error:  # no descriptor, no thread: the next look is in a second
                 LOG.warning("the alarms could not be looked at: %s", error)
         self._reap(time.monotonic())
+        self._leave()
 
     def look(self, figures: Mapping[str, float], now_s: float) -> None:
         for alarm in self._alarms:
@@ -155,6 +156,13 @@ class Alarms:
             elif process.returncode:
                 self._tell("error", f"alarm {name}: its command ended with {process.returncode}")
         self._commands = running
+
+    def _leave(self) -> None:
+        """Leave the commands that still run to end by themselves, each with a thread that takes its exit status."""
+        for _, _, process in self._commands:
+            with suppress(RuntimeError):  # no thread: the system takes the status once the recorder has ended
+                threading.Thread(target=process.wait, name="alarm command", daemon=True).start()
+        self._commands = []
 
 
 def _ring() -> None:

@@ -75,6 +75,24 @@ def test_a_command_gets_the_text_and_one_that_fails_is_told(tmp_path: Path) -> N
     assert "alarm nobody: its command cannot be run: No such file or directory" in told
 
 
+def test_a_command_that_outlasts_the_recording_ends_by_itself(tmp_path: Path) -> None:
+    began, go_on, over = tmp_path / "began", tmp_path / "go_on", tmp_path / "over"
+    lasting = script(
+        tmp_path,
+        f"import pathlib, time\npathlib.Path({str(began)!r}).touch()\n"
+        f"while not pathlib.Path({str(go_on)!r}).exists():\n    time.sleep(0.05)\n"
+        f"pathlib.Path({str(over)!r}).touch()",
+    )
+    rules = [rule(figure="source.gps.age_s", above=-1.0, for_s=0.0, command=lasting)]
+    with Alarms(rules, Health({"gps": SourceHealth("gps")}), lambda *_: None):
+        wait_for(began.exists)
+    go_on.touch()
+    wait_for(over.exists)
+    for thread in threading.enumerate():
+        if thread.name == "alarm command":  # no process is left whose end nobody has seen
+            thread.join()
+
+
 def test_the_recording_has_its_alarms_and_the_state_of_the_clock(tmp_path: Path) -> None:
     """A source that says nothing: half a second of silence is too much."""
     sign, stop = tmp_path / "sign", threading.Event()

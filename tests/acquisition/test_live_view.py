@@ -53,14 +53,14 @@ class Watched(Recording):
 
         ``act`` is called over and over, so that there is something to see. On a busy machine the server ignores a
         subscription that comes before it has finished making the channel known, and it may close a connection: a
-        viewer that sees nothing for a while connects again, as a person would.
+        viewer connects again after a while, as a person would, also while it sees other channels.
         """
         until_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < until_s:
             channels: dict[int, dict[str, Any]] = {}
-            silent_from_s = time.monotonic()
+            connected_s = time.monotonic()
             with suppress(ConnectionClosed), self.viewer() as viewer:
-                while time.monotonic() < silent_from_s + 5:
+                while time.monotonic() < connected_s + 10:
                     act()
                     with suppress(TimeoutError):
                         said = viewer.recv(timeout=0.5)
@@ -70,7 +70,6 @@ class Watched(Recording):
                             subscriptions = [{"id": each["id"], "channelId": each["id"]} for each in new]
                             viewer.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
                         elif said[0] == MESSAGE_DATA and (channel := channels.get(*struct.unpack("<I", said[1:5]))):
-                            silent_from_s = time.monotonic()
                             yield channel, *struct.unpack("<Q", said[5:13]), said[13:]
 
 
