@@ -34,6 +34,8 @@ _EVEN = 0.12
 _RETURNS = 0.5
 """The share of turns with another right beside them: three in four where two sources come at random, none of a
 rudder that stays over for three samples."""
+_TO_AND_FRO = 0.85
+"""The share of steps against the one before: two thirds of white noise."""
 _COARSEST = 20.0
 """Everyday resolutions that the levels are apart at least."""
 _HALF_TURN_DEG = 150.0
@@ -66,7 +68,7 @@ def find_levels(samples: Series, channel: Channel) -> Levels | None:
     alternate = _alternate(blocks, apart, channel)
     distance = float(np.median(apart[alternate])) if alternate.any() else 0.0
     alternate &= np.abs(apart - distance) < _EVEN * distance
-    if not alternate.any() or _is_own_step(values, distance, channel):
+    if not alternate.any() or _is_own_step(values, distance, channel) or _is_oscillation(blocks, apart, alternate):
         return None
     side = np.zeros(samples.value.size, dtype=np.int64)
     for first in firsts[alternate][::-1]:
@@ -92,6 +94,15 @@ def _alternate(blocks: Floats, apart: Floats, channel: Channel) -> Bools:
     returning = (turns & (beside[:, :-2] | beside[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
     far = apart > _COARSEST * _resolution(channel)
     return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & far)
+
+
+def _is_oscillation(blocks: Floats, apart: Floats, alternate: Bools) -> bool:
+    """Whether the steps of other blocks go up and down in turn as well, but by less: waves at half the rate of
+    recording, whose size comes and goes, look like two levels while it is at its largest."""
+    distance = float(np.median(apart[alternate]))
+    to_and_fro = np.mean(blocks[:, 1:] * blocks[:, :-1] < 0.0, axis=1) > _TO_AND_FRO
+    smaller = (apart > _BETWEEN[0] * distance) & (apart < (1.0 - _EVEN) * distance)
+    return bool((to_and_fro & smaller & ~alternate).any())
 
 
 def _resolution(channel: Channel) -> float:

@@ -107,6 +107,12 @@ def sound(kind: str, generator: np.random.Generator) -> tuple[str, Floats]:
     }[kind]  # fmt: skip
 
 
+@pytest.mark.parametrize("seed", [5164, 2791, 2817, 2989])
+def test_waves_at_half_the_rate_are_no_levels_while_they_are_largest(seed: int) -> None:
+    name, values = sound("waves at half the rate", np.random.default_rng(seed))
+    assert levels_of(name, values) is None
+
+
 @settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from(["steps", "flicker of a rate", "flicker of a position", "noise", "thrown over",
