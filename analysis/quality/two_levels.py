@@ -36,6 +36,10 @@ _RETURNS = 0.5
 rudder that stays over for three samples."""
 _TO_AND_FRO = 0.85
 """The share of steps against the one before: two thirds of white noise."""
+_RATES = ("deg/s", "m/s")
+_SYMMETRIC = 0.1
+"""Levels of a rate or speed that lie about zero, within this share of their distance, are waves at half the rate of
+recording: two sources that measure the same rate differ by a constant from something that changes."""
 _COARSEST = 20.0
 """Everyday resolutions that the levels are apart at least."""
 _HALF_TURN_DEG = 150.0
@@ -75,6 +79,8 @@ def find_levels(samples: Series, channel: Channel) -> Levels | None:
         inside = slice(first, first + width + 1)
         side[places[inside]] = sides = _sides(values[inside], distance, channel)
     lower, upper = (channel.wrapped(float(np.median(values[inside][sides == each]))) for each in (-1, 1))
+    if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
+        return None
     turns = np.count_nonzero(np.diff(side[places]) != 0)
     return Levels(lower, upper, distance, int(turns), side)
 
