@@ -16,6 +16,7 @@ from acquisition.core.errors import ConfigurationError, InputError
 
 _CAN_NAME = re.compile(r"(?:v|sl)?can\d+")
 _SERIAL_NAME = re.compile(r"/dev/\S+|COM\d+")
+_BY_IDENTITY = Path("/dev/serial/by-id")
 _RATE = re.compile(r"(?P<device>.+)@(?P<rate>[^@/]*)")
 _USUAL_CAN = ("socketcan", "pcan", "kvaser", "vector", "ixxat", "gs_usb")
 _USUAL_UDP = (("0.0.0.0", 10110), ("0.0.0.0", 2000), ("0.0.0.0", 14550))
@@ -212,7 +213,14 @@ def _can_interfaces() -> list[Place]:
 def _serial_lines() -> list[Place]:
     from serial.tools.list_ports import comports
 
-    return [_serial(each.device, each.device) for each in comports() if each.hwid != "n/a"]
+    lines = [_serial(each.device, each.device) for each in comports() if each.hwid != "n/a"]
+    return [replace(line, settings={"device": _lasting_path(line.settings["device"])}) for line in lines]
+
+
+def _lasting_path(device: str) -> str:
+    """The link to a serial line by its adapter's identity, which outlasts the device's number; else the device."""
+    links = (path for path in sorted(_BY_IDENTITY.glob("*")) if os.path.realpath(path) == os.path.realpath(device))
+    return str(next(links, device))
 
 
 def _with_own_names(places: Iterable[Place]) -> list[Place]:

@@ -21,13 +21,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
+from serial.tools.list_ports_common import ListPortInfo
 
 from acquisition.config.configuration import load_config, parse_config
 from acquisition.config.sections import CanFrames, MqttSource
 from acquisition.core.errors import InputError, SourceError, system_reason
 from acquisition.core.frames import Frame, FrameFlag
 from acquisition.discovery.discover import Discovery, discover
-from acquisition.discovery.places import parse_places
+from acquisition.discovery.places import parse_places, usual_places
 from acquisition.discovery.readings import topic_readings
 from acquisition.emulator import NullModem
 from acquisition.encoders.nmea0183 import sentence
@@ -402,6 +403,22 @@ def test_a_serial_line_is_listened_to_wherever_it_lies(
         finally:
             os.close(out)
     assert health.channels["heading_deg"].value == pytest.approx(12.3)
+
+
+def test_a_line_that_is_found_is_written_by_its_lasting_link(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with NullModem() as cable:
+        link = linked(tmp_path / "by-id" / "usb-FTDI_FT232R_A50285BI-if00-port0", cable.logger_device)
+        linked(tmp_path / "by-id" / "usb-other", "/dev/null")
+        found = [ListPortInfo(device) for device in (cable.logger_device, cable.emulator_device)]
+        for port in found:
+            port.hwid = "USB"
+        monkeypatch.setattr("serial.tools.list_ports.comports", lambda: found)
+        monkeypatch.setattr("acquisition.discovery.places._BY_IDENTITY", tmp_path / "by-id")
+        lines = [place for place in usual_places() if place.type == "serial"]
+    assert [line.settings["device"] for line in lines] == [link, cable.emulator_device]
+    assert [line.text for line in lines] == [cable.logger_device, cable.emulator_device]
 
 
 def test_what_came_before_a_line_broke_is_understood(tmp_path: Path) -> None:
