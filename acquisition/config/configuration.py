@@ -58,10 +58,19 @@ from acquisition.core.actuators import (
     rudders,
     shaft_numbers,
     shafts,
+    stated_text,
     thruster_numbers,
 )
 from acquisition.core.channel import Channel
-from acquisition.core.channels import AUXILIARY, MOTION, ChannelsByName, is_setting, trial_names, with_declared
+from acquisition.core.channels import (
+    AUXILIARY,
+    MOTION,
+    ChannelsByName,
+    is_setting,
+    is_ship_known,
+    required_names,
+    with_declared,
+)
 from acquisition.core.declared import as_text as declared_as_text
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
@@ -122,6 +131,11 @@ class TrialConfig:
         return from_text(self.trial.actuators)
 
     @property
+    def ship_is_known(self) -> bool:
+        """Whether the file lists the ship's actuators, or names a vessel whose file does."""
+        return is_ship_known(self.trial.vessel, self.trial.actuators)
+
+    @property
     def known_channels(self) -> ChannelsByName:
         """The channels by name, including declared ones."""
         return with_declared(tuple(each.channel for each in self.declared))
@@ -132,16 +146,21 @@ class TrialConfig:
         return frozenset(name for source in self.sources for name in source.channels)
 
     @property
+    def required_channels(self) -> tuple[str, ...]:
+        """The channels that the trial has to have; controls of a ship that is not known only as listed."""
+        return required_names(self.actuators, self.expected_channels, known=self.ship_is_known)
+
+    @property
     def watched_channels(self) -> tuple[str, ...]:
         """The channels watched for gaps: the trial's, and declared ones listed for a source."""
-        names = trial_names(self.actuators)
+        names = self.required_channels
         declared = (each.channel.name for each in self.declared)
         return (*names, *(name for name in declared if name in self.expected_channels and name not in names))
 
     @property
     def missing_channels(self) -> tuple[str, ...]:
-        """Those of the trial's channels (the 13 of R/V Gunnerus) that no source provides."""
-        return tuple(name for name in trial_names(self.actuators) if name not in self.expected_channels)
+        """Those of the trial's channels that no source provides."""
+        return tuple(name for name in self.required_channels if name not in self.expected_channels)
 
 
 def load_config(path: Path | str) -> TrialConfig:
@@ -170,8 +189,10 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     listed = {name for source in file.source for name in source.channels}
     declared = [each.channel for each in ship.declared if each.channel.group == "declared"]
     channels = declared_as_text(each for each in declared if each.name in listed)
+    trial = file.trial.as_trial()
+    actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
     return TrialConfig(
-        trial=replace(file.trial.as_trial(), actuators=as_text(ship.actuators), channels=channels),
+        trial=replace(trial, actuators=actuators, channels=channels),
         sources=file.source,
         recording=file.recording,
         text=text,

@@ -153,16 +153,18 @@ class _Ship:
 
 
 class Ship(NamedTuple):
-    """The ship of a file: her actuators, the channels that it declares, and the packs it uses."""
+    """The ship of a file: its actuators, whether the file says which, the channels that it declares, its packs."""
 
     actuators: Actuators
+    is_known: bool
     declared: Declarations
     packs: tuple[PackFile, ...]
 
 
 @dataclass(frozen=True)
 class Carried:
-    """What a recording carries besides its configuration: DBC files by source, packs by name, the actuators.
+    """What a recording carries besides its configuration: DBC files by source, packs by name, the actuators, and
+    whether it says that these are its ship's.
 
     Nothing else that its configuration names is opened: it may be a stranger's.
     """
@@ -170,6 +172,7 @@ class Carried:
     dbc_files: Mapping[str, Path] = field(default_factory=dict)
     packs: Mapping[str, str] = field(default_factory=dict)
     actuators: Actuators | None = None
+    ship_is_known: bool = True
 
 
 def parse_for_ship(
@@ -185,7 +188,9 @@ def parse_for_ship(
     given = validate({each.name: raw[each.name] for each in fields(_Ship) if each.name in raw}, text, path, _Ship)
     listed = check_listed(given.actuator, text, path)
     attached = None if carried is None else carried.actuators
-    actuators = listed or attached or actuators_of_ship(str(given.trial.vessel), folder) or DEFAULT
+    actuators = listed or attached or actuators_of_ship(str(given.trial.vessel), folder)
+    is_known = bool(actuators) if carried is None or listed else carried.ship_is_known
+    actuators = actuators or DEFAULT
     packs = read_packs(given.pack, folder, None if carried is None else carried.packs, text, path)
     hers = {name: BY_NAME[name] for name in channel_names(actuators)}
     declared = declarations_of(given.channel, packs, hers, text, path)
@@ -195,7 +200,7 @@ def parse_for_ship(
         "folder": folder,
         "dbc_files": None if carried is None else carried.dbc_files,
     }
-    return validate(raw, text, path, model, context), Ship(actuators, declared, packs)
+    return validate(raw, text, path, model, context), Ship(actuators, is_known, declared, packs)
 
 
 def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:

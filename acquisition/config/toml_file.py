@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
@@ -88,17 +88,50 @@ def validate(
         if first["type"].startswith("union_tag"):
             keys.append("type")
         more = f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else ""
-        near = get_close_matches(str(keys[-1]), _keys_of(model), n=1) if first["type"] in _UNKNOWN_KEY else []
+        hint = _hint(str(keys[-1]), first["loc"], model) if first["type"] in _UNKNOWN_KEY else ""
         raise ConfigurationError(
             f"{'.'.join(map(str, keys)) or 'file'}: {_explain(first)}",
             where=f"{path}, line {line_of(text, keys)}",
-            fix="; ".join(filter(None, [f"did you mean {near[0]}?" if near else "", more])),
+            fix="; ".join(filter(None, [hint, more])),
         ) from error
 
 
-def _keys_of(model: type[Model]) -> set[str]:
-    every = TypeAdapter(model).json_schema()
-    return {key for each in (every, *every.get("$defs", {}).values()) for key in each.get("properties", ())}
+def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
+    """What a user may have meant by an unknown key: one that its table has, or the table that it belongs to."""
+    schema = TypeAdapter(model).json_schema()
+    definitions = schema.get("$defs", {})
+    tables = [schema]
+    for part in location[:-1]:  # the tag of a union leads nowhere in the schema
+        tables = [table for each in tables for table in _members(each, part, definitions)] or tables
+    possible = _keys_of(option for each in tables for option in _options(each, definitions))
+    if near := get_close_matches(key, possible - {key}, n=1):
+        return f"did you mean {near[0]}?"
+    is_elsewhere = key in _keys_of((schema, *definitions.values()))
+    return "it belongs to another table, or to another type of this one" if is_elsewhere else ""
+
+
+def _keys_of(tables: Iterable[dict[str, Any]]) -> set[str]:
+    return {key for table in tables for key in table.get("properties", {})}
+
+
+def _options(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """The schemas that a node of a JSON schema refers to; several for a union."""
+    if "$ref" in node:
+        return _options(definitions[node["$ref"].rpartition("/")[2]], definitions)
+    members = node.get("anyOf") or node.get("oneOf") or ()
+    return [option for each in members for option in _options(each, definitions)] or [node]
+
+
+def _members(node: dict[str, Any], part: str | int, definitions: dict[str, Any]) -> list[dict[str, Any]]:
+    """The nodes below one at a part of pydantic's location: a key, an index, or the tag of a union."""
+    tags = node.get("discriminator", {}).get("mapping", {})
+    if part in tags:
+        return [{"$ref": tags[part]}]
+    options = _options(node, definitions)
+    if isinstance(part, int):
+        return [each["items"] for each in options if isinstance(each.get("items"), dict)]
+    entries = [each.get("properties", {}).get(part, each.get("additionalProperties")) for each in options]
+    return [each for each in entries if isinstance(each, dict)]
 
 
 def line_of(text: str, keys: Sequence[str | int]) -> int:

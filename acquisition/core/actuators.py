@@ -22,6 +22,8 @@ VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 """The folder of the vessel files that come with Seatrial."""
 
 DEFAULT_VESSEL = "gunnerus_short"
+SHIPPED = frozenset(path.stem for path in VESSELS.glob("*.toml"))
+"""The names of the vessel files that come with Seatrial."""
 RUDDER = "rudder_angle_deg"
 """The auxiliary rudder channel of a ship whose list of actuators has no rudder."""
 
@@ -299,7 +301,17 @@ def actuators_in(names: Iterable[str]) -> Actuators:
 
 def as_text(actuators: Actuators) -> str:
     """A list of actuators as text, as in a recording's metadata; empty for the default list."""
-    return "" if actuators == DEFAULT else ", ".join(f"{each.name}:{each.kind}" for each in actuators)
+    return "" if actuators == DEFAULT else _listed(actuators)
+
+
+def stated_text(actuators: Actuators, vessel: str) -> str:
+    """As :func:`as_text` for a ship whose list is known; the default list is written out, too, unless ``vessel`` is
+    the name of a ship that comes with Seatrial."""
+    return as_text(actuators) or ("" if vessel in SHIPPED else _listed(actuators))
+
+
+def _listed(actuators: Actuators) -> str:
+    return ", ".join(f"{each.name}:{each.kind}" for each in actuators)
 
 
 @lru_cache(maxsize=64)

@@ -9,13 +9,14 @@ to starboard; wind direction is where the wind comes from.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
 from acquisition.core.actuators import (
     DEFAULT,
     RUDDER,
+    SHIPPED,
     Actuators,
     actuators_in,
     channel_by_rule,
@@ -156,6 +157,19 @@ def channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> 
 def trial_names(actuators: Actuators) -> tuple[str, ...]:
     """The channels of a trial of a ship with these actuators: motion, wind, controls."""
     return (*MOTION, *control_names(actuators))
+
+
+def is_ship_known(vessel: str, actuators: str) -> bool:
+    """Whether a trial says which actuators its ship has: by a list, or by the name of one of Seatrial's vessels."""
+    return bool(actuators) or vessel.removesuffix(".toml").rpartition("/")[2] in SHIPPED
+
+
+def required_names(actuators: Actuators, present: Collection[str], *, known: bool) -> tuple[str, ...]:
+    """The channels that a trial of a ship with these actuators has to have.
+
+    Of a ship that is not ``known`` no control can be missing: those ``present`` are all.
+    """
+    return (*MOTION, *(name for name in control_names(actuators) if known or name in present))
 
 
 @lru_cache(maxsize=64)

@@ -15,8 +15,10 @@ Every message says what, where, why and what to do, in that order, on one line.
 
 from __future__ import annotations
 
-from errno import EACCES, EEXIST, ENOSPC, EPERM, EROFS
+import os
+from errno import EACCES, EAFNOSUPPORT, EEXIST, ENOSPC, ENOTTY, EPERM, EROFS, errorcode
 from pathlib import Path
+from socket import gaierror
 from traceback import walk_tb
 from typing import Self
 
@@ -34,6 +36,8 @@ _CURES = {
     EPERM: "choose another folder, or ask for the right to write there",
     EROFS: "choose another folder: this one is read-only",
 }
+_IN_WORDS = {ENOTTY: "it is no serial line", EAFNOSUPPORT: "this computer's system does not support it"}
+"""For errors that the system words for programmers."""
 
 
 class SeatrialError(Exception):
@@ -86,6 +90,20 @@ class DataShortageError(SeatrialError, ValueError):
 
 class ModelRangeError(SeatrialError, ArithmeticError):
     """The simulation left the range of speeds in which its coefficients are valid."""
+
+
+def system_reason(error: BaseException) -> str:
+    """Why the system refused, by the number in an error or in one that it was made of; empty if none has one."""
+    cause: BaseException | None = error
+    while cause is not None:
+        numbers = (getattr(cause, "errno", None), *cause.args[:1])
+        if isinstance(cause, gaierror):
+            return "no computer of this name is known"
+        for number in numbers:
+            if isinstance(number, int) and number in errorcode:
+                return _IN_WORDS.get(number) or os.strerror(number)
+        cause = cause.__cause__ or cause.__context__
+    return ""
 
 
 def storage_error(path: Path | str, error: OSError, what: str = "cannot be written") -> StorageError:

@@ -72,6 +72,14 @@ _ALIASES = {
     "degrees": "deg",
     "percent": "%",
     "C": "degC",
+    "RPM": "rpm",
+    "1/min": "rpm",
+    "r/min": "rpm",
+    "rev/min": "rpm",
+    "\N{DEGREE SIGN}": "deg",
+    "degree": "deg",
+    "\N{DEGREE SIGN}/s": "deg/s",
+    "\N{DEGREE SIGN}C": "degC",
     "L/h": "l/h",
 }
 _ENDINGS = {"%": "percent", "deg/s": "dps", DIMENSIONLESS: ""}

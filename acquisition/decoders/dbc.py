@@ -21,7 +21,7 @@ from acquisition.config.sections import Signal
 from acquisition.core.budget import DBC_BITS, DBC_BYTES, DBC_TEXT_BYTES
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
-from acquisition.core.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError, system_reason
 from acquisition.core.files import read_regular
 from acquisition.core.frames import Frame, FrameFlag, Group
 from acquisition.core.units import Linear
@@ -33,6 +33,7 @@ _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
 )
 _SIZES = re.compile(rb"\|\s*(\d+)\s*@|^\s*BO_\s+\d+\s+\w+\s*:\s*(\d+)", re.MULTILINE)
+_PLACE = re.compile(r"line (\d+), column (\d+)")
 _ERROR = re.compile(r"(?i)error|fault")
 
 
@@ -44,13 +45,33 @@ def load_dbc(path: Path) -> cantools.db.Database:
         DBC_TEXT_BYTES.require(longest, path, len(content), ConfigurationError)
         widest = max((int(bits or length) for bits, length in _SIZES.findall(content)), default=0)
         DBC_BITS.require(widest, path, len(content), ConfigurationError)
-        text = content.decode("cp1252", "replace")  # as editors of DBC write
-        return cantools.database.load_string(text, database_format="dbc")
+        return cantools.database.load_string(_text_of(content), database_format="dbc")
     except ConfigurationError:
         raise
     except Exception as error:  # the parser fails in every possible way
-        why = str(error) or type(error).__name__
-        raise ConfigurationError("is not a readable DBC file", where=str(path), why=why) from error
+        fix = "give a DBC file, or correct it"
+        raise ConfigurationError(
+            "is not a readable DBC file", where=str(path), why=_reason(error), fix=fix
+        ) from error
+
+
+def _text_of(content: bytes) -> str:
+    """The text of a DBC file: UTF-8 where it is that, else as its editors write it."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", "replace")
+
+
+def _reason(error: Exception) -> str:
+    """Why a DBC file cannot be read, without the words of the library that reads it."""
+    if isinstance(error, OSError):
+        return system_reason(error)
+    text = str(error)
+    if place := _PLACE.search(text):
+        return f"line {place[1]}, column {place[2]} is not of a DBC file"
+    fault = re.search(r"(The (?:signals?|message) .+?)\.?\"?$", text)
+    return fault[1] if fault else "its messages and signals contradict each other"
 
 
 def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tuple[DbcMessage, DbcSignal]:

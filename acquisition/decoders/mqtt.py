@@ -67,16 +67,23 @@ def device_and_signal(topic: str) -> tuple[str, str]:
     return device, signal
 
 
+def split_time(text: str) -> tuple[int | None, str]:
+    """The time before a message [ns UTC], if there is one, and the message.
+
+    >>> split_time("2023-11-03T09:41:02Z 12.5")
+    (1699004462000000000, '12.5')
+    """
+    behind = _TIMED.fullmatch(text.strip())
+    return (told_utc_ns(behind["time"]), behind["rest"]) if behind else (None, text.strip())
+
+
 def read_message(text: str, entry: TopicValue) -> Told:
     """What a message says of an entry. Raises :class:`ValueError` with what is wrong with it.
 
     >>> read_message("12.5,2023-11-03T09:41:02Z,deg", TopicValue(topic="x", unit="deg"))
     Told(text='12.5', time_ns=1699004462000000000, unit='deg')
     """
-    text = text.strip()
-    time_ns = None
-    if behind := _TIMED.fullmatch(text):
-        time_ns, text = told_utc_ns(behind["time"]), behind["rest"]
+    time_ns, text = split_time(text)
     if text.startswith("{"):
         return _of_json(text, entry, time_ns)
     if entry.field is not None:

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import heapq
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from acquisition.config.sections import CanFrames, MqttLinks
 from acquisition.config.vessel_file import find_vessel, vessel_of_ship
+from acquisition.core.channels import MOTION
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress, part_of
 from acquisition.decoders.dbc import load_dbc
+from acquisition.discovery.dbc_files import DbcMessages
 from acquisition.discovery.listen import Heard, listen
 from acquisition.discovery.places import Place
-from acquisition.discovery.propose import configuration_text, everything
-from acquisition.logger.missing import missing_channels
+from acquisition.discovery.propose import Gaps, configuration_text, everything
+from acquisition.discovery.readings import Reading, signal_readings, topic_readings
+from acquisition.logger.missing import missing_channels, sources_of, what_comes
 from acquisition.logger.survey import Kind, Survey, name_of_group, survey_of
 
 _TELL_EVERY = 5_000  # frames
@@ -29,12 +33,14 @@ class Discovery:
     """What was found: where was listened, what came there, and a configuration that records it.
 
     ``configuration`` is empty, and ``survey`` None, where nothing was found; ``missing`` says why, by channel.
+    ``readings`` are the values of signals and topics that a configuration has to map.
     """
 
     heard: list[Heard]
     survey: Survey | None = None
     missing: dict[str, str] = field(default_factory=dict)
     configuration: str = ""
+    readings: list[Reading] = field(default_factory=list)
 
     @property
     def channels(self) -> dict[str, list[str]]:
@@ -47,6 +53,7 @@ class Discovery:
             "places": [_place_json(each) for each in self.heard],
             "devices": [] if self.survey is None else _devices_json(self.survey),
             "messages": [] if self.survey is None else _messages_json(self.survey),
+            "values": [each.as_json() for each in self.readings],
             "channels": {} if self.survey is None else _channels_json(self.survey),
             "missing": self.missing,
             "events": [] if self.survey is None else self.survey.events,
@@ -66,7 +73,8 @@ def discover(
 ) -> Discovery:
     """Listen at all places for ``duration_s`` [s], and propose a configuration named ``name``.
 
-    ``vessel`` is the ship's name or file, whose actuators the channels are; ``dbc`` describes her own CAN frames;
+    ``vessel`` is the ship's name or file, whose actuators the channels are; without it no control of a ship is
+    missing. ``dbc`` describes the ship's own CAN frames, else one beside the configuration that fits them;
     ``folder`` is where the configuration will lie. Raises :class:`ConfigurationError` for a vessel or a DBC file
     at fault. What cannot be listened to is told in the result, and is no error.
     """
@@ -100,8 +108,35 @@ def discovery_of(
     survey = survey_of(config, _counted(in_order, expected, until, progress))
     for each in found:
         each.count = survey.health.sources[each.place.name].frames
-    missing = missing_channels(survey)
-    return Discovery(heard, survey, missing, configuration_text(found, survey, missing, name, vessel))
+    reasons, readings = missing_channels(survey), list(_readings(found, survey))
+    missing = reasons
+    if not survey.config.ship_is_known:  # then no control can be missing, but what comes may be of one
+        missing = {name: reason for name, reason in reasons.items() if name in MOTION}
+        _remark_on_controls(found, reasons.keys() - missing.keys(), survey)
+    text = configuration_text(found, survey, Gaps(reasons, missing), readings, name, vessel)
+    return Discovery(heard, survey, missing, text, readings)
+
+
+def _readings(found: Iterable[Heard], survey: Survey) -> Iterator[Reading]:
+    """The values of the signals of each source's DBC file, and of the topics of each broker."""
+    sources = {each.name: each for each in survey.config.sources}
+    for heard in found:
+        source = sources[heard.place.name]
+        provided = survey.provided(source.name)
+        if isinstance(source, MqttLinks):
+            yield from topic_readings(source.name, heard.frames())
+        elif isinstance(source, CanFrames) and source.dbc is not None:
+            signals = {name: each for name, each in source.signals.items() if name in provided}
+            mapped = {(each.message, each.signal): name for name, each in signals.items()}
+            yield from signal_readings(source.name, heard.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
+
+
+def _remark_on_controls(found: Iterable[Heard], controls: Iterable[str], survey: Survey) -> None:
+    """Say of each source what it carries of actuators that is no channel yet, and why."""
+    reasons = {name: reason for name in sorted(controls) if (reason := what_comes(name, survey))}
+    for heard in found:
+        remarks = [reason for name, reason in reasons.items() if heard.place.name in sources_of(name, survey)]
+        heard.remarks += dict.fromkeys(remarks)
 
 
 def _counted(

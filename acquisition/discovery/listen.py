@@ -14,7 +14,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from acquisition.config.sections import AnySource
-from acquisition.core.errors import SeatrialError, SourceError
+from acquisition.core.errors import SeatrialError, SourceError, system_reason
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_known
@@ -110,13 +110,25 @@ def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dic
     try:
         found = _with_rate(place, until_s, stop) if place.type == "serial" else place
         raw = replace(found, type=_RAW_TYPES.get(found.type, found.type))
-        frames = list(_bounded(_received(raw, until_s, stop)))
+        frames, fault = _until_failure(_bounded(_received(raw, until_s, stop)))
+        heard = interpret(found, frames)
+        heard.problem = heard.problem if frames or not fault else fault
+        heard.remarks += [f"{fault}; what came before is here"] if frames and fault else []
     except SeatrialError as error:
-        results[place.name] = Heard(place, problem=_in_words(error))
+        heard = Heard(place, problem=_in_words(error))
     except Exception as error:  # drivers raise what they like
-        results[place.name] = Heard(place, problem=f"{type(error).__name__} {error}")
-    else:
-        results[place.name] = interpret(found, frames)
+        heard = Heard(place, problem=f"its driver failed: {system_reason(error) or type(error).__name__}")
+    results[place.name] = heard
+
+
+def _until_failure(frames: Iterable[Frame]) -> tuple[list[Frame], str]:
+    """The frames that came, and why no more did if the line failed."""
+    received: list[Frame] = []
+    try:
+        received.extend(frames)
+    except SeatrialError as error:
+        return received, _in_words(error)
+    return received, ""
 
 
 def _in_words(error: SeatrialError) -> str:

@@ -41,6 +41,16 @@ def tables(found: Discovery) -> Iterator[RenderableType]:
                 for each in told["messages"]
             ],
         )  # fmt: skip
+    if found.readings:
+        yield _table(
+            ("values of", "message or topic", "signal or field", "value", "channel"),
+            [
+                (each.source, each.entry.get("message") or each.entry["topic"],
+                 each.entry.get("signal") or each.entry.get("field", ""), each.text, each.channel)
+                for each in found.readings
+            ],
+        )  # fmt: skip
+    if told["channels"]:
         yield _table(("channel", "value", "unit", "rate Hz", "sources"), list(_channel_rows(told["channels"])))
     if told["events"]:
         yield _table(("event",), [(each,) for each in told["events"][:_MOST_EVENTS]])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -15,6 +16,8 @@ from acquisition.core.errors import ConfigurationError, InputError
 
 _CAN_NAME = re.compile(r"(?:v|sl)?can\d+")
 _SERIAL_NAME = re.compile(r"/dev/\S+|COM\d+")
+_BY_IDENTITY = Path("/dev/serial/by-id")
+_RATE = re.compile(r"(?P<device>.+)@(?P<rate>[^@/]*)")
 _USUAL_CAN = ("socketcan", "pcan", "kvaser", "vector", "ixxat", "gs_usb")
 _USUAL_UDP = (("0.0.0.0", 10110), ("0.0.0.0", 2000), ("0.0.0.0", 14550))
 """NMEA 0183's registered port, that of most Wi-Fi gateways to NMEA 2000, MAVLink's."""
@@ -24,8 +27,8 @@ _USUAL_TCP = (("127.0.0.1", 10110), ("127.0.0.1", 2000), ("127.0.0.1", 5760))
 _LINK_TYPES = {"mavlink": "udp", "mavlink_tcp": "tcp", "mavlink_serial": "serial"}
 KNOWN_FORMS = (
     "a log file, a configuration (.toml) whose sources are listened to, can0 or can:INTERFACE:CHANNEL,"
-    " /dev/ttyUSB0 or /dev/ttyUSB0@38400, udp:PORT or udp:ADDRESS:PORT, tcp:ADDRESS:PORT,"
-    " mqtt:ADDRESS or mqtt:ADDRESS:PORT"
+    " /dev/ttyUSB0 or /dev/ttyUSB0@38400, any path of a serial line, udp:PORT or udp:ADDRESS:PORT,"
+    " tcp:ADDRESS:PORT, mqtt:ADDRESS or mqtt:ADDRESS:PORT"
 )
 
 
@@ -34,7 +37,7 @@ class Place:
     """One place to listen: the kind of transport and the settings of its section in a configuration.
 
     ``type`` is can, serial, udp, tcp, mqtt or file; ``text`` is what people call it. ``expected`` says that a user
-    has named it.
+    has named it. ``folder`` is that of the file which names it, or which it is.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Place:
     settings: dict[str, Any] = field(default_factory=dict)
     text: str = ""
     expected: bool = True
+    folder: Path | None = None
 
 
 def parse_places(inputs: Sequence[str]) -> list[Place]:
@@ -51,11 +55,24 @@ def parse_places(inputs: Sequence[str]) -> list[Place]:
     today; :class:`ConfigurationError` for a configuration at fault.
     """
     places = _with_own_names(place for each in inputs for place in _parse(each))
+    _refuse_twice(places)
     logs = [each.text for each in places if each.type == "file"]
     if logs and len(logs) < len(places):
         fix = "discover the logs and what is live one after the other"
         raise InputError("is a log, but other places are live", where=", ".join(logs), fix=fix)
     return places
+
+
+def _refuse_twice(places: Iterable[Place]) -> None:
+    """Raise :class:`InputError` for a serial line that is named twice, perhaps by a link: only one can read it."""
+    lines: dict[str, Place] = {}
+    for place in places:
+        if place.type == "serial":
+            device = os.path.realpath(place.settings["device"])
+            if device in lines:
+                where, fix = f"{lines[device].text}, {place.text}", "name it once"
+                raise InputError("are the same serial line", where=where, fix=fix)
+            lines[device] = place
 
 
 def _parse(text: str) -> list[Place]:
@@ -71,12 +88,18 @@ def _parse(text: str) -> list[Place]:
         return [_can(interface, channel, text)]
     if _CAN_NAME.fullmatch(text) and not path.exists():
         return [_can("socketcan", text, text)]
-    if kind == "serial" or _SERIAL_NAME.fullmatch(text):
+    if kind == "serial" or _SERIAL_NAME.fullmatch(text) or _is_device(text):
         return [_serial(rest if kind == "serial" else text, text)]
     if path.suffix == ".toml" and path.is_file():
         return _of_configuration(path)
     if path.is_file():
-        return [Place(path.stem, "file", {"path": str(path.absolute())}, text)]
+        return [Place(path.stem, "file", {"path": str(path.absolute())}, text, folder=path.absolute().parent)]
+    if path.is_symlink():
+        why = f"it is a link to {path.readlink()}, and nothing is there"
+        raise InputError("is not an input", where=text, why=why, fix="connect the device, or correct the link")
+    if os.path.lexists(path):
+        kind = "a folder" if path.is_dir() else "a pipe or socket"
+        raise InputError("is not an input", where=text, why=f"it is {kind}", fix=f"name {KNOWN_FORMS}")
     raise InputError("is not an input", where=text, fix=f"name {KNOWN_FORMS}")
 
 
@@ -95,10 +118,26 @@ def _number(text: str) -> int | float | str:
     return text
 
 
+def _device_and_rate(text: str) -> tuple[str, str]:
+    """The path of a serial line, and the baud rate behind it; a path may have an @ of its own."""
+    parts = None if os.path.lexists(text) else _RATE.fullmatch(text)
+    return (text, "") if parts is None else (parts["device"], parts["rate"])
+
+
+def _is_device(text: str) -> bool:
+    """Whether a path, or what it links to, is a character device, wherever it lies."""
+    try:
+        return Path(_device_and_rate(text)[0]).is_char_device()
+    except (OSError, ValueError):
+        return False
+
+
 def _serial(text: str, whole: str) -> Place:
-    device, _, rate = text.partition("@")
-    if rate and not rate.isdigit():
+    device, rate = _device_and_rate(text)
+    if rate and (not rate.isdigit() or not int(rate)):
         raise InputError(f"{rate!r} is not a baud rate", where=whole, fix="write it as /dev/ttyUSB0@38400")
+    if os.path.lexists(device):
+        device = str(Path(device).absolute())  # a link is kept: it outlasts the number of its device
     settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
     name = Path(device).name
     return Place(f"serial_{name}" if name.isdigit() else name, "serial", settings, whole)
@@ -142,7 +181,7 @@ def _of_section(section: dict[str, Any], path: Path) -> Place | None:
     if kind in ("udp", "tcp"):
         settings = {"address": "127.0.0.1"} | settings
     name = str(section.get("name", kind))
-    return Place(name, kind, settings, f"{path.name}: {name}")
+    return Place(name, kind, settings, f"{path.name}: {name}", folder=path.absolute().parent)
 
 
 def usual_places() -> list[Place]:
@@ -174,7 +213,14 @@ def _can_interfaces() -> list[Place]:
 def _serial_lines() -> list[Place]:
     from serial.tools.list_ports import comports
 
-    return [_serial(each.device, each.device) for each in comports() if each.hwid != "n/a"]
+    lines = [_serial(each.device, each.device) for each in comports() if each.hwid != "n/a"]
+    return [replace(line, settings={"device": _lasting_path(line.settings["device"])}) for line in lines]
+
+
+def _lasting_path(device: str) -> str:
+    """The link to a serial line by its adapter's identity, which outlasts the device's number; else the device."""
+    links = (path for path in sorted(_BY_IDENTITY.glob("*")) if os.path.realpath(path) == os.path.realpath(device))
+    return str(next(links, device))
 
 
 def _with_own_names(places: Iterable[Place]) -> list[Place]:

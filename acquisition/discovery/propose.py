@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
-
-import cantools
-from cantools.database.can import Signal as DbcSignal
+from typing import Any, NamedTuple
 
 from acquisition.config.configuration import TrialConfig, parse_config, possible_channels
 from acquisition.config.declarations import PACKS
 from acquisition.config.toml_file import parse_toml
-from acquisition.core.actuators import VESSELS, Actuators
-from acquisition.core.channel import Channel
 from acquisition.core.channels import channel_names
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import Frame, FrameFlag, label_parts
-from acquisition.core.units import scale_to
-from acquisition.decoders.dbc import frame_key, load_dbc
+from acquisition.core.frames import Frame, label_parts
 from acquisition.decoders.nmea2000 import parameter_group
+from acquisition.discovery.dbc_files import choose_dbc, match_signals
 from acquisition.discovery.listen import Heard
+from acquisition.discovery.readings import Reading
 from acquisition.logger.missing import RATED_FIX, VARIATION_FIX, by_reason, message_of, sources_of
 from acquisition.logger.survey import Survey
 
@@ -35,13 +28,6 @@ _ENGINE_OF_J1939 = 61444
 _MOST_ENGINES = 8
 _ENGINES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
 
-_NO_FEEDBACK = re.compile(r"(?i)order|command|cmd|demand|setpoint|request|reference|limit|max|min")
-_ALSO_CALLED = {"starboard": ("stbd", "stb"), "tunnel": ("bow",), "propeller": ("prop",)}
-_ENOUGH_MESSAGES = 2
-
-SignalNames = dict[str, dict[str, str]]
-"""By channel the message, signal and unit, as ``[source.signals]`` has them."""
-
 
 def everything(found: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
     """A configuration whose sources may provide every channel that their kind can carry, of all packs, too."""
@@ -50,7 +36,7 @@ def everything(found: Sequence[Heard], vessel: str, dbc: Path | None, path: Path
     sections = [_settings(each) for each in found]
     bare = parse_config(trial + "".join(map(_section, sections)), path)
     for section, each in zip(sections, found, strict=True):
-        _add_dbc(section, each, dbc, bare)
+        _add_dbc(section, each, dbc, path.parent, bare)
     ship = parse_config(trial + "".join(map(_section, sections)), path)
     order = channel_names(ship.actuators, tuple(each.channel for each in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
@@ -104,73 +90,31 @@ def _settings(heard: Heard) -> dict[str, Any]:
     return {"name": heard.place.name, "type": heard.place.type, **heard.place.settings, "channels": []}
 
 
-def _add_dbc(section: dict[str, Any], heard: Heard, dbc: Path | None, config: TrialConfig) -> None:
-    """The vessel's own frames: by the file that was given, or by one that is the bus's beyond doubt."""
-    if section["type"] in ("can", "file", "serial", "udp", "tcp"):
-        given = section.get("dbc") or dbc or own_dbc(islice(heard.frames(), _HEAD_FRAMES))
-        if given is not None and any(frame.protocol == "can" for frame in islice(heard.frames(), _HEAD_FRAMES)):
-            section["dbc"] = str(Path(given).absolute())
-            section["signals"] = match_signals(Path(given), config.actuators)
-        else:
-            section.pop("dbc", None)
+def _add_dbc(section: dict[str, Any], heard: Heard, dbc: Path | None, folder: Path, config: TrialConfig) -> None:
+    """The vessel's own frames, by the DBC file that describes them."""
+    named = section.pop("dbc", None) or dbc
+    frames = [frame for frame in islice(heard.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
+    if section["type"] not in ("can", "file", "serial", "udp", "tcp") or not frames:
+        return
+    choice = choose_dbc(None if named is None else Path(named), [heard.place.folder, folder], frames)
+    heard.remarks += [choice.remark] if choice.remark else []
+    if choice.path is not None:
+        section["dbc"] = str(choice.path.absolute())
+        section["signals"] = match_signals(choice.path, config.actuators)
 
 
-def own_dbc(frames: Iterable[Frame]) -> Path | None:
-    """The DBC file beside the vessel files that is the bus's own, if there is one.
+class Gaps(NamedTuple):
+    """Why channels have not come: ``reasons`` of all that are decoded, ``missing`` those that the trial lacks."""
 
-    At least two of its messages come with their very identifiers, and none of its groups with others: proprietary
-    groups mean something else on the next ship.
-    """
-    heard = {frame.identifier for frame in frames if frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE}
-    for path in sorted(VESSELS.glob("*.dbc")):
-        messages = load_dbc(path).messages
-        known, groups = {each.frame_id for each in messages}, {frame_key(each)[1] for each in messages}
-        others = {each for each in heard - known if parameter_group(each)[0] in groups}
-        if len(known & heard) >= _ENOUGH_MESSAGES and not others:
-            return path
-    return None
-
-
-def match_signals(path: Path, actuators: Actuators) -> SignalNames:
-    """The signals that carry the control channels, as far as names and units tell. Raises ConfigurationError."""
-    database = load_dbc(path)
-    found = (
-        (channel.name, _signal_of(channel, each.name, database)) for each in actuators for channel in each.channels
-    )
-    return {name: entry for name, entry in found if entry is not None}
-
-
-def _signal_of(channel: Channel, actuator: str, database: cantools.db.Database) -> dict[str, str] | None:
-    """The one signal whose name tells of the actuator and whose unit is the channel's; None where several do."""
-    candidates = [
-        {"message": message.name, "signal": signal.name, "unit": str(signal.unit)}
-        for message in database.messages
-        for signal in message.signals
-        if _measures(signal, channel.unit) and _tells_of(actuator, f"{message.name} {signal.name}")
-    ]
-    return candidates[0] if len(candidates) == 1 else None
-
-
-def _measures(signal: DbcSignal, unit: str) -> bool:
-    try:
-        scale_to(unit, str(signal.unit))
-    except ConfigurationError:
-        return False
-    return True
-
-
-def _tells_of(actuator: str, text: str) -> bool:
-    if _NO_FEEDBACK.search(text):
-        return False
-    plain = re.sub(r"[^a-z]", "", text.lower())
-    words = ((word, *_ALSO_CALLED.get(word, ())) for word in actuator.split("_"))
-    return all(any(name in plain for name in names) for names in words)
+    reasons: Mapping[str, str]
+    missing: Mapping[str, str]
 
 
 def configuration_text(
-    found: Sequence[Heard], survey: Survey, missing: Mapping[str, str], name: str, vessel: str = ""
+    found: Sequence[Heard], survey: Survey, gaps: Gaps, readings: Sequence[Reading], name: str, vessel: str = ""
 ) -> str:
     """The configuration of what was heard, as a person would write it."""
+    reasons, missing = gaps
     parts = [
         _comment(
             "Written by `seatrial discover` from what came. `seatrial record THIS.toml --check` says whether it"
@@ -181,7 +125,9 @@ def configuration_text(
         f"\n[trial]\n{_line('name', name)}",
         _line("vessel", vessel)
         if vessel
-        else _comment('vessel = "NAME"   # a file of trials/vessels, or your own'),
+        else _comment(
+            'vessel = "NAME"   # a file of trials/vessels, or your own, which says what actuators there are'
+        ),
     ]
     if any(VARIATION_FIX in reason for reason in missing.values()):
         parts.append(_comment("magnetic_variation_deg = 0.0   # east positive: give that of the place"))
@@ -189,15 +135,15 @@ def configuration_text(
         parts.append("\n" + _comment("Missing:"))
         parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
     parts += [f"\n{_pack(each)}" for each in used_packs(all_packs(found), survey)]
-    parts += [_source_text(each, survey, missing) for each in found]
+    parts += [_source_text(each, survey, reasons, readings) for each in found]
     return "".join(parts)
 
 
-def _source_text(heard: Heard, survey: Survey, missing: Mapping[str, str]) -> str:
+def _source_text(heard: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[Reading]) -> str:
     source = next(each for each in survey.config.sources if each.name == heard.place.name)
-    provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, missing)]
+    provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, reasons)]
     signals = getattr(source, "signals", {})
-    section = {**_settings(heard), "channels": provided}
+    section = {key: value for key, value in _settings(heard).items() if key != "dbc"} | {"channels": provided}
     if getattr(source, "dbc", None) is not None:
         section["dbc"] = str(source.dbc)  # type: ignore[union-attr]
         section["signals"] = {
@@ -207,11 +153,12 @@ def _source_text(heard: Heard, survey: Survey, missing: Mapping[str, str]) -> st
         }
     comments = "".join(map(_comment, heard.remarks))
     if "dbc" in section:
-        comments += _comment("The numbers of the DBC file fit what comes; check signs and values alongside.")
+        comments += _comment("Check signs and values of the DBC file's signals alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
-    hints = [*_rated(provided, missing), *_rivals(source.name, survey), *_values(source.name, survey)]
-    return f"\n{comments}{_section(section, hints)}"
+    hints = [*_rated(provided, reasons), *_rivals(source.name, survey)]
+    template = _template([each for each in readings if each.source == source.name], section)
+    return f"\n{comments}{_section(section, hints)}{template}"
 
 
 def _wanting_a_number(source: str, survey: Survey, missing: Mapping[str, str]) -> list[str]:
@@ -227,13 +174,21 @@ def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
         yield _line("rated_rpm", {each.removesuffix("_rpm"): 0 for each in names}).rstrip() + "   # at 100 %"
 
 
-def _values(source: str, survey: Survey) -> Iterator[str]:
-    """The MQTT topics of values, for a person to say which channel each carries."""
-    topics = [kind.device for kind in survey.kinds if kind.source == source and kind.name == "value"]
-    if topics:
-        yield "[source.values]   # values that come: put the channel before the topic that carries it, and its unit"
-    for topic in sorted(topics):
-        yield _line("channel", {"topic": topic, "unit": ""}).rstrip()
+def _template(readings: Sequence[Reading], section: Mapping[str, Any]) -> str:
+    """The signals and topics that come, with their values, for a person to say which channel each carries."""
+    unmapped = [each for each in readings if not each.channel]
+    if not unmapped:
+        return ""
+    kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
+    text = _comment(
+        f"Values that come: to record one, put its channel before the {kind} and its unit behind, remove the # and"
+        " add the channel to the list above."
+    )
+    text += "" if section.get(table) else f"[source.{table}]\n"
+    for each in unmapped:
+        line = f"{_line('channel', each.entry).rstrip()}   # {each.text}"
+        text += f"# {_visible(line)}\n"
+    return text
 
 
 def _rivals(source: str, survey: Survey) -> Iterator[str]:
@@ -288,8 +243,11 @@ def _inline(value: Any) -> str:
     return json.dumps(value)
 
 
+def _visible(text: str) -> str:
+    return "".join(each if each.isprintable() else "?" for each in text)
+
+
 def _comment(text: str, mark: str = "# ") -> str:
     """Text behind number signs, on as many lines as it takes; control characters are made visible."""
-    plain = "".join(each if each.isprintable() else "?" for each in text)
-    rows = wrap(plain, _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
+    rows = wrap(_visible(text), _WIDTH + 1 - len(mark), break_long_words=False, break_on_hyphens=False)
     return "".join(f"{mark}{row}\n" for row in rows)

@@ -85,8 +85,8 @@ _UNREAD = {
 
 def missing_channels(survey: Survey) -> dict[str, str]:
     """The channels of the trial that have not come, and the reason for each."""
-    names = trial_names(survey.config.actuators)
-    return {name: why_missing(name, survey) for name in names if not survey.health.channels[name].count}
+    come = survey.channels
+    return {name: why_missing(name, survey) for name in trial_names(survey.config.actuators) if name not in come}
 
 
 def missing_in(path: Path, present: Container[str]) -> dict[str, str]:

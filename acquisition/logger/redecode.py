@@ -14,6 +14,7 @@ from pathlib import Path
 from acquisition.config.configuration import CONFIGURATION, PACK_ENDING, TrialConfig, parse_config
 from acquisition.config.sections import Carried
 from acquisition.core.actuators import from_text
+from acquisition.core.channels import is_ship_known
 from acquisition.core.errors import InputError, StorageError
 from acquisition.core.files import atomic_file, expect_suffix
 from acquisition.core.frames import Frame
@@ -81,7 +82,8 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
         elif dot + ending == PACK_ENDING:
             packs[name] = data.decode("utf-8", "replace")
     known = read_trial(path)
-    carried = Carried(files, packs, from_text(known.actuators))
+    is_known = is_ship_known(known.vessel, known.actuators)
+    carried = Carried(files, packs, from_text(known.actuators), ship_is_known=is_known)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
     if config.trial.origin is not None or known.origin is None:
         return config

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import can
 from can.interfaces.udp_multicast.utils import unpack_message
 
 from acquisition.config.sections import CanSource
+from acquisition.core.errors import system_reason
 from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, FrameFlag, can_flags
 from acquisition.sources import Source, source_error
 from acquisition.sources.sockets import Drops, enlarge, received_at
@@ -25,6 +27,7 @@ _BUFFER_BYTES = 16 * 1024 * 1024  # ten seconds of a full bus, of whose frames e
 
 def open_bus(config: CanSource) -> can.BusABC:
     """Open the bus of a configuration section. Raises :class:`SourceError`."""
+    logging.getLogger("can").setLevel(logging.ERROR)  # the errors raised say what is missing
     try:
         return can.Bus(
             interface=config.interface,
@@ -32,10 +35,23 @@ def open_bus(config: CanSource) -> can.BusABC:
             receive_own_messages=False,
             **config.options,
         )
-    except (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError) as error:
+    except Exception as error:  # drivers raise what they like
         what = f"CAN bus {config.interface}:{config.channel} cannot be opened"
         fix = "connect the interface, or correct `interface`, `channel` and `options`"
-        raise source_error(config, what, str(error), fix) from error
+        raise source_error(config, what, _reason(config.interface, error), fix) from error
+
+
+def _reason(interface: str, error: Exception) -> str:
+    """Why a bus cannot be opened, in words that do not depend on its driver."""
+    if interface not in can.VALID_INTERFACES:
+        return f"python-can knows no interface {interface!r}, only {', '.join(sorted(can.VALID_INTERFACES))}"
+    if why := system_reason(error):
+        return why
+    if isinstance(error, can.CanInterfaceNotImplementedError | ImportError | NameError | AttributeError):
+        return "its driver is not installed on this computer"
+    if isinstance(error, ValueError | TypeError):
+        return "the interface does not take this channel with these options"
+    return "its driver is not installed, or finds no such interface"
 
 
 def flags_of(message: can.Message) -> FrameFlag:
@@ -70,7 +86,7 @@ class CanBus(Source):
         frames: list[Frame] = []
         self.exact = self._socket is not None
         if self._failed is not None:
-            raise self.failure("CAN bus failed", str(self._failed)) from self._failed
+            raise self.failure("CAN bus failed", _fault(self._failed)) from self._failed
         try:
             while len(frames) < _MOST_FRAMES_AT_ONCE and (message := self._link.recv(0.0 if frames else timeout_s)):
                 if _is_frame(message):
@@ -80,7 +96,7 @@ class CanBus(Source):
         except Exception as error:
             if isinstance(error, can.CanError | OSError) and not isinstance(error.__cause__, ValueError):
                 if not frames:
-                    raise self.failure("CAN bus failed", str(error)) from error
+                    raise self.failure("CAN bus failed", _fault(error)) from error
                 self._failed = error
             else:  # python-can's drivers raise what they like where a line is no frame
                 self._count_unreadable(error)
@@ -97,7 +113,7 @@ class CanBus(Source):
         if isinstance(pending := getattr(self._link, "_buffer", None), bytearray):
             pending.clear()  # slcan keeps what is no text, and would fail on it for ever
         if self._unreadable > _MOST_UNREADABLE:
-            raise self.failure("CAN bus failed", f"{type(error).__name__} {error}") from error
+            raise self.failure("CAN bus failed", "nothing that comes is a frame") from error
 
     def _readable(self, receive: Callable[[float | None], Any], timeout_s: float | None = None) -> Any:
         """What python-can received by multicast; nothing where it would take a datagram for a fault of the bus."""
@@ -123,6 +139,10 @@ class CanBus(Source):
         times, stamped = received_at(stamp_ns)
         self.exact = self.exact and stamped
         return Frame(self.name, "can", bytes(message.data), *times, message.arbitration_id, flags_of(message))
+
+
+def _fault(error: Exception) -> str:
+    return system_reason(error) or "its driver reports a fault"
 
 
 def _is_frame(message: can.Message) -> bool:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from acquisition.config.sections import MqttSource, covers
 from acquisition.core.budget import TEXT_BYTES
-from acquisition.core.errors import SourceError
+from acquisition.core.errors import SourceError, system_reason
 from acquisition.core.frames import Frame, FrameFlag, now_ns
 from acquisition.decoders.clock import is_possible
 from acquisition.sources import SQLITE, LogReader, Source, looks_like, source_error
@@ -52,12 +52,21 @@ def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
         client.connect(*config.endpoint, keepalive=keep_alive_s)
     except (OSError, ValueError) as error:
         wrong = "`port`, `tls` and `ca_file`" if isinstance(error, ssl.SSLError) else "`address` and `port`"
-        raise failure(config, "does not answer", str(error), f"start it, or correct {wrong}") from error
+        raise failure(config, "does not answer", _reason(error), f"start it, or correct {wrong}") from error
     answer = _await(config, client, answers)
     if answer.is_failure:
         fix = "correct `user` and its password" if answer.value in _NOT_ALLOWED else ""
         raise failure(config, "refuses the connection", str(answer), fix)
     return client
+
+
+def _reason(error: Exception) -> str:
+    """Why there is no connection, in words that do not depend on the library."""
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate cannot be trusted: {error.verify_message}"
+    if isinstance(error, ssl.SSLError):
+        return "it is no certificate, or nothing there speaks TLS"
+    return system_reason(error) or "no answer in time"
 
 
 def _client(config: MqttSource) -> Client:
@@ -73,7 +82,8 @@ def _client(config: MqttSource) -> Client:
         try:
             client.tls_set_context(ssl.create_default_context(cafile=config.ca_file))
         except OSError as error:
-            raise failure(config, "cannot be checked", f"{config.ca_file}: {error}", "correct `ca_file`") from error
+            why = f"{config.ca_file}: {_reason(error)}"
+            raise failure(config, "cannot be checked", why, "correct `ca_file`") from error
     return client
 
 
@@ -115,7 +125,7 @@ def pump(config: MqttSource, client: Client, timeout_s: float) -> None:
     try:
         code = client.loop(timeout_s)
     except Exception as error:  # what paho makes of packets that break the protocol
-        raise failure(config, "is lost", f"{type(error).__name__} {error}") from error
+        raise failure(config, "is lost", system_reason(error) or "it breaks the protocol of MQTT") from error
     if code != MQTTErrorCode.MQTT_ERR_SUCCESS:
         raise failure(config, "is lost", error_string(code).rstrip("."))
 

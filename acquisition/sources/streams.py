@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fcntl
 import ipaddress
-import os
 import socket
 import struct
 import termios
@@ -22,6 +21,7 @@ from acquisition.config.sections import (
     TcpSource,
     UdpSource,
 )
+from acquisition.core.errors import system_reason
 from acquisition.core.frames import Frame, now_ns
 from acquisition.sources import Source, source_error
 from acquisition.sources.actisense import Cutter, is_message
@@ -133,9 +133,13 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
     try:
         return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
     except (ValueError, OSError) as error:  # pyserial's own errors are OSErrors
-        why = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        why = system_reason(error) or "its settings are not possible"
         fix = "connect it, stop the program that uses it, or correct `device`"
         raise source_error(config, f"serial line {config.device} cannot be opened", why, fix) from error
+
+
+def _reason(error: Exception) -> str:
+    return system_reason(error) or "it was unplugged, or another program reads it"
 
 
 class SerialPort(_Stream):
@@ -162,7 +166,7 @@ class SerialPort(_Stream):
                 port.write(greeting)
             except OSError as error:
                 port.close()
-                raise self.failure("serial line failed", str(error)) from error
+                raise self.failure("serial line failed", _reason(error)) from error
         return port
 
     def _bytes(self, timeout_s: float) -> bytes:
@@ -172,7 +176,7 @@ class SerialPort(_Stream):
             first = bytes(self._link.read(1))
             return first + bytes(self._link.read(self._link.in_waiting)) if first else b""
         except (OSError, TypeError) as error:  # pyserial raises TypeError on unplug
-            raise self.failure("serial line failed", str(error)) from error
+            raise self.failure("serial line failed", _reason(error)) from error
 
 
 class TcpConnection(_Stream):
@@ -186,7 +190,7 @@ class TcpConnection(_Stream):
             opened = socket.create_connection((address, port), timeout=_CONNECT_TIMEOUT_S)
         except OSError as error:
             unresolved = isinstance(error, socket.gaierror)
-            why = str(error.strerror) if unresolved else str(error)
+            why = system_reason(error) or "no answer in time"
             fix = "correct `address`" if unresolved else "start the gateway, or correct `address` and `port`"
             raise self.failure(f"TCP {address}:{port} does not answer", why, fix) from error
         self._peer = str(opened.getpeername()[0])
@@ -205,7 +209,7 @@ class TcpConnection(_Stream):
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
-            raise self.failure("connection failed", str(error)) from error
+            raise self.failure("connection failed", _reason(error)) from error
         if not received:
             raise self.failure("the other end closed the connection")
         self.behind = len(received) == _DATAGRAM_BYTES

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
-from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
+from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text, stated_text
 from acquisition.core.angles import in_turn, is_other_convention, is_possible
 from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
@@ -26,7 +26,8 @@ from acquisition.core.channels import (
     channels_known_to,
     channels_of_trial,
     find_channel,
-    trial_names,
+    is_ship_known,
+    required_names,
 )
 from acquisition.core.declared import Declared, declared_from_text
 from acquisition.core.errors import ConfigurationError, InputError
@@ -185,7 +186,7 @@ def _record(file: TableFile, output: Path | str) -> ImportSummary:
         times_backwards=int((step_ns < 0).sum()),
         times_twice=int((step_ns == 0).sum()),
         assumed=file.assumed,
-        missing=tuple(name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table),
+        missing=_missing(file),
         passed_over=file.passed_over,
         dropped=file.dropped,
         empty=tuple(str(name) for name, column in file.table.items() if column.isna().all()),
@@ -217,11 +218,13 @@ def read_table_file(
     ship, fix = _actuators_of(vessel), "give it a constant in a map (--columns), or use --allow-missing"
     long = long_map(raw, channel_names(ship or DEFAULT))
     if long is None:
-        file, fix = _standard(raw, ignore_unknown, ship, answers or {}), f"add the column, {fix}"
+        file, fix = _standard(raw, ignore_unknown, ship, answers or {}, vessel), f"add the column, {fix}"
     else:
         file = apply_column_map(raw, long, path)
-        file = _for_ship(file, ship or actuators_in_columns(map(str, file.table), file.trial), raw)
-    return _checked(file, raw, vessel, allow_missing, fix)
+        file = _for_ship(
+            file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, known=bool(ship)
+        )
+    return _checked(file, raw, allow_missing, fix)
 
 
 def _actuators_of(vessel: Path | str | None) -> Actuators:
@@ -239,29 +242,32 @@ def _through_map(
     """A table through its map, of the ship that is given, or the map names, or its columns tell of."""
     ship = _actuators_of(vessel)
     file = apply_column_map(raw, columns, map_path, declared)
-    ship = (
-        ship
-        or columns.actuators
-        or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
-        or actuators_in_columns([*file.table, *columns.absent], file.trial)
-    )
+    known = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
+    ship = known or actuators_in_columns([*file.table, *columns.absent], file.trial)
     _check_mapped(columns.channels, ship, file.trial, map_path)
-    file = _for_ship(file, ship, raw)
-    allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
+    file = _for_ship(file, ship, raw, vessel, known=bool(known))
+    allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
     fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
-    return _checked(file, raw, vessel, allow_missing, fix)
+    return _checked(file, raw, allow_missing, fix)
 
 
-def _checked(file: TableFile, raw: RawTable, vessel: Path | str | None, allow_missing: bool, fix: str) -> TableFile:
-    """The table under its vessel's name; an :class:`InputError` where it lacks a channel that it needs."""
-    if vessel is not None:
-        file.trial = replace(file.trial, vessel=name_of_ship(vessel))
-    missing = [name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table]
+def _checked(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> TableFile:
+    """The table; an :class:`InputError` where it lacks a channel that it needs."""
+    missing = _missing(file)
     if missing and not allow_missing:
         raise InputError(f"has no {', '.join(missing)}", where=str(raw.path), fix=fix)
     if file.table.columns.empty:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
     return file
+
+
+def _missing(file: TableFile) -> tuple[str, ...]:
+    """The channels that a table lacks; the controls of a ship that nothing names are those that it has."""
+    trial, columns = file.trial, file.table.columns
+    known = is_ship_known(trial.vessel, trial.actuators)
+    return tuple(
+        name for name in required_names(from_text(trial.actuators), columns, known=known) if name not in columns
+    )
 
 
 def actuators_in_columns(names: Iterable[str], trial: Trial) -> Actuators:
@@ -283,15 +289,17 @@ def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path:
             raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
 
-def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str]) -> TableFile:
+def _standard(
+    raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str], vessel: Path | str | None
+) -> TableFile:
     """A table whose columns are named as the channels."""
     given = list(map(str, raw.columns.columns))
     if "time" not in given:
         near = get_close_matches("time", given, n=1)
         where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
         raise InputError("has no column `time`", where=where, why=f"it has {', '.join(near or given[:6])}", fix=fix)
-    told = from_text(raw.trial.actuators) if raw.trial.actuators else ()
-    ship = ship or told or actuators_in_columns(given, raw.trial)
+    known = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else ())
+    ship = known or actuators_in_columns(given, raw.trial)
     channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
     unknown = tuple(
         name for name in given if name not in channels and name != "time" and not _is_ours(name, channels)
@@ -306,7 +314,7 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Map
     columns = {name: _in_its_turn(channels[name], parse_numbers(timed.raw, name)) for name in names}
     table = pd.DataFrame(columns, index=timed.index)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
-    return _for_ship(file, ship, raw)
+    return _for_ship(file, ship, raw, vessel, known=bool(known))
 
 
 def _in_its_turn(channel: Channel, values: Floats) -> Floats:
@@ -315,9 +323,13 @@ def _in_its_turn(channel: Channel, values: Floats) -> Floats:
     return in_turn(channel, values) if is_other_convention(channel, values) else values
 
 
-def _for_ship(file: TableFile, ship: Actuators, raw: RawTable) -> TableFile:
-    """The table in the order of the ship's channels, its trial with a name and the ship's actuators."""
-    file.trial = replace(file.trial, name=file.trial.name or raw.name, actuators=as_text(ship))
+def _for_ship(
+    file: TableFile, ship: Actuators, raw: RawTable, vessel: Path | str | None, *, known: bool
+) -> TableFile:
+    """The table in the order of the ship's channels, its trial with names and the ship's actuators."""
+    name = file.trial.vessel if vessel is None else name_of_ship(vessel)
+    text = stated_text(ship, name) if known else as_text(ship)
+    file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
     file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
     return file
 

@@ -16,7 +16,7 @@ import pandas as pd
 from acquisition.core.actuators import DEFAULT as DEFAULT_SHIP
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import trial_names
+from acquisition.core.channels import required_names
 from acquisition.core.errors import InputError
 from acquisition.tables.channel_columns import FASTEST_MPS, read_channels
 from acquisition.tables.column_map import Long, widen
@@ -71,7 +71,7 @@ def propose(
     draft.candidates = [each for each in draft.candidates if each.column not in used]
     seconds = _seconds(draft)
     known = Known(draft, seconds, grid_of(seconds))
-    _complete(known, read_channels(known, ship) or DEFAULT_SHIP)
+    _complete(known, read_channels(known, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
     _check_times(known)
     asked = any(each.default is None for each in draft.questions)
     if not asked and not draft.tree.get("channels") and "position" not in draft.tree:
@@ -138,7 +138,7 @@ def _seconds(draft: Draft) -> Floats:
     return np.where(known, (ns - ns[known][0]) / 1e9, np.nan)
 
 
-def _complete(known: Known, ship: Actuators) -> None:
+def _complete(known: Known, ship: Actuators, *, ship_is_known: bool) -> None:
     """Put the channels into the map, those that follow from them, and those that are absent."""
     draft, has = known.draft, set(known.channels) | set(known.series)
     wanted = [name for name in _derivable(has) if name not in has]
@@ -153,7 +153,8 @@ def _complete(known: Known, ship: Actuators) -> None:
         else:
             del draft.tree["apparent_wind"]
     draft.tree["channels"] = known.channels
-    draft.tree["absent"] = [name for name in trial_names(ship) if name not in has]
+    states_ship = ship_is_known or "actuator" in draft.tree
+    draft.tree["absent"] = [name for name in required_names(ship, has, known=states_ship) if name not in has]
     _declare(known)
 
 

@@ -35,7 +35,7 @@ from analysis.speed_power import power_columns, speed_power
 from analysis.speed_power.conditions import recorded_conditions
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
-from analysis.tables.table import history_of, provenance_of, sha256_of, table_of, trial_channels
+from analysis.tables.table import history_of, provenance_of, required_channels, sha256_of, table_of
 from analysis.windows.recordings import write_windows
 
 Row = dict[str, Any]
@@ -173,7 +173,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
-        "channels": len(trial_channels(products.table)) - len(missing),
+        "channels": len(required_channels(products.table)) - len(missing),
         "missing": missing,
         "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
         "findings": len(products.quality.findings),
@@ -225,7 +225,7 @@ def _said_of(recording: Recording) -> Row:
 
 def missing_channels(table: pd.DataFrame) -> list[str]:
     """Those channels of the ship's trials that have no value at all; no check can judge them."""
-    return [name for name in trial_channels(table) if name not in table or not table[name].notna().any()]
+    return [name for name in required_channels(table) if name not in table or not table[name].notna().any()]
 
 
 def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:

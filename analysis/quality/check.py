@@ -47,9 +47,9 @@ from analysis.tables.table import (
     MOST,
     index_of,
     main_stretch,
+    required_channels,
     table_of,
     times_ns,
-    trial_channels,
     utc_index,
     valid_values,
 )
@@ -187,7 +187,7 @@ def _check_stretch(
     findings = (*known, *across, *jump_findings, *in_turn_findings, *_single_findings(faults, across, jumps))
     flags = _merge_all_flags(faults, rows, checked, joined)
     qualities = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
-    missing = tuple(name for name in trial_channels(joined) if name not in faults)
+    missing = tuple(name for name in required_channels(joined) if name not in faults)
     return DataQuality(qualities, tuple(sorted(findings, key=_severity)), flags, missing, sources)
 
 

@@ -34,7 +34,9 @@ from acquisition.core.channels import (
     channels_of_table,
     declared_in,
     find_channel,
+    is_ship_known,
     known_channels,
+    required_names,
     trial_names,
 )
 from acquisition.core.errors import DataShortageError, InputError
@@ -109,6 +111,13 @@ def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels of the trial that a table is of: motion, wind, and the controls of that ship."""
     return trial_names(table_actuators(table))
+
+
+def required_channels(table: pd.DataFrame) -> tuple[str, ...]:
+    """The channels that a table has to have: motion, wind, and the controls of the ship that its trial names."""
+    trial = table.attrs.get("trial") or {}
+    known = is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
+    return required_names(table_actuators(table), table.columns, known=known)
 
 
 def table_controls(table: pd.DataFrame) -> tuple[str, ...]:

@@ -18,6 +18,18 @@ from hybrid.cli import (
     WorkersOption,
     print_result,
 )
+from hybrid.cli.vessel import (
+    AzimuthOption,
+    BeamOption,
+    BlockOption,
+    DraughtOption,
+    LengthOption,
+    PropellerOption,
+    RudderOption,
+    SpeedOption,
+    TunnelOption,
+    complete,
+)
 
 MANOEUVRES = (
     "MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and reciprocal_headings, "
@@ -29,13 +41,37 @@ MANOEUVRES = (
 def init(
     folder: Annotated[Path, typer.Argument(help="The folder to make.")],
     name: Annotated[str | None, typer.Option(help="Name of ship and trial; default: the folder's.")] = None,
+    vessel: Annotated[
+        str | None, typer.Option(help="Your ship, if it has a vessel file: a name or a file.")
+    ] = None,
+    length: LengthOption = None,
+    beam: BeamOption = None,
+    draught: DraughtOption = None,
+    block: BlockOption = None,
+    service_speed: SpeedOption = None,
+    propeller: PropellerOption = None,
+    azimuth: AzimuthOption = None,
+    rudder: RudderOption = None,
+    tunnel: TunnelOption = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
-    """Set up a folder for trials: configuration, vessel file, column map, example table."""
+    """Set up a folder for your ship's trials, from its main dimensions or vessel file."""
+    needed = {"length": length, "beam": beam, "draught": draught, "block": block, "service_speed": service_speed}
+    devices = {"propeller": propeller, "azimuth": azimuth, "rudder": rudder, "tunnel": tunnel}
+    given = [key for key, value in (needed | devices).items() if value not in (None, [])]
+    if vessel is not None and given:
+        raise typer.BadParameter("is given with --vessel, whose file says it", param_hint=f"--{given[0]}")
+    particulars = {} if vessel is not None else complete(needed, devices, "--vessel FILE")
+    from acquisition.recording.parts import safe_name
+    from hybrid.vessel.estimate.new_vessel import new_vessel
     from hybrid.workflows.start import start_folder
 
+    name = safe_name(name or folder.resolve().name)
+    ship = new_vessel(name=name, **particulars) if vessel is None else vessel
+    for warning in () if isinstance(ship, str) else ship.warnings:
+        echo(f"note: {warning}", err=True)
     echo("simulating an example, the first time with half a minute of compilation", err=True)
-    for path in start_folder(folder, name or "", force=force):
+    for path in start_folder(folder, ship, name, force=force):
         echo(path)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,6 +22,13 @@ _ASKED = {
 }
 """What every ship needs, and how it is asked for."""
 
+_KEYWORDS = {
+    "length": "length_m", "beam": "beam_m", "draught": "draught_m", "block": "block",
+    "service_speed": "service_speed_mps", "propeller": "propellers", "azimuth": "azimuths", "rudder": "rudders",
+    "tunnel": "tunnels",
+}  # fmt: skip
+"""What an option is called in :func:`hybrid.vessel.estimate.new_vessel.new_vessel`."""
+
 _DEVICES = {
     "propeller": "A propeller, diameter=M[,pitch_ratio=..][,blades=..][,area_ratio=..][,rpm=..]",
     "azimuth": "An azimuth thruster, diameter=M[,pitch_ratio=..][,x=M][,y=M]",
@@ -30,20 +37,30 @@ _DEVICES = {
 }
 _DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be repeated."
 
+LengthOption = Annotated[float | None, typer.Option(help="Length between perpendiculars in m.")]
+BeamOption = Annotated[float | None, typer.Option(help="Beam in m.")]
+DraughtOption = Annotated[float | None, typer.Option(help="Mean draught in m.")]
+BlockOption = Annotated[float | None, typer.Option(help="Block coefficient.")]
+SpeedOption = Annotated[float | None, typer.Option(help="Service speed in calm water in m/s.")]
+PropellerOption = Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A propeller"))]
+AzimuthOption = Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("An azimuth thruster"))]
+RudderOption = Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A rudder"))]
+TunnelOption = Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A tunnel thruster"))]
+
 
 @writes("output")
 def new(
     output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
     name: Annotated[str | None, typer.Option(help="The ship's name; by default that of the file.")] = None,
-    length: Annotated[float | None, typer.Option(help="Length between perpendiculars in m.")] = None,
-    beam: Annotated[float | None, typer.Option(help="Beam in m.")] = None,
-    draught: Annotated[float | None, typer.Option(help="Mean draught in m.")] = None,
-    block: Annotated[float | None, typer.Option(help="Block coefficient.")] = None,
-    service_speed: Annotated[float | None, typer.Option(help="Service speed in calm water in m/s.")] = None,
-    propeller: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A propeller"))] = None,
-    azimuth: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("An azimuth thruster"))] = None,
-    rudder: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A rudder"))] = None,
-    tunnel: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A tunnel thruster"))] = None,
+    length: LengthOption = None,
+    beam: BeamOption = None,
+    draught: DraughtOption = None,
+    block: BlockOption = None,
+    service_speed: SpeedOption = None,
+    propeller: PropellerOption = None,
+    azimuth: AzimuthOption = None,
+    rudder: RudderOption = None,
+    tunnel: TunnelOption = None,
     hull: Annotated[str, typer.Option(help="mmg, or cross_flow for low speed.")] = "mmg",
     length_overall: Annotated[float | None, typer.Option(help="Length overall in m.")] = None,
     centre_of_gravity: Annotated[
@@ -56,7 +73,7 @@ def new(
     """Write a vessel file from main dimensions, by published regressions."""
     needed = {"length": length, "beam": beam, "draught": draught, "block": block, "service_speed": service_speed}
     devices = {"propeller": propeller, "azimuth": azimuth, "rudder": rudder, "tunnel": tunnel}
-    numbers, listed = _complete(needed, {key: list(value or ()) for key, value in devices.items()})
+    particulars = complete(needed, devices)
     if hull not in ("mmg", "cross_flow"):
         raise typer.BadParameter(f"no hull model {hull!r}; give mmg or cross_flow")
     from hybrid.vessel.estimate.new_vessel import new_vessel
@@ -64,10 +81,7 @@ def new(
     made = new_vessel(
         output,
         name=name or printable_name(output.stem),
-        length_m=numbers["length"], beam_m=numbers["beam"], draught_m=numbers["draught"], block=numbers["block"],
-        service_speed_mps=numbers["service_speed"],
-        propellers=listed["propeller"], rudders=listed["rudder"], azimuths=listed["azimuth"],
-        tunnels=listed["tunnel"],
+        **particulars,
         hull=hull,  # type: ignore[arg-type]
         length_overall_m=length_overall, centre_of_gravity_m=centre_of_gravity,
         frontal_area_m2=frontal_area, lateral_area_m2=lateral_area, water_density_kgpm3=water_density,
@@ -75,7 +89,7 @@ def new(
     for warning in made.warnings:
         echo(f"note: {warning}", err=True)
     rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in made.service_rpm.items())
-    echo(f"{numbers['service_speed']:g} m/s takes {rpm}", err=True)
+    echo(f"{particulars['service_speed_mps']:g} m/s takes {rpm}", err=True)
     echo(output)
 
 
@@ -101,20 +115,22 @@ def check(
     print_result(checked.as_dict(), checked, as_json=as_json)
 
 
-def _complete(
-    needed: dict[str, float | None], devices: dict[str, list[str]]
-) -> tuple[dict[str, float], dict[str, list[str]]]:
-    """What was given, and what a person at the terminal adds; without one what is missing is wrong usage."""
+def complete(
+    needed: dict[str, float | None], devices: dict[str, list[str] | None], instead: str = ""
+) -> dict[str, Any]:
+    """What :func:`new_vessel` takes: what was given, and what a person at the terminal adds.
+
+    Without a person what is missing is wrong usage; ``instead`` is the option that makes all of it unnecessary.
+    """
     missing = [key for key, value in needed.items() if value is None]
     driven = bool(devices["propeller"] or devices["azimuth"])
-    if missing or not driven:
-        if not at_terminal():
-            names = [f"--{key.replace('_', '-')}" for key in missing]
-            names += [] if driven else ["--propeller or --azimuth"]
-            raise typer.BadParameter(f"missing: {', '.join(names)}")
-        needed = needed | {key: float(typer.prompt(_ASKED[key], type=float, err=True)) for key in missing}
-        devices = devices if driven else {key: value or _list(key) for key, value in devices.items()}
-    return {key: float(value or 0.0) for key, value in needed.items()}, devices
+    if (missing or not driven) and not at_terminal():
+        names = [f"--{key.replace('_', '-')}" for key in missing]
+        names += [] if driven else ["--propeller or --azimuth"]
+        raise typer.BadParameter(f"missing: {', '.join(names)}{f'; or give {instead}' if instead else ''}")
+    needed = needed | {key: float(typer.prompt(_ASKED[key], type=float, err=True)) for key in missing}
+    listed = {key: value or ([] if driven else _list(key)) for key, value in devices.items()}
+    return {_KEYWORDS[key]: value for key, value in (needed | listed).items()}
 
 
 def at_terminal() -> bool:

@@ -2,65 +2,130 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pandas as pd
+from pydantic import TypeAdapter
 from pymap3d import ned2geodetic
 
-from acquisition.config.vessel_file import vessel_names
-from acquisition.core.actuators import VESSELS
+from acquisition.config.configuration import possible_channels
+from acquisition.config.sections import UdpSource
+from acquisition.config.vessel_file import find_vessel, vessel_names
+from acquisition.core.actuators import VESSELS, Actuators, control_channels
+from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import write_text, written_together
 from acquisition.recording.parts import safe_name
 from acquisition.tables.import_table import refuse_overwriting
 from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.estimate.new_vessel import new_vessel
-from hybrid.vessel.files import load_vessel
+from hybrid.vessel.estimate.new_vessel import NewVessel
+from hybrid.vessel.files import load_vessel, save_vessel
 from hybrid.vessel.parameters import Vessel
 
 TEMPLATES = VESSELS.parent / "start"
+_CONTROLS = "# CONTROLS\n"
 _KNOT_MPS = 1852.0 / 3600.0
 _EXAMPLE_S, _PLACE_DEG = 420.0, (63.44, 10.4)
-_HEADER = """# An example, a coaster of 82 m, to be replaced by your ship:
-#   seatrial vessel new -o vessel.toml --name {name} --length ... --beam ... --draught ... --block ... \\
-#     --service-speed ... --propeller "propeller,diameter=..." --rudder "rudder,area=..."
-# Other propellers, rudders or thrusters have other channels: list them in trial.toml and columns.toml too.
-#
-"""
 
 
-def start_folder(folder: Path, name: str = "", *, force: bool = False) -> list[Path]:
-    """Write ``vessel.toml``, ``trial.toml``, ``columns.toml`` and ``example.csv`` into a folder; their paths.
+def start_folder(
+    folder: Path, vessel: NewVessel | str | Path, name: str = "", *, force: bool = False
+) -> list[Path]:
+    """Write a ship's ``vessel.toml``, ``trial.toml``, ``columns.toml`` and ``example.csv`` into a folder.
 
-    ``name`` is what ship and trial are called, the folder's without it. Raises :class:`InputError` where one of
-    them is there, without ``force``; :class:`ConfigurationError` for the name of a ship that Seatrial has;
-    :class:`StorageError`.
+    Parameters
+    ----------
+    folder
+        Made if it does not exist.
+    vessel
+        The ship: estimated from main dimensions, or a vessel's name or file. A ship that comes with Seatrial, and a
+        ``vessel.toml`` that is in the folder already, are not written.
+    name
+        What the trial is called; by default as the folder.
+    force
+        Whether files that exist are replaced.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    InputError
+        For a file that exists, without ``force``.
+    ConfigurationError
+        For a vessel file at fault, and for a ship of one's own with the name of one in Seatrial.
+    StorageError
+        For a folder that cannot be written to.
     """
     name = safe_name(name or folder.resolve().name)
-    if name in vessel_names():
-        raise ConfigurationError(f"{name} is the name of a ship in Seatrial", fix="give yours another --name")
-    texts = {"vessel.toml": _HEADER.format(name=name) + _example_ship(name)}
-    for each in ("trial.toml", "columns.toml"):
-        texts[each] = (TEMPLATES / each).read_text(encoding="utf-8").replace("NAME", name)
-    for each in (*texts, "example.csv"):
-        refuse_overwriting(folder / each, force)
-    with TemporaryDirectory(prefix="seatrial-init-") as scratch:
-        ship = load_vessel(write_text(Path(scratch) / "vessel.toml", texts["vessel.toml"]))
+    ship, text = _ship_of(vessel, folder)
+    texts = {} if text is None else {"vessel.toml": text}
+    texts["trial.toml"] = _filled("trial.toml", name, ship, _listed(ship))
+    texts["columns.toml"] = _filled("columns.toml", name, ship, _mapped(ship.actuators))
+    for file in (*texts, "example.csv"):
+        refuse_overwriting(folder / file, force)
     texts["example.csv"] = _example_table(ship)
-    with written_together(folder / "vessel.toml"):
+    with written_together(folder / "trial.toml"):
         return [write_text(folder / file, text) for file, text in texts.items()]
 
 
-def _example_ship(name: str) -> str:
-    return new_vessel(
-        name=name, length_m=82.0, beam_m=12.5, draught_m=5.2, block=0.74, service_speed_mps=6.2,
-        propellers=["propeller, diameter=3.1"], rudders=["rudder, area=9.5"],
-    ).text  # fmt: skip
+def _ship_of(vessel: NewVessel | str | Path, folder: Path) -> tuple[Vessel, str | None]:
+    """The ship, and the text of its vessel file; None where that need not be written."""
+    with TemporaryDirectory(prefix="seatrial-init-") as scratch:
+        copy = Path(scratch) / "vessel.toml"
+        if isinstance(vessel, NewVessel):
+            vessel.save(copy)
+            ship, exists = load_vessel(copy), False
+        else:
+            file = find_vessel(vessel)
+            ship = load_vessel(file)
+            if file.parent == VESSELS:
+                return ship, None
+            save_vessel(ship, copy)
+            exists = file.resolve() == (folder / "vessel.toml").resolve()
+        if ship.name in vessel_names():
+            fix = "give yours another one with --name, or in its vessel file"
+            raise ConfigurationError(f"{ship.name} is the name of a ship in Seatrial", fix=fix)
+        return ship, None if exists else copy.read_text(encoding="utf-8")
+
+
+def _filled(file: str, name: str, ship: Vessel, controls: str) -> str:
+    """A template with the names and the controls in their places."""
+    words = {"NAME": name, "SHIP": json.dumps(ship.name)[1:-1], _CONTROLS: controls}
+    template = (TEMPLATES / file).read_text(encoding="utf-8")
+    return re.sub("|".join(words), lambda match: words[match[0]], template)
+
+
+def _listed(ship: Vessel) -> str:
+    """The controls as the list of a source of sentences has them; those that no sentence carries as a comment."""
+    settings = {"name": "bridge", "type": "udp", "port": 10110, "channels": ()}
+    possible = possible_channels(TypeAdapter(UdpSource).validate_python(settings), ship.actuators)
+    names = [channel.name for channel in control_channels(ship.actuators)]
+    rows = [f'"{name}",' if name in possible else f'# "{name}": no sentence carries it' for name in names]
+    return "".join(f"{row}\n  " for row in rows)[:-2]
+
+
+def _mapped(actuators: Actuators) -> str:
+    """The controls as a column map has them."""
+    return "".join(
+        f'{channel.name:<18} = {{ column = "{_title(channel)}", unit = "{channel.unit}" }}\n'
+        for channel in control_channels(actuators)
+    )
+
+
+def _title(channel: Channel) -> str:
+    """A control as a column of a table is called: ``Port pitch %``."""
+    words = channel.name.rpartition("_")[0].replace("_", " ").capitalize()
+    return f"{words} {channel.unit}"
 
 
 def _example_table(vessel: Vessel) -> str:
-    """A 10/10 zigzag of the example ship in a calm sea, by sensors so good that its columns agree by eye."""
+    """A 10/10 zigzag of the ship in a calm sea, by sensors so good that its columns agree by eye."""
     table, _ = simulate_trial(vessel, "calm", "zigzag_10_10", _EXAMPLE_S, 1.0, noise=Noise().scaled(0.1))
     lat, lon, _ = ned2geodetic(table["north_m"], table["east_m"], 0.0, *_PLACE_DEG, 0.0)
     knots = table[["surge_mps", "sway_mps", "wind_speed_mps"]] / _KNOT_MPS
@@ -70,5 +135,5 @@ def _example_table(vessel: Vessel) -> str:
         "Heading": table["heading_deg"].round(2), "ROT deg/min": (60.0 * table["yaw_rate_dps"]).round(2),
         "Speed ahead kn": knots["surge_mps"].round(2), "Speed to starboard kn": knots["sway_mps"].round(2),
         "Wind from": table["wind_direction_deg"].round(1), "Wind kn": knots["wind_speed_mps"].round(1),
-        "Shaft rpm": table["propeller_rpm"].round(1), "Rudder": table["rudder_angle_deg"].round(1),
+        **{_title(each): table[each.name].round(1) for each in control_channels(vessel.actuators)},
     }).to_csv(index=False)  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -128,3 +129,45 @@ def test_lines_in_nested_arrays_of_tables() -> None:
     assert line_of(text, ["a", 1, "b", 1, "x"]) == 7
     assert line_of(text, ["a", 1, "b", 1, "missing"]) == 6
     assert line_of(text, ["c"]) == 1
+
+
+UDP = '[trial]\nname = "x"\n[[source]]\nname = "a"\ntype = "udp"\nport = 10110\nchannels = []\n'
+
+
+@pytest.mark.parametrize(
+    ("more", "hint"),
+    [
+        ("baud_rate = 4800\n", "it belongs to another table, or to another type of this one"),
+        ("magnetic_variation_deg = 1.0\n", "it belongs to another table, or to another type of this one"),
+        ("baudrate = 4800\n", None),  # a port has none
+        ("thruster = {}\n", "did you mean thrusters?"),
+        ("[source.mounting]\nheadin_deg = 1.0\n", "did you mean heading_deg?"),
+        ('[[source.devices]]\nname = "a"\nadress = 3\n', "did you mean address?"),
+        ('[[source.devices]]\nname = "a"\naddress = 3\nport = 1\n', "it belongs to another table"),
+        (
+            '[source.signals]\nheading_deg = { message = "a", signal = "b", unit = "deg", scal = 1 }\n',
+            "mean scale?",
+        ),
+        ("[alarms]\n", "did you mean alarm?"),
+        ("[recording]\nreserve_gb = 1\n", "did you mean reserve_mb?"),
+        ("[port]\n", "it belongs to another table"),
+        ("[zzz]\n", None),
+    ],
+)
+def test_a_hint_for_an_unknown_key_is_another_key_of_its_own_table(
+    tmp_path: Path, more: str, hint: str | None
+) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_config(written(tmp_path, UDP + more))
+    assert "is not a known key here" in caught.value.what
+    assert (hint in caught.value.fix) if hint else not caught.value.fix
+    named = re.search(r"did you mean (\w+)", caught.value.fix)
+    assert named is None or named[1] != caught.value.what.split(":")[0].rpartition(".")[2]
+
+
+@pytest.mark.parametrize("key", ["name", "channels", "clock", "port", "addres", "thrusters", "form", "dbc", "type"])
+def test_no_key_is_proposed_in_its_own_place(tmp_path: Path, key: str) -> None:
+    """Every key of a source, put where there is none of it."""
+    with pytest.raises(ConfigurationError) as caught:
+        load_config(written(tmp_path, UDP + f"[recording]\n{key} = 1\n"))
+    assert f"did you mean {key}?" not in str(caught.value)

@@ -18,7 +18,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from acquisition.config.configuration import load_config, parse_config
 from acquisition.config.sections import MqttSource
-from acquisition.core.channels import NAMES
+from acquisition.core.channels import MOTION, NAMES
 from acquisition.core.errors import SeatrialError, SourceError
 from acquisition.core.frames import Frame
 from acquisition.decoders.nmea0183 import split_sentence
@@ -101,8 +101,12 @@ def test_of_every_capture_all_channels_are_recorded_at_first_try(
     assert recorded(found, tmp_path) == set(found.channels)
     if "golden" not in name and not name.endswith(".tlog"):
         assert channels_by_another_reader(shared_data / name) <= set(found.channels)
-    assert set(found.missing) == set(NAMES) - set(found.channels)
+    assert set(found.missing) == set(MOTION) - set(found.channels)
     assert all(found.missing.values())
+    if name in CAPTURES[-2:]:
+        named = discover(parse_places([str(shared_data / name)]), vessel="gunnerus_short", folder=tmp_path)
+        assert set(named.missing) == set(NAMES) - set(named.channels)
+        assert all(named.missing.values())
 
 
 BUSES = """
@@ -223,12 +227,12 @@ Log = Callable[..., Discovery]
 def log(tmp_path: Path) -> Log:
     """What is discovered in a log of these sentences, ten seconds of each."""
 
-    def discovered(*bodies: str) -> Discovery:
+    def discovered(*bodies: str, vessel: str = "") -> Discovery:
         lines = [
             f"2026-05-17T12:00:{second:02d}Z ".encode() + sentence(body) for second in range(10) for body in bodies
         ]
         (tmp_path / "log.txt").write_bytes(b"".join(lines))
-        return discover(parse_places([str(tmp_path / "log.txt")]), folder=tmp_path)
+        return discover(parse_places([str(tmp_path / "log.txt")]), vessel=vessel, folder=tmp_path)
 
     return discovered
 
@@ -250,13 +254,13 @@ def log(tmp_path: Path) -> Log:
     ],
 )  # fmt: skip
 def test_each_missing_channel_has_one_reason(log: Log, bodies: list[str], channel: str, reason: str) -> None:
-    found = log(*bodies)
+    found = log(*bodies, vessel="gunnerus_short")
     assert found.missing[channel].startswith(reason)
     assert found.missing[channel] in " ".join(found.configuration.replace("\n#   ", " ").split())
 
 
 def test_a_thrusters_sentence_is_no_reason_of_anothers(log: Log) -> None:
-    found = log("RCTRD,2,60.0,P,,V,90.8")
+    found = log("RCTRD,2,60.0,P,,V,90.8", vessel="gunnerus_short")
     assert "TRD 2" not in found.missing["starboard_rpm"]
     assert found.channels["port_angle_deg"] == ["log/RC:TRD"]
 
@@ -364,7 +368,30 @@ def test_packs_are_taken_in_whose_channels_come_and_engines_are_counted(tmp_path
     (tmp_path / "bus.log").write_text("\n".join(rows))
     found = discover(parse_places([str(tmp_path / "bus.log")]), folder=tmp_path)
     assert recorded(found, tmp_path) == {"port_engine_rpm", "starboard_engine_rpm"}
-    assert found.missing["port_rpm"] == "127488 tells the engine's speed: give reduction_ratios"
+    assert "port_rpm" not in found.missing
+    assert found.as_json()["places"][0]["remarks"] == ["127488 tells the engine's speed: give reduction_ratios"]
+
+
+@pytest.mark.parametrize(
+    ("bodies", "remarks"),
+    [
+        ([], []),
+        (["RCTRD,2,60.0,P,,V,90.8"], ["TRD 2 in percent: give rated_rpm"]),
+        (["RCTRD,7,60.0,R,,V,90.8"], ["TRD 7 of a number that no thruster has: say in `thrusters` whose it is"]),
+        (["ERRPM,E,1,900.0,,A"], ["RPM tells the engine's speed: give reduction_ratios"]),
+        (["ERRPM,S,0,120.0,,A"], ["RPM of a shaft that the ship has not: list hers as [[actuator]]"]),
+        (["ERRSA,-5.0,A,,V"], []),
+    ],
+)
+def test_of_a_ship_without_a_name_no_control_is_missing_and_what_comes_is_said(
+    log: Log, bodies: list[str], remarks: list[str]
+) -> None:
+    found = log("HEHDT,12.3,T", *bodies)
+    assert set(found.missing) == set(MOTION) - {"heading_deg"}
+    assert found.as_json()["places"][0].get("remarks", []) == remarks
+    text = " ".join(found.configuration.replace("\n# ", " ").split())
+    assert all(remark in text for remark in remarks)
+    assert not {"tunnel_rpm", "starboard_angle_deg"} & set(text.split("[[source]]")[0].replace(",", " ").split())
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_a_terminal_is_left_as_it_was(tmp_path: Path) -> None:
     assert b"\x1b[?1049h" in shown
     after = shown[shown.rindex(b"\x1b[?1049l") :]
     assert b"\x1b[?25h" in shown[shown.rindex(b"\x1b[?25l") :]
-    assert b"0 of 13 channels, 0 dropped" in after
+    assert b"0 of 8 channels, 0 dropped" in after
     assert b"warning: nothing came of heading_deg" in after
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,12 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.channels import BY_NAME, MOTION, NAMES
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import KNOT_MPS, from_degrees_and_minutes
 from acquisition.recording.reader import read_recording
 from acquisition.tables.column_map import true_wind
-from acquisition.tables.import_table import import_table, quality_flags, read_table_file
+from acquisition.tables.import_table import import_table, propose_for, quality_flags, read_table_file
+from acquisition.tables.table_files import read_raw
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
 EPOCH_S = pd.Timestamp(TIMES[0]).timestamp()
@@ -82,7 +85,7 @@ def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> N
         (standard(time=[*TIMES[:4], None]), "row 5 of column 'time' has no time"),
         (standard(sway_mps=["1", "2", "fast", "4", "5"]), "row 3 of column 'sway_mps' is not a number: 'fast'"),
         (standard(Heading=3.0), r"Heading \(did you mean heading_deg\?\).*--ignore-unknown"),
-        (standard().drop(columns=["heading_deg", "tunnel_rpm"]), "no heading_deg, tunnel_rpm.*--allow-missing"),
+        (standard().drop(columns=["heading_deg", "sway_mps"]), "no heading_deg, sway_mps.*--allow-missing"),
         (standard().rename(columns={"time": "Time"}), "no column `time`.*Time"),
         ("time,north_m\n", "has no rows"),
         ("", "is empty"),
@@ -151,8 +154,71 @@ def test_rows_out_of_order_stay_as_they_are_and_are_counted(tmp_path: Path) -> N
 
 def test_what_is_missing_or_unknown_may_be_allowed_and_is_said(tmp_path: Path) -> None:
     path = csv(tmp_path, standard(Engine=1.0).drop(columns="tunnel_rpm"))
-    summary = import_table(path, tmp_path / "out.mcap", allow_missing=True, ignore_unknown=True)
+    ship = "gunnerus_short"
+    with pytest.raises(InputError, match=r"no tunnel_rpm.*--allow-missing"):
+        import_table(path, tmp_path / "out.mcap", ignore_unknown=True, vessel=ship)
+    summary = import_table(path, tmp_path / "out.mcap", allow_missing=True, ignore_unknown=True, vessel=ship)
     assert "missing: tunnel_rpm; ignored: Engine" in str(summary)
+
+
+OWN_LIKE_GUNNERUS = 'name = "sister"\nbase = "gunnerus_short"\n'
+
+
+@pytest.mark.parametrize(
+    ("columns", "map_text", "vessel", "missing"),
+    [
+        ([], "", None, ()),
+        (["port_rpm"], "", None, ()),
+        (["port_rpm", "starboard_rpm", "tunnel_rpm"], "", None, ()),
+        (["propeller_rpm", "rudder_angle_deg"], "", None, ()),
+        ([], "", "kvlcc2_7m", ("propeller_rpm", "rudder_angle_deg")),
+        (["port_rpm", "starboard_rpm"], "", "otter_2m", ()),
+        (["port_rpm", "port_angle_deg"], "", "sister.toml",
+         ("starboard_rpm", "starboard_angle_deg", "tunnel_rpm")),
+        (["port_rpm"], '[trial]\nvessel = "MV Unknown"\n', None, ()),
+        (["port_rpm"], '[[actuator]]\nname = "port"\nkind = "azimuth"\n', None, ("port_angle_deg",)),
+        (["port_rpm"], '[trial]\nvessel = "otter_2m"\n', None, ("starboard_rpm",)),
+    ],
+)  # fmt: skip
+def test_a_table_lacks_controls_of_a_ship_that_is_named_only(
+    tmp_path: Path, columns: list[str], map_text: str, vessel: str | None, missing: tuple[str, ...]
+) -> None:
+    (tmp_path / "sister.toml").write_text(OWN_LIKE_GUNNERUS)
+    table = standard()[["time", *MOTION]].assign(**dict.fromkeys(columns, 1.0))
+    named = "".join(f'{name} = {{ column = "{name}" }}\n' for name in (*MOTION, *columns))
+    (tmp_path / "map.toml").write_text(f'{map_text}[time]\ncolumn = "time"\n[channels]\n{named}')
+    given = None if vessel is None else str(tmp_path / vessel) if vessel.endswith(".toml") else vessel
+    columns_map = tmp_path / "map.toml" if map_text else None
+    options: dict[str, Any] = {"map_path": columns_map, "vessel": given}
+    path = csv(tmp_path, table)
+    if missing:
+        with pytest.raises(InputError, match=f"has no {', '.join(missing)}"):
+            import_table(path, tmp_path / "out.mcap", **options)
+    summary = import_table(path, tmp_path / "out.mcap", allow_missing=bool(missing), **options)
+    assert summary.missing == missing
+
+
+@pytest.mark.parametrize(
+    ("columns", "vessel", "absent"),
+    [
+        ({}, None, []),
+        ({"RPM": 100.0}, None, []),
+        ({"Rudder [deg]": 5.0, "RPM": 100.0}, None, []),
+        ({"Port thruster [rpm]": 50.0, "Stbd thruster [rpm]": 50.0}, None, []),
+        ({"Rudder [deg]": 5.0}, "kvlcc2_7m", ["propeller_rpm"]),
+    ],
+)
+def test_a_proposed_map_lists_no_other_ships_channels_as_absent(
+    tmp_path: Path, columns: dict[str, float], vessel: str | None, absent: list[str]
+) -> None:
+    rows = np.arange(60.0)
+    table = pd.DataFrame({
+        "Time": pd.date_range("2026-05-17", periods=60, freq="s", tz="UTC").strftime("%Y-%m-%dT%H:%M:%SZ"),
+        "Latitude": 63.44 + 3e-5 * rows, "Longitude": 10.4 + 0.0 * rows, "Heading [deg]": 0.0 * rows,
+    }).assign(**columns)  # fmt: skip
+    proposal = propose_for(read_raw(csv(tmp_path, table)), None, vessel)
+    controls = [name for name in tomllib.loads(proposal.text)["absent"] if name not in MOTION]
+    assert controls == absent
 
 
 def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:

@@ -175,11 +175,37 @@ def test_smoothed_motion_has_the_standard_deviation_of_each_state_in_its_unit(
 
 def test_channels_that_are_not_recorded_are_named(recording: Path, tmp_path: Path) -> None:
     without = read_table(recording).drop(columns=["wind_speed_mps", "tunnel_rpm"])
-    write_table(without, tmp_path / "few.mcap", Trial())
+    write_table(without, tmp_path / "few.mcap", Trial(vessel="gunnerus_short"))
     run = RUN.invoke(app, ["check", str(tmp_path / "few.mcap"), "-o", str(tmp_path)])
     assert "not in the recording: wind_speed_mps, tunnel_rpm" in run.stdout
     assert "not in the recording: wind_speed_mps" in (tmp_path / "quality.html").read_text(encoding="utf-8")
     assert "not in the recording" not in RUN.invoke(app, ["check", str(recording)]).stdout
+
+
+@pytest.mark.parametrize(
+    ("trial", "missing"),
+    [
+        (Trial(), []),
+        (Trial(vessel="MV Unknown"), []),
+        (Trial(vessel="kvlcc2_7m", actuators="propeller:propeller, rudder:rudder"), ["propeller_rpm"]),
+        (Trial(vessel="gunnerus_long"), ["port_angle_deg", "starboard_rpm", "starboard_angle_deg", "tunnel_rpm"]),
+        (Trial(vessel="trials/vessels/gunnerus_long.toml"), ["port_angle_deg"]),
+        (Trial(actuators="port:azimuth"), ["port_angle_deg"]),
+    ],
+)
+def test_controls_are_missing_of_a_ship_that_is_named_only(
+    recording: Path, tmp_path: Path, trial: Trial, missing: list[str]
+) -> None:
+    kept = ["wind_direction_deg", "wind_speed_mps", "heading_deg", "north_m", "east_m", "surge_mps", "sway_mps"]
+    table = read_table(recording)[[*kept, "yaw_rate_dps"]].iloc[:100]
+    if "rudder" not in trial.actuators:
+        table["port_rpm"] = 100.0
+    else:
+        table["rudder_angle_deg"] = 5.0
+    write_table(table, tmp_path / "own.mcap", trial)
+    shown = " ".join(RUN.invoke(app, ["check", str(tmp_path / "own.mcap")]).stdout.split())
+    assert ("not in the recording" in shown) == bool(missing)
+    assert all(name in shown for name in missing)
 
 
 @pytest.fixture(scope="module")

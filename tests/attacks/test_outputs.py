@@ -111,7 +111,7 @@ WRITERS: dict[str, tuple[tuple[str, ...], str]] = {
     "manoeuvres": (("manoeuvres", TRIAL, "-o", "out"), "out/"),
     "batch": (("batch", ".", "-o", "out"), "out/"),
     "discover": (("discover", RAW, "-o", "out.toml"), "out.toml"),
-    "init": (("init", "out"), "out/"),
+    "init": (("init", "out", *SHIP), "out/"),
     "simulate": (("simulate", "-o", "out.mcap"), "out.mcap"),
     "campaign": (("campaign", str(ROOT / "trials" / "campaign.toml"), "-o", "out"), "out/"),
     "demo": (("demo", "-o", "out"), "out/"),
