@@ -166,9 +166,13 @@ def rate_by_fit(found: Fit, rate: Rate) -> Told | None:
 
 
 def odd_factor(column: str, unit: str, found: Fit, rate: Rate) -> str:
-    """What is odd about a rate in its unit by a fit, with the unit that would fit; empty where nothing is."""
+    """What is odd about a rate in its unit by a fit, with the unit that would fit; empty where nothing is.
+
+    The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as
+    large, whichever of the two series is noisy (Frisch, Statistical Confluence Analysis, 1934).
+    """
     factor = abs(found.factor) / scale_to(rate.units[0], unit)
-    if not found.is_clear or 1.0 / _ODD < factor < _ODD:
+    if not found.is_clear or (factor < _ODD and factor / found.correlation**2 > 1.0 / _ODD):
         return ""
     likely = rate_by_fit(found, rate)
     guess = f": {likely[0]}?" if likely and likely[0] != unit else ""
