@@ -55,9 +55,11 @@ _LEAP_SECONDS_NS = [
 
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
+_IN_LETTERS = r"\s?[hH]\s?\d\d(?:\s?m(?:in|n)?\s?\d\d)?"  # 12h00, 12h00m05s, 12 h 00 min 05 s
 _CLOCK = (
-    r"(?P<clock>\d{1,2}(?::\d\d(?::\d\d)?|\.\d\d\.\d\d))"
-    r"(?:(?<=[:.]\d\d[:.]\d\d)[.,:](?P<fraction>\d{1,9}))?(?!\d)(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
+    r"(?P<clock>\d{1,2}(?::\d\d(?::\d\d)?|\.\d\d\.\d\d|" + _IN_LETTERS + r"))"
+    r"(?:(?:(?<=[:.]\d\d[:.]\d\d)|(?<=[mn]\d\d)|(?<=[mn] \d\d))[.,:](?P<fraction>\d{1,9}))?(?!\d)"
+    r"(?:\s?s(?:ec)?(?![a-z]))?(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
 )
 _GAP = r"(?:[T ,_;\t:-]|at )+"
 _pattern = partial(re.compile)
@@ -66,6 +68,7 @@ _COMPACT = _pattern(
     r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-]?(?P<clock>\d{6})(?!\d)(?:[.,](?P<fraction>\d{1,9}))?"
     + _ZONE
 )
+_COMPACT_DATE = _pattern(r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)" + _GAP + _CLOCK)
 _NUMBERS = _pattern(
     r"(?<![\d.:])(?P<a>\d{4}|\d{1,2})(?P<sign>[-/. ])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{4}|\d{1,2})(?![\d:])"
     + _GAP + _CLOCK
@@ -78,7 +81,7 @@ _NAME_FIRST = _pattern(
     + _CLOCK
     + r"(?: (?P<year>\d{4})(?!\d))?"
 )
-_PATTERNS = (_YEAR_DAY, _COMPACT, _NUMBERS, _NAMED, _YEAR_NAMED, _NAME_FIRST)
+_PATTERNS = (_YEAR_DAY, _COMPACT, _COMPACT_DATE, _NUMBERS, _NAMED, _YEAR_NAMED, _NAME_FIRST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +192,7 @@ def _is_date(numbers: Sequence[int], order: Order) -> bool:
 
 def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
     """A time of day as ns since midnight; None where there is none."""
-    clock = clock.replace(".", ":")
+    clock = re.sub(r"\s?(?:\.|h|min|mn|m)\s?", ":", clock.lower())
     if ":" not in clock:
         clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
     hours, minutes, seconds = (int(part) for part in f"{clock}:0".split(":")[:3])

@@ -151,12 +151,18 @@ def _hemispheres(draft: Draft, angle: Candidate, axis: Axis) -> pd.Series[Any] |
     names = list(map(str, columns.columns))
     place = names.index(angle.column)
     beside = [name for name in names[max(place - 1, 0) : place + 2] if names_hemispheres(columns[name], axis)]
-    for name in [*(each.column for each in draft.of(axis)), *beside]:
+    named = [each.column for each in draft.of(axis) if not _is_count(draft, each.column)]
+    for name in [*named, *beside]:
         if not draft.is_empty(name):
             return columns[name]
         side = "north" if axis == "north_south" else "east"
         draft.warnings.append(f"the column of hemispheres {name!r} is empty: {side} is taken")
     return None
+
+
+def _is_count(draft: Draft, column: str) -> bool:
+    """Whether a column has numbers beyond those of signs and flags, as ``ns`` has those of satellites."""
+    return bool(np.nanmax(np.abs(draft.numbers(column)), initial=0.0) > 1.0)
 
 
 def _take_position(

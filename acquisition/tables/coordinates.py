@@ -82,7 +82,8 @@ def _sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any]
             )
         return 1.0 if o_is == "east" else -1.0
     if word not in _SIGNS[axis]:
-        what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {column.iloc[row]!r}"
+        cell = str(column.iloc[row])
+        what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {cell!r}"
         raise InputError(what, fix="write N and S" if axis == "north_south" else "write E and W")
     return _SIGNS[axis][word]
 

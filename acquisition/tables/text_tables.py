@@ -21,6 +21,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches
+from acquisition.tables.logger_tables import without_heads_of_labview
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -31,7 +32,6 @@ NOT_AVAILABLE = (
 
 _DELIMITERS = (";", "\t", "|", ",")
 _PROBE_LINES = 60
-_END_OF_HEAD = "***End_of_Header***"
 _COMMENT, _BOM = "#%", "\ufeff"
 _CODE_PAGES, _PROBE_LETTERS = ("cp1252", "cp932", "gb18030"), 4000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
@@ -136,7 +136,7 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
     ``refuse_twins`` raises for names that come twice. Raises :class:`ValueError` naming the first row that is
     longer than the header.
     """
-    head, text = _without_head_of_labview(text)
+    head, text = without_heads_of_labview(text)
     lines = list(islice((line.rstrip("\r\n") for line in _lines(text) if line.strip()), _PROBE_LINES))
     delimiter = _delimiter(lines)
     rows = [_split(line, delimiter) for line in lines]
@@ -160,19 +160,6 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
     frame = frame.apply(lambda column: _ungrouped(column, decimal))
     return ReadRows(frame, layout.units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None)
-
-
-def _without_head_of_labview(text: str) -> tuple[list[str], str]:
-    """The lines of the two heads of a LabVIEW measurement, and what follows; other texts have none of them.
-
-    Raises :class:`ValueError` for one with several segments, each of which has a start of its own.
-    """
-    if not text.startswith("LabVIEW Measurement"):
-        return [], text
-    *heads, body = text.split(_END_OF_HEAD)
-    if len(heads) > 2:
-        raise ValueError(f"it has {len(heads) - 1} segments, each with a start of its own; save them apart")
-    return "".join(heads).splitlines(), body.partition("\n")[2]
 
 
 def _without_repeated(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:

@@ -7,6 +7,7 @@ reads, and in which order of day and month, by all rows of them.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -18,8 +19,8 @@ import pandas as pd
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.times import ORDERS, Order, Stamp, date_order, is_of_several, offset_s
 from acquisition.tables.column_names import TIME_WORDS, words_of
-from acquisition.tables.draft import Draft
-from acquisition.tables.time_columns import NS_IN, TEXT, ZONED, with_zone
+from acquisition.tables.draft import Candidate, Draft
+from acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
 from acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
 from acquisition.tables.zones import GPS
 
@@ -28,6 +29,8 @@ _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17,
 _SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds are further
 _MOST_CELLS = 50  # decide what a column holds
+_ROLLED_WEEKS = 1024  # ten bits (IS-GPS-200)
+_WEEK_S = 604_800.0
 _ENOUGH = 0.8  # of them are of one kind
 _FORWARD = 0.95  # of the steps of a time
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
@@ -55,10 +58,15 @@ def read_time(draft: Draft) -> tuple[str, ...]:
     for clock, date in product(of("clock", "number"), of("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
             return _two_columns(draft, clock, date)
+    weeks, passed = (next(iter(draft.of(name)), None) for name in ("gps_week", "time_of_week"))
+    if weeks and passed:
+        return _gps_week(draft, weeks.column, passed)
     if clocks := of("clock"):
         return _time_of_day(draft, clocks[0])
     if numbers := of("number"):
         return _seconds(draft, numbers[0])
+    if passed:
+        return _seconds(draft, passed.column, _unit_of_week(draft, passed))
     raise _no_time(draft, columns)
 
 
@@ -223,12 +231,35 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     return (next((each for each in possible if each == answer), order)), "as answered" if answer else "not clear"
 
 
-def _seconds(draft: Draft, column: str) -> tuple[str, ...]:
+def _gps_week(draft: Draft, week: str, passed: Candidate) -> tuple[str, ...]:
+    """Weeks of GPS and what has passed of each."""
+    weeks = draft.numbers(week)
+    if np.nanmedian(weeks) < _ROLLED_WEEKS:
+        draft.warnings.append(
+            f"{week!r} is of before August 1999: receivers that count weeks to {_ROLLED_WEEKS - 1} mean one of"
+            f" {_ROLLED_WEEKS} or {2 * _ROLLED_WEEKS} weeks later; --answer start=2026-05-17T12:00:00Z is the first"
+            " row's time"
+        )
+    unit = _unit_of_week(draft, passed)
+    entry = {"column": passed.column, "date": week, "format": GPS_WEEK} | ({} if unit == "s" else {"unit": unit})
+    draft.note(week, "date", "", f"weeks of GPS, with the time of week in {passed.column!r}")
+    return (week, *_put(draft, passed.column, entry, [], "time of the week", unit))
+
+
+def _unit_of_week(draft: Draft, passed: Candidate) -> str:
+    """The unit of what has passed of a week, by its head, its name (u-blox' iTOW, ArduPilot's GMS) or its size."""
+    units = [unit for unit in passed.units if unit in NS_IN]
+    is_ms = {"i", "tow"} <= passed.words or bool(passed.words & {"itow", "gms", "ms", "milliseconds"})
+    largest = float(np.nanmax(draft.numbers(passed.column), initial=0.0))
+    return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
+
+
+def _seconds(draft: Draft, column: str, told: str = "") -> tuple[str, ...]:
     """Seconds, or what else is counted, since some start."""
     values = draft.numbers(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     usual = float(np.median(steps)) if steps.size else 1.0
-    units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
+    units = (told,) if told else next((each.units for each in draft.candidates if each.column == column), ())
     unit, why = next((each for each in units if each in NS_IN), "s"), "as its head says"
     if not units:
         why = f"steps of {usual:g}"
@@ -275,7 +306,7 @@ def _put(
         why = f"{why}; {entry['zone']} as answered, what the text names is ignored"
     elif not zoned:
         several = next((stamp.zone for stamp in stamps if stamp.zone), "")
-        entry["zone"], reason = _zone(draft, column, entry.get("date", ""), several)
+        entry["zone"], reason = _zone(draft, column, entry, several)
         why = f"{why}; {reason}"
     if "start" in draft.answers and entry["format"] != "seconds":
         entry["start"] = with_zone(draft.ask("start", "") or "")
@@ -285,11 +316,11 @@ def _put(
     return (column,)
 
 
-def _zone(draft: Draft, column: str, date: str, several: str) -> tuple[str, str]:
+def _zone(draft: Draft, column: str, entry: Mapping[str, Any], several: str) -> tuple[str, str]:
     """The zone that an answer or the columns' names state, else UTC; and why."""
-    name = f"{column} {draft.raw.units.get(column, '')} {date}"
+    name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
     words = set(words_of(name))
-    stated = _zone_in(name)
+    stated = GPS if entry["format"] == GPS_WEEK else _zone_in(name)
     if "zone" not in draft.answers and not several and not is_of_several(stated) and stated:
         if stated == GPS:
             draft.warnings.append(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -142,6 +144,123 @@ def test_labviews_measurement_has_its_start_in_its_head(tmp_path: Path, command:
     found = recorded(command, path)
     assert found["heading_deg"].to_numpy() == pytest.approx(HEADING)
     assert found.index[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_segments_of_labview_count_from_their_own_starts(tmp_path: Path, command: Command, comma: bool) -> None:
+    text = "LabVIEW Measurement\t\nSeparator\tTab\nDate\t2026/05/17\nTime\t11:59:58.0\n***End_of_Header***\t\n\t\n"
+    for first, start in ((0, "12:00:00.0"), (20, "12:00:25.5"), (40, "12:10:00.0")):
+        text += (
+            f"Channels\t1\t\nSamples\t20\t\nDate\t2026/05/17\t\nTime\t{start}\t\nX_Dimension\tTime\t\n"
+            "X0\t0.0E+0\t\n***End_of_Header***\t\t\nX_Value\tHeading\tComment\n"
+        )
+        text += "".join(f"{row:.6f}\t{HEADING[first + row]}\t\n" for row in range(20)) + "\n"
+    path = tmp_path / "t.lvm"
+    path.write_text(text.replace(".", ",") if comma else text)
+    found = recorded(command, path)
+    assert found["heading_deg"].to_numpy() == pytest.approx(HEADING)
+    seconds = (found.index - pd.Timestamp("2026-05-17T12:00:00Z")).total_seconds()
+    assert seconds[[0, 19, 20, 39, 40, 59]].to_list() == [0.0, 19.0, 25.5, 44.5, 600.0, 619.0]
+
+
+def test_segments_of_labview_with_other_columns_or_no_start_are_refused(tmp_path: Path, command: Command) -> None:
+    head = "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n"
+    first = "Channels\t1\nDate\t2026/05/17\nTime\t12:00:00\n***End_of_Header***\nX_Value\tHeading\n0\t1\n1\t2\n"
+    path = tmp_path / "t.lvm"
+    for second, why in (
+        (first.replace("Heading", "Wind"), "other columns"),
+        ("Channels\t1\n" + first.partition("12:00:00\n")[2], "no start"),
+    ):
+        path.write_text(head + first + second)
+        refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+        assert refused.code == 1
+        assert "segment 2 of this LabVIEW measurement" in refused.err
+        assert why in refused.err
+
+
+RTKLIB_HEAD = "% program   : RTKPOST ver.2.4.2\n% obs start : 2026/05/17 12:00:18.0 GPST (week2419   43218.0s)\n%\n"
+RTKLIB_REST = "Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio"
+
+
+def rtklib(system: str, places: str, time: Callable[[int], str], place: Callable[[int], str]) -> str:
+    behind = "   9   0.0100   0.0100   0.0200   0.0000   0.0000   0.0000   1.00    5.0"
+    lines = [f"{time(row)}  {place(row)}   50.1234   {2 - row % 2}{behind}" for row in range(ROWS)]
+    return "\n".join([f"{RTKLIB_HEAD}%  {system}   {places}  height(m)   {RTKLIB_REST}", *lines, ""])
+
+
+def degrees_at(row: int) -> str:
+    return f"{LATITUDE[row]:.9f}   {LONGITUDE[row]:.9f}"
+
+
+RTKLIB_TIMES: dict[str, tuple[str, Callable[[int], str]]] = {
+    "gpst": (
+        "GPST",
+        lambda row: f"2026/05/17 {12 + (row + 18) // 3600:02d}:{(row + 18) // 60:02d}:{(row + 18) % 60:02d}.000",
+    ),
+    "utc": ("UTC ", lambda row: f"2026/05/17 12:00:{row:02d}.000"),
+    "jst": ("JST ", lambda row: f"2026/05/17 21:00:{row:02d}.000"),
+    "week": ("GPST", lambda row: f"2419  {43_218 + row:.3f}"),
+}
+
+
+@pytest.mark.parametrize("form", RTKLIB_TIMES)
+@pytest.mark.parametrize("separator", ["  ", ",", "\t"])
+def test_solutions_of_rtklib_are_read_in_their_time(
+    tmp_path: Path, command: Command, form: str, separator: str
+) -> None:
+    text = rtklib(RTKLIB_TIMES[form][0], "latitude(deg) longitude(deg)", RTKLIB_TIMES[form][1], degrees_at)
+    if separator != "  ":
+        head, _, body = text.partition("%  ")
+        text = (
+            head + "%  " + re.sub(r"[ \t]+", separator, body) if form == "week" else text.replace("   ", separator)
+        )
+    path = tmp_path / "t.pos"
+    path.write_text(text)
+    found = recorded(command, path)
+    assert found.index[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert found.index[-1] == pd.Timestamp("2026-05-17T12:00:59Z")
+    assert found["latitude_deg"].to_numpy() == pytest.approx(LATITUDE, abs=1e-8)
+    said = command("import", path, "-o", path.with_suffix(".mcap"), "--yes", "--force").err
+    assert "30 fixed, 30 float" in said
+    assert ("leap seconds" in said) == (form in ("gpst", "week"))
+
+
+def test_degrees_minutes_and_the_earths_centre_of_rtklib(tmp_path: Path, command: Command) -> None:
+    def sexagesimal(angle: float) -> str:
+        minutes, seconds = divmod(abs(angle) * 3600.0, 60.0)
+        return f"{'-' if angle < 0 else ''}{int(minutes) // 60} {int(minutes) % 60:02d} {seconds:08.5f}"
+
+    def centre(row: int) -> str:
+        return " ".join(
+            f"{each:.4f}" for each in pymap3d.geodetic2ecef(-LATITUDE[row], -LONGITUDE[row] / 100, 50.0)
+        )
+
+    system, time = RTKLIB_TIMES["utc"]
+    path = tmp_path / "t.pos"
+    by_minutes = rtklib(
+        system,
+        "latitude(d'\") longitude(d'\")",
+        time,
+        lambda row: f"{sexagesimal(-LATITUDE[row])} {sexagesimal(-LONGITUDE[row] / 100)}",
+    )
+    by_centre = rtklib(system, "x-ecef(m) y-ecef(m) z-ecef(m)", time, centre)
+    by_centre = by_centre.replace("  height(m)", "").replace("   50.1234", "")
+    for text in (by_minutes, by_centre):
+        path.write_text(text)
+        found = recorded(command, path)
+        assert found["latitude_deg"].to_numpy() == pytest.approx(-LATITUDE, abs=2e-8)
+        assert found["longitude_deg"].to_numpy() == pytest.approx(-LONGITUDE / 100, abs=2e-8)
+
+
+def test_a_damaged_line_of_rtklib_is_named(tmp_path: Path, command: Command) -> None:
+    path = tmp_path / "t.pos"
+    path.write_text(
+        rtklib("UTC", "latitude(deg) longitude(deg)", RTKLIB_TIMES["utc"][1], degrees_at)
+        + "2026/05/17 12:01:00.000 63.4\n"
+    )
+    refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert refused.code == 1
+    assert f"line {ROWS + 5} has 3 cells, the header 15" in refused.err
 
 
 def test_expeditions_pairs_are_its_own_boats(tmp_path: Path, command: Command) -> None:
