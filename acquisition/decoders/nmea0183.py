@@ -24,7 +24,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group, safe_label, sensor_of
 from acquisition.core.units import Linear
-from acquisition.decoders import DeclaredReaders, Decoder
+from acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.decoders.receivers import Receivers
 from acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
@@ -253,6 +253,7 @@ class Nmea0183Decoder(Decoder):
         self._unchecked = unchecked
         self._tell_gga: set[str] = set()
         self._receivers = Receivers(self.notices)
+        self._senders = FurtherSenders()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
@@ -265,9 +266,11 @@ class Nmea0183Decoder(Decoder):
     def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
         """The samples in a line that came in a frame; ``time_ns`` is the time that was stated beside it."""
         groups: list[Group] = []
-        parts = sentences_in(line)
+        parts, sender = sentences_in(line), self._senders.label(frame.sender)
         for part in parts:
             tagged = split_tag(part)
+            if sender:
+                tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{sender}")
             tagged = tagged if time_ns is None else replace(tagged, time_ns=time_ns)
             groups += self._decode(frame, tagged, alone=len(parts) == 1)
         return groups
