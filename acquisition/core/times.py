@@ -53,6 +53,9 @@ _LEAP_SECONDS_NS = [
 ]
 """The GPS times from which it is a second more ahead of UTC: IERS, Bulletin C; the last was at the end of 2016."""
 
+YEAR_LAST = "two digits behind slashes are usually the year"
+"""Why an order is taken that the log itself does not state."""
+_SLASHED = re.compile(r"\d/\d\d?/\d\d(?!\d)")
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
 _IN_LETTERS = r"\s?[hH]\s?\d\d(?:\s?m(?:in|n)?\s?\d\d)?"  # 12h00, 12h00m05s, 12 h 00 min 05 s
@@ -168,7 +171,7 @@ def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[
     if len(parts["c"] or "") == 4:
         # dates with points have the day first wherever they are written so, with slashes the year last
         return numbers, ("day-first",) if parts.get("sign") == "." else ("day-first", "month-first")
-    by_sign: dict[str, tuple[Order, ...]] = {".": ("day-first",), "/": ("day-first", "month-first")}
+    by_sign: dict[str, tuple[Order, ...]] = {".": ("day-first",)}
     return numbers, by_sign.get(parts.get("sign") or "", ORDERS)
 
 
@@ -240,7 +243,8 @@ def date_order(
 
     ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
     order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
-    tenth of what it lasts by the other. ``usual`` is taken where nothing decides.
+    tenth of what it lasts by the other; with slashes, that two digits of a year stand last (:data:`YEAR_LAST`).
+    ``usual`` is taken where nothing decides.
     """
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
@@ -250,8 +254,11 @@ def date_order(
     if len(agreeing) == 1:
         return agreeing[0], "as the date beside it"
     spans = sorted((_span_days(stamps, order), order) for order in possible)
+    behind = [order for order in possible if order != "year-first"]
     if len(spans) > 1 and spans[0][0] <= _LONGEST_LOG_DAYS and spans[0][0] * _MUCH_LONGER < spans[1][0]:
         return spans[0][1], f"else it would last {spans[1][0]:.0f} days"
+    if len(behind) == 1 and all(_SLASHED.search(stamp.text) for stamp in stamps):
+        return behind[0], YEAR_LAST
     return (usual if usual in possible or not possible else possible[0]), ""
 
 

@@ -21,6 +21,7 @@ from acquisition.core.conventions import FROM_EAST
 from acquisition.core.units import scale_to
 from acquisition.tables import evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
+from acquisition.tables.column_map import without_fix
 from acquisition.tables.coordinates import (
     Axis,
     MeaningOfO,
@@ -186,6 +187,8 @@ def _take_position(
     draft.note(latitude.column, "latitude_deg, north_m", *told)
     draft.note(longitude.column, "longitude_deg, east_m", *told)
     valid = evidence.is_place(*degrees)
+    if (nowhere := (degrees[0] == 0.0) & (degrees[1] == 0.0)).any():
+        draft.warnings.append(without_fix(nowhere))
     there = [each[valid] for each in degrees]
     known.origin = float(there[0][0]), float(there[1][0])
     plane = np.full((2, valid.size), np.nan)

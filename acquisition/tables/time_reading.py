@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.times import ORDERS, Order, Stamp, date_order, is_of_several, offset_s
+from acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
 from acquisition.tables.column_names import TIME_WORDS, words_of
 from acquisition.tables.draft import Candidate, Draft
 from acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
@@ -30,11 +30,16 @@ _SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds are further
 _MOST_CELLS = 50  # decide what a column holds
 _ROLLED_WEEKS = 1024  # ten bits (IS-GPS-200)
+_MOST_NAMED = 3
 _WEEK_S = 604_800.0
 _ENOUGH = 0.8  # of them are of one kind
 _FORWARD = 0.95  # of the steps of a time
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
 _LOCAL_WORDS = frozenset(["local", "lt", "localtime", "lokal", "lokalzeit", "ortszeit", "bordzeit", "locale"])
+_ZONE_HEAD = re.compile(
+    r"(?:(?:utc|gmt|time|zeit|tids?)\s?)?(?:tz|zone|zona|timezone|zeitzone|tidssone|offset)|fuseau(?: horaire)?"
+    r"|huso(?: horario)?|fuso(?: orario)?|tijdzone"
+)
 _GPS_WORDS = frozenset({"gpst", "gpstime"})
 _OFFSET = re.compile(
     r"(?:UTC|GMT)\s*[+-]\s*\d{1,2}(?::?\d\d)?(?![\d:])|(?<![\w:])[+-]\d\d:?\d\d(?![\w:])", re.IGNORECASE
@@ -223,6 +228,13 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     if answer is not None and possible and answer not in possible:
         against = next(stamp for stamp in stamps if answer not in stamp.orders)
         raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {against.text!r}")
+    if why == YEAR_LAST and answer is None:
+        others = [each for each in possible if each != order]
+        readings = [pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in (order, *others)]
+        draft.warnings.append(
+            f"{example.text!r} is taken for {readings[0]}, as {why};"
+            f" --answer date_order={others[0]} for {readings[1]}"
+        )
     if why and answer is None:
         return order, "" if len(example.orders) == 1 else f"{order.replace('-', ' ')}: {why}"
     days = {each: pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in possible}
@@ -307,7 +319,7 @@ def _put(
     elif not zoned:
         several = next((stamp.zone for stamp in stamps if stamp.zone), "")
         entry["zone"], reason = _zone(draft, column, entry, several)
-        why = f"{why}; {reason}"
+        why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
         entry["start"] = with_zone(draft.ask("start", "") or "")
         why = f"{why}; the first row is of {entry['start']}, as answered"
@@ -328,16 +340,39 @@ def _zone(draft: Draft, column: str, entry: Mapping[str, Any], several: str) -> 
                 " if it is UTC: --answer zone=UTC"
             )
         return stated, f"{stated} by its name"
-    several = several or stated
+    beside, zones = _zones_beside(draft) if not several and not stated else ("", ())
+    if len(zones) == 1 and _is_zone(zones[0]) and "zone" not in draft.answers:
+        draft.note(beside, "zone of the time", "", "the same in all rows")
+        return zones[0], f"{zones[0]} by column {beside!r}"
+    several = several or stated or ", ".join(zones)
     text, default = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", "UTC"
     if several:
         text = f"column {column!r} names the zone {several}, which stands for several; which is it (-06:00 ...)?"
+    if zones:
+        text = f"column {beside!r} states the zone as {several}; which is that of the times (UTC, +02:00 ...)?"
     zone = draft.ask("zone", text, (), None if several or words & _LOCAL_WORDS else default)
     if "zone" in draft.answers:
         return zone or default, f"{zone} as answered"
     if not several:
         draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
     return default, "UTC is assumed, no zone is stated"
+
+
+def _zones_beside(draft: Draft) -> tuple[str, tuple[str, ...]]:
+    """The column that states the zones of the times, and these; empty where there is none."""
+    for column in map(str, draft.raw.columns.columns):
+        zones = tuple(_cells(draft, column).astype("str").str.strip().unique())
+        if not _is_text(draft, column):  # of hours, of minutes, or of both
+            zones = tuple(f"the number {zone}" for zone in zones)
+        elif not all(map(_is_zone, zones)):
+            continue
+        if zones and _ZONE_HEAD.fullmatch(" ".join(words_of(column))):
+            return column, zones[:_MOST_NAMED]
+    return "", ()
+
+
+def _is_zone(text: str) -> bool:
+    return text in available_timezones() or offset_s(text) is not None
 
 
 def _zone_in(name: str) -> str:

@@ -446,3 +446,35 @@ def test_what_is_wanted_of_the_motion_is_not_the_motion(tmp_path: Path, name: st
         f"time,lat,lon,{name}\n" + "".join(f"{time},63.4,10.4,90\n" for time in TIMES), encoding="utf-8"
     )
     assert name not in {each.column for each in propose_for(read_raw(path)).readings}
+
+
+@pytest.mark.parametrize(("north", "west"), [("с.ш.", "з.д."), ("с. ш.", "з. д."), ("сш", "зд"), ("С.Ш.", "З.Д.")])
+def test_hemispheres_of_two_letters_in_russian(north: str, west: str) -> None:
+    latitude, longitude = (
+        pd.Series([f"63.44 {north}", f"63°26.4' {north}"]),
+        pd.Series([f"10.4 {west}", f"10°24' {west}"]),
+    )
+    angles, signs = degrees_of_text(latitude, longitude)
+    assert np.concatenate(angles) == pytest.approx([63.44, 63.44, 10.4, 10.4])
+    assert [each.tolist() for each in signs] == [[1.0, 1.0], [-1.0, -1.0]]
+    assert signs_of(pd.Series([north, "ю.ш."]), "north_south").tolist() == [1.0, -1.0]
+
+
+def test_rows_without_a_fix_have_no_position_nor_speed(tmp_path: Path, command: Command) -> None:
+    """Latitude and longitude 0 would be a ship that stands still for as long."""
+    latitude, longitude = LATITUDE.copy(), LONGITUDE.copy()
+    latitude[20:35] = longitude[20:35] = 0.0
+    path = tmp_path / "t.csv"
+    path.write_text(
+        "time,lat,lon,heading\n"
+        + "\n".join(
+            f"{t},{a:.7f},{b:.7f},{h}" for t, a, b, h in zip(TIMES, latitude, longitude, HEADING, strict=True)
+        )
+        + "\n"
+    )
+    done = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert "15 rows at latitude 0, longitude 0" in done.err
+    found = read_table(tmp_path / "t.mcap")
+    for name in ("latitude_deg", "north_m", "surge_mps"):
+        assert np.isnan(found[name].to_numpy()[22:33]).all(), name
+    assert np.nanmin(np.hypot(found["surge_mps"], found["sway_mps"])) > 2.0

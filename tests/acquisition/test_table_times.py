@@ -439,3 +439,56 @@ def test_a_time_of_week_alone_keeps_its_durations(tmp_path: Path) -> None:
     proposal, found = read(path)
     assert any("unknown start" in warning for warning in proposal.warnings)
     assert (np.diff(found.asi8) == 5 * 10**8).all()
+
+
+@pytest.mark.parametrize(
+    ("form", "other"), [("%d/%m/%y", "year-first"), ("%y/%m/%d", "year-first"), ("%m/%d/%y", None)]
+)
+def test_two_digits_of_a_year_stand_last_behind_slashes_which_is_reported(
+    tmp_path: Path, form: str, other: str | None
+) -> None:
+    expected = instants(start=dt.datetime(2026, 5, 17, 12, tzinfo=dt.UTC))
+    path = table(tmp_path / "t.csv", [each.strftime(f"{form} %H:%M:%S") for each in expected])
+    proposal, found = read(path)
+    warned = [warning for warning in proposal.warnings if "date_order=year-first" in warning]
+    assert len(warned) == (other is not None)
+    if form == "%y/%m/%d":
+        assert "17 May 2026" in warned[0]
+        _, found = read(path, date_order="year-first")
+    assert found.asi8.tolist() == expected.asi8.tolist()
+
+
+@pytest.mark.parametrize("head", ["tz", "Time zone", "UTC offset", "timezone", "Zeitzone", "fuseau horaire"])
+@pytest.mark.parametrize(
+    ("zone", "hours"), [("+02:00", 2), ("-03:30", -3.5), ("CEST", 2), ("Europe/Oslo", 2), ("UTC", 0)]
+)
+def test_a_zone_in_a_column_of_its_own_is_applied(tmp_path: Path, head: str, zone: str, hours: float) -> None:
+    expected = instants()
+    local = expected + pd.Timedelta(hours=hours)
+    lines = [f"{each:%Y-%m-%d};{each:%H:%M:%S.%f};{zone};{row}" for row, each in enumerate(local)]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([f"Date;Time;{head};heading", *lines]) + "\n")
+    proposal, found = read(path)
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert not any("UTC is assumed" in warning for warning in proposal.warnings)
+
+
+def test_zones_that_change_within_their_column_are_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = [f"2026-10-25 02:{row:02d}:00;{'CEST' if row < 30 else 'CET'};{row}" for row in range(60)]
+    path.write_text("\n".join(["time;tz;heading", *rows]) + "\n")
+    question = propose_for(read_raw(path)).unanswered[0]
+    assert question.key == "zone"
+    assert "states the zone as CEST, CET" in question.text
+
+
+@pytest.mark.parametrize("number", ["-330", "2", "7200", "-0330"])
+def test_a_zone_in_numbers_is_asked_about(tmp_path: Path, number: str) -> None:
+    """Hours, minutes, seconds, or hours and minutes: nothing states which."""
+    path = tmp_path / "t.csv"
+    path.write_text(
+        "time;tz;heading\n" + "".join(f"2026-05-17 12:{row:02d}:00;{number};{row}\n" for row in range(60))
+    )
+    assert propose_for(read_raw(path)).unanswered[0].key == "zone"
+    _, found = read(path, zone="-03:30")
+    assert found[0] == pd.Timestamp("2026-05-17T15:30:00Z")
