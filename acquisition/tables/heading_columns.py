@@ -151,12 +151,24 @@ def judge_heading_column(known: Known) -> None:
     verdict = judge_heading(moves, _readings(known, entry["column"], entry["unit"]), entry["unit"])
     if verdict.unit and verdict.unit != entry["unit"]:
         _ask_unit(known.draft, entry["column"], entry["unit"], verdict)
+    elif verdict.unit and verdict.convention is None:
+        known.draft.warnings.append(_of_another_zero(entry["column"], verdict))
     elif verdict.convention is None:
         _judge_straight_course(known, moves)
     elif verdict.convention is CLOCKWISE:
         known.heading_is_sure = True
     else:
         _correct_heading(known, moves, verdict.convention, verdict)
+
+
+def _of_another_zero(column: str, verdict: HeadingVerdict) -> str:
+    """That a heading turns as the track does, but points elsewhere all the time."""
+    off_deg = verdict.best.mean_deg
+    side = "starboard" if off_deg > 0.0 else "port"
+    return (
+        f"{column!r} turns as the track does, but the track runs {abs(off_deg):.0f} deg to {side} of it throughout:"
+        " does it count from elsewhere than north? It stays as it is; a map's `offset` corrects it"
+    )
 
 
 def _as_answered(known: Known) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches
+from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches, units_called
 from acquisition.tables.logger_tables import without_heads_of_labview
 
 NOT_AVAILABLE = (
@@ -38,6 +38,8 @@ _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _GROUPED = {",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?"), ".": re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")}
+_WITH_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)\s*([^\d\s.,+-][^\d.,]{0,8})")
+_HEMISPHERES = frozenset("NSEWOnsewo")  # N is newton, too
 _TIME_LIKE = re.compile(r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*")
 
 
@@ -146,6 +148,7 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
     decimal = "," if _decimal_is_comma(body, delimiter) else "."
     start = _start_of(text, layout.first)
     content, repeated = _without_repeated(text[start:], lines[: layout.first], layout.header)
+    _refuse_another_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         try:
@@ -158,8 +161,10 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
             raise ValueError(_longer_row(text, start, delimiter, len(layout.names))) from error
     frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame = frame.apply(lambda column: _ungrouped(column, decimal))
-    return ReadRows(frame, layout.units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None)
+    frame, units = _without_units(frame.apply(lambda column: _ungrouped(column, decimal)), decimal)
+    return ReadRows(
+        frame, layout.units | units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None
+    )
 
 
 def _without_repeated(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
@@ -169,6 +174,15 @@ def _without_repeated(content: str, head: Sequence[str], header: int | None) -> 
     lines = set(head[header:])
     kept = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
     return "".join(kept), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
+
+
+def _refuse_another_table(content: str, before: int, name: str, delimiter: str) -> None:
+    """Raise :class:`ValueError` for a line that begins with the first column's name: the names of other columns."""
+    if name and f"\n{name}" not in content:
+        return
+    for number, line in enumerate(_lines(content), start=before + 1):
+        if name and line.startswith(name) and _name(_split(line.rstrip("\r\n"), delimiter)[0]) == name:
+            raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
 
 
 def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
@@ -194,8 +208,8 @@ def frame_of_rows(rows: Sequence[Sequence[Any]]) -> ReadRows:
     frame = _without_nameless(frame.map(_plain).dropna(how="all"))
     preamble = tuple(" ".join(str(cell) for cell in row if _filled(cell)) for row in rows[: layout.header or 0])
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame = frame.infer_objects().reset_index(drop=True)
-    return ReadRows(frame, layout.units, preamble, remarks, layout.header is None)
+    frame, units = _without_units(frame.infer_objects().reset_index(drop=True), ".")
+    return ReadRows(frame, layout.units | units, preamble, remarks, layout.header is None)
 
 
 def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
@@ -324,3 +338,18 @@ def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
         return column
     plain = text.str.replace(other, "", regex=False).str.replace(decimal, ".", regex=False)
     return pd.to_numeric(plain).reindex(column.index)
+
+
+def _without_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The frame with numbers where all cells of a column have one unit behind them, and these units by column."""
+    units = dict[str, str]()
+    for name in map(str, frame):
+        text = frame[name].dropna()
+        first = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
+        if first is None or first[2] in _HEMISPHERES or not units_called(first[2]):
+            continue
+        parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
+        if (parts[1] == first[2]).all():
+            plain = parts[0].str.replace(decimal, ".", regex=False)
+            frame, units[name] = frame.assign(**{name: pd.to_numeric(plain).reindex(frame.index)}), first[2]
+    return frame, units

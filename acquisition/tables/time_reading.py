@@ -63,7 +63,7 @@ def read_time(draft: Draft) -> tuple[str, ...]:
     for clock, date in product(of("clock", "number"), of("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
             return _two_columns(draft, clock, date)
-    weeks, passed = (next(iter(draft.of(name)), None) for name in ("gps_week", "time_of_week"))
+    weeks, passed = next(iter(draft.of("gps_week")), None), _passed_of_week(draft, of("number"))
     if weeks and passed:
         return _gps_week(draft, weeks.column, passed)
     if clocks := of("clock"):
@@ -241,6 +241,16 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     text = f"is {example.text} the {' or the '.join(days.values())}?"
     answer = draft.ask("date_order", text, possible)
     return (next((each for each in possible if each == answer), order)), "as answered" if answer else "not clear"
+
+
+def _passed_of_week(draft: Draft, numbers: list[str]) -> Candidate | None:
+    """The column of what has passed of each week: by its name, or numbers called a time beside weeks of GPS."""
+    named = next(iter(draft.of("time_of_week")), None)
+    weeks = next(iter(draft.of("gps_week")), None)
+    if named or weeks is None or not np.nanmedian(draft.numbers(weeks.column)) >= _ROLLED_WEEKS:
+        return named
+    times = [each for each in draft.of("time") if each.column in numbers]
+    return next((each for each in times if np.nanmax(draft.numbers(each.column)) <= _WEEK_S), None)
 
 
 def _gps_week(draft: Draft, week: str, passed: Candidate) -> tuple[str, ...]:

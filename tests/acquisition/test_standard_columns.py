@@ -107,6 +107,15 @@ def test_an_angle_in_another_unit_than_its_name_states_is_asked_about(
     assert np.abs(difference(found[name], getattr(truth, name))).max() < 1e-6
 
 
+@pytest.mark.parametrize("offset_deg", [-120.0, -70.0, 60.0, 90.0])
+def test_a_heading_of_another_zero_is_reported_and_stays(offset_deg: float, tmp_path: Path) -> None:
+    truth = Truth()
+    summary, found = imported(tmp_path, standard_table(truth, heading_deg=(truth.heading_deg + offset_deg) % 360.0))
+    side = "port" if offset_deg > 0 else "starboard"
+    assert any(f"deg to {side} of it throughout" in remark for remark in summary.remarks)
+    assert np.abs(difference(found["heading_deg"], truth.heading_deg + offset_deg)).max() < 1e-9
+
+
 @pytest.mark.parametrize("first", [-180.0, 0.0])
 def test_both_turns_of_a_heading_are_the_same(first: float, tmp_path: Path) -> None:
     truth = Truth()

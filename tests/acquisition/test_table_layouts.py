@@ -478,3 +478,65 @@ def test_rows_without_a_fix_have_no_position_nor_speed(tmp_path: Path, command: 
     for name in ("latitude_deg", "north_m", "surge_mps"):
         assert np.isnan(found[name].to_numpy()[22:33]).all(), name
     assert np.nanmin(np.hypot(found["surge_mps"], found["sway_mps"])) > 2.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("kn", 1852 / 3600), (" kn", 1852 / 3600), (" km/h", 1 / 3.6), ("m/s", 1.0)]
+)
+@pytest.mark.parametrize("comma", [False, True])
+def test_a_unit_behind_each_number_is_the_columns(
+    tmp_path: Path, command: Command, unit: str, factor: float, comma: bool
+) -> None:
+    lines = ["time;lat;lon;heading;SOG"]
+    for time, latitude, longitude, heading in zip(TIMES, LATITUDE, LONGITUDE, HEADING, strict=True):
+        cells = (f"{latitude:.7f}", f"{longitude:.7f}", f"{heading}°", f"7.5{unit}")
+        lines.append(";".join((time, *(cell.replace(".", ",") if comma else cell for cell in cells))))
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = recorded(command, path)
+    assert_all_rows(found)
+    assert found["speed_over_ground_mps"].to_numpy() == pytest.approx(7.5 * factor)
+
+
+def test_letters_of_hemispheres_are_no_units_and_units_that_change_none(tmp_path: Path, command: Command) -> None:
+    path = tmp_path / "t.csv"
+    body = [
+        f"{time},{latitude:.7f} N,{longitude:.7f} E,{heading}"
+        for time, latitude, longitude, heading in zip(TIMES, LATITUDE, LONGITUDE, HEADING, strict=True)
+    ]
+    path.write_text("\n".join(["time,lat,lon,heading", *body]) + "\n")
+    assert_all_rows(recorded(command, path))
+    body = [f"{time},{10 + row} {'kn' if row % 2 else 'm/s'}" for row, time in enumerate(TIMES)]
+    path.write_text("\n".join(["time,sog", *body]) + "\n")
+    refused = command("import", path, "-o", tmp_path / "u.mcap", "--yes")
+    assert refused.code == 1
+    assert "is not a number: '10 m/s'" in refused.err
+
+
+@pytest.mark.parametrize("word", ["ERR", "OVER", "sensor fault", "1.2.3"])
+def test_few_words_among_numbers_cost_their_rows_and_many_the_import(
+    tmp_path: Path, command: Command, word: str
+) -> None:
+    lines = rows()
+    lines[7] = lines[7].rpartition(",")[0] + f",{word}"
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["time,lat,lon,heading", *lines]) + "\n")
+    done = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert f"1 rows have no number in 'heading', like '{word}' in row 8; they are dropped" in done.err
+    assert len(read_table(tmp_path / "t.mcap")) == ROWS - 1
+    lines[::3] = [line.rpartition(",")[0] + f",{word}" for line in lines[::3]]
+    path.write_text("\n".join(["time,lat,lon,heading", *lines]) + "\n")
+    assert command("import", path, "-o", tmp_path / "u.mcap", "--yes").code == 1
+
+
+@pytest.mark.parametrize("between", ["", "\n", "second table\n"])
+def test_another_table_behind_the_first_is_refused_with_its_line(
+    tmp_path: Path, command: Command, between: str
+) -> None:
+    """Its rudder angles would else be latitudes."""
+    other = "".join(f"{time},1.0\n" for time in TIMES)
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["time,lat,lon,heading", *rows()]) + f"\n{between}time,rudder\n{other}")
+    refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert refused.code == 1
+    assert f"in line {ROWS + 2 + between.count(chr(10))} another table begins, 'time,rudder'" in refused.err

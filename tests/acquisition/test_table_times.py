@@ -398,7 +398,15 @@ def test_any_cells_are_times_or_an_error_of_ours(
 
 
 @pytest.mark.parametrize(
-    "head", ["GPS week;TOW [s]", "week;time of week", "GWk;GMS", "gps_week;itow", "GPS Week;Seconds of Week (s)"]
+    "head",
+    [
+        "GPS week;TOW [s]",
+        "week;time of week",
+        "GWk;GMS",
+        "gps_week;itow",
+        "Week;GPSTime",
+        "GPS Week;Seconds of Week (s)",
+    ],
 )
 @pytest.mark.parametrize(
     "start", [START, dt.datetime(2026, 5, 16, 23, 59, 30, tzinfo=dt.UTC), dt.datetime(2012, 6, 3, tzinfo=dt.UTC)]
