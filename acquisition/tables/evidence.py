@@ -206,7 +206,7 @@ def without_codes(values: Floats, codes: tuple[float, ...] | list[float] = NO_VA
 
 def codes_of(values: Floats, factor: float, channel: Channel) -> list[float]:
     """The codes for no value among numbers that a factor takes to a channel: known ones that it cannot hold."""
-    seen = set(np.unique(values[np.isfinite(values)]).tolist()) & set(NO_VALUE)
+    seen = np.unique(values[np.isin(values, NO_VALUE)]).tolist()
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
     outside = [each for each in sorted(seen) if not low <= each * factor <= high]
     rest = values[np.isfinite(values) & ~np.isin(values, outside)]
