@@ -276,7 +276,12 @@ def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     """A speed's unit, and why; None where it is to be left out."""
     values, found = known.draft.numbers(candidate.column), UNKNOWN
     if name in _ALONG_TRACK and (steps := changes_of(known, *POSITION)):  # sway is across it, and water moves
-        found = fit(np.hypot(*steps), np.abs(integrals(known.t, values, known.grid)))
+        made = integrals(known.t, values, known.grid)
+        if name == "surge_mps" and known.heading_is_sure:
+            heading = np.deg2rad(mean_angle(known, known.series["heading_deg"]))
+            found = fit(steps[0] * np.cos(heading) + steps[1] * np.sin(heading), made)
+        else:
+            found = fit(np.hypot(*steps), np.abs(made))
     if told := rate_unit(known, candidate, found, evidence.SPEED):
         known.speed_units.add(told[0])
         return told

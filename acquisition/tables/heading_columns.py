@@ -167,7 +167,8 @@ def _of_another_zero(column: str, verdict: HeadingVerdict) -> str:
     side = "starboard" if off_deg > 0.0 else "port"
     return (
         f"{column!r} turns as the track does, but the track runs {abs(off_deg):.0f} deg to {side} of it throughout:"
-        " does it count from elsewhere than north? It stays as it is; a map's `offset` corrects it"
+        " does it count from elsewhere than north, or does the ship go so, astern or abeam? It stays as it is;"
+        " a map's `offset` corrects it"
     )
 
 

@@ -107,6 +107,15 @@ def test_an_angle_in_another_unit_than_its_name_states_is_asked_about(
     assert np.abs(difference(found[name], getattr(truth, name))).max() < 1e-6
 
 
+@pytest.mark.parametrize("crab_deg", [-35.0, 30.0])
+def test_the_surge_of_a_ship_that_crabs_is_not_too_small(crab_deg: float, tmp_path: Path) -> None:
+    truth = Truth()
+    turned = (truth.surge_mps + 1j * truth.sway_mps) * np.exp(1j * np.deg2rad(crab_deg))
+    frame = standard_table(truth, surge_mps=turned.real, sway_mps=turned.imag)
+    frame["heading_deg"] = (truth.heading_deg - crab_deg) % 360.0
+    assert not imported(tmp_path, frame)[0].remarks
+
+
 @pytest.mark.parametrize("offset_deg", [-120.0, -70.0, 60.0, 90.0])
 def test_a_heading_of_another_zero_is_reported_and_stays(offset_deg: float, tmp_path: Path) -> None:
     truth = Truth()
