@@ -276,12 +276,10 @@ def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     """A speed's unit, and why; None where it is to be left out."""
     values, found = known.draft.numbers(candidate.column), UNKNOWN
     if name in _ALONG_TRACK and (steps := changes_of(known, *POSITION)):  # sway is across it, and water moves
-        made = integrals(known.t, values, known.grid)
-        if name == "surge_mps" and known.heading_is_sure:
-            heading = np.deg2rad(mean_angle(known, known.series["heading_deg"]))
-            found = fit(steps[0] * np.cos(heading) + steps[1] * np.sin(heading), made)
-        else:
-            found = fit(np.hypot(*steps), np.abs(made))
+        aside = next(iter(known.draft.of("sway_mps")), None) if name == "surge_mps" else None
+        columns = [values] if aside is None else [values, known.draft.numbers(aside.column)]
+        made = [integrals(known.t, evidence.without_codes(each), known.grid) for each in columns]
+        found = fit(np.hypot(*steps), np.hypot(made[0], made[1] if aside else 0.0))
     if told := rate_unit(known, candidate, found, evidence.SPEED):
         known.speed_units.add(told[0])
         return told
