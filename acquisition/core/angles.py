@@ -12,6 +12,7 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channel import Channel
 
 _LEAST_STAY = 5
+_SEAM_DEG = 170.0  # codes for no value, -1 to -99, are far from the seam of -180..180
 
 
 def wrap_360(angle_deg: ArrayLike) -> Floats:
@@ -66,8 +67,9 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     counted on beyond the turn.
 
     They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
-    halves make one turn; three different values at least, or a code for no value would pass. The closed end of
-    the channel's own turn, like a heading of 360, is always the same angle.
+    halves make one turn; three different values at least, or a code for no value would pass, but for headings a
+    little beyond -180, where no code is. The closed end of the channel's own turn, like a heading of 360, is always
+    the same angle.
     """
     values = values[np.isfinite(values)]
     impossible = ~is_possible(channel, values)
@@ -81,7 +83,8 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     if (outside == closed).all():
         return True
     whole_turn = bool((other | (outside == closed)).all()) and not contradicting.any()
-    return (whole_turn and np.unique(outside).size >= 3) or counted_on(values, impossible)
+    beyond_south = channel.low >= 0.0 and bool((outside < -_SEAM_DEG).all())
+    return (whole_turn and (np.unique(outside).size >= 3 or beyond_south)) or counted_on(values, impossible)
 
 
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:

@@ -53,11 +53,16 @@ _LEAP_SECONDS_NS = [
 ]
 """The GPS times from which it is a second more ahead of UTC: IERS, Bulletin C; the last was at the end of 2016."""
 
+YEAR_LAST = "two digits behind slashes are usually the year"
+"""Why an order is taken that the log itself does not state."""
+_SLASHED = re.compile(r"\d/\d\d?/\d\d(?!\d)")
 _NAME = r"[A-Za-zäéû]{3,9}\.?"
 _ZONE = r"(?:\s?(?P<zone>(?:UTC|GMT)?[+-]\d{1,2}(?::?\d\d)?|[A-Z]{3,4}(?![A-Za-z0-9$!])|UT|Z)(?![A-Za-z0-9]))?"
+_IN_LETTERS = r"\s?[hH]\s?\d\d(?:\s?m(?:in|n)?\s?\d\d)?"  # 12h00, 12h00m05s, 12 h 00 min 05 s
 _CLOCK = (
-    r"(?P<clock>\d{1,2}(?::\d\d(?::\d\d)?|\.\d\d\.\d\d))"
-    r"(?:(?<=[:.]\d\d[:.]\d\d)[.,:](?P<fraction>\d{1,9}))?(?!\d)(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
+    r"(?P<clock>\d{1,2}(?::\d\d(?::\d\d)?|\.\d\d\.\d\d|" + _IN_LETTERS + r"))"
+    r"(?:(?:(?<=[:.]\d\d[:.]\d\d)|(?<=[mn]\d\d)|(?<=[mn] \d\d))[.,:](?P<fraction>\d{1,9}))?(?!\d)"
+    r"(?:\s?s(?:ec)?(?![a-z]))?(?:\s?(?P<half>[AaPp])\.?\s?[Mm]\.?)?" + _ZONE
 )
 _GAP = r"(?:[T ,_;\t:-]|at )+"
 _pattern = partial(re.compile)
@@ -66,6 +71,7 @@ _COMPACT = _pattern(
     r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)[T _-]?(?P<clock>\d{6})(?!\d)(?:[.,](?P<fraction>\d{1,9}))?"
     + _ZONE
 )
+_COMPACT_DATE = _pattern(r"(?<!\d)(?P<a>(?:19|20)\d\d)(?P<b>\d\d)(?P<c>\d\d)" + _GAP + _CLOCK)
 _NUMBERS = _pattern(
     r"(?<![\d.:])(?P<a>\d{4}|\d{1,2})(?P<sign>[-/. ])(?P<b>\d{1,2})(?P=sign)(?P<c>\d{4}|\d{1,2})(?![\d:])"
     + _GAP + _CLOCK
@@ -78,7 +84,7 @@ _NAME_FIRST = _pattern(
     + _CLOCK
     + r"(?: (?P<year>\d{4})(?!\d))?"
 )
-_PATTERNS = (_YEAR_DAY, _COMPACT, _NUMBERS, _NAMED, _YEAR_NAMED, _NAME_FIRST)
+_PATTERNS = (_YEAR_DAY, _COMPACT, _COMPACT_DATE, _NUMBERS, _NAMED, _YEAR_NAMED, _NAME_FIRST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +171,7 @@ def _numbers(parts: dict[str, str | None]) -> tuple[tuple[int, int, int], tuple[
     if len(parts["c"] or "") == 4:
         # dates with points have the day first wherever they are written so, with slashes the year last
         return numbers, ("day-first",) if parts.get("sign") == "." else ("day-first", "month-first")
-    by_sign: dict[str, tuple[Order, ...]] = {".": ("day-first",), "/": ("day-first", "month-first")}
+    by_sign: dict[str, tuple[Order, ...]] = {".": ("day-first",)}
     return numbers, by_sign.get(parts.get("sign") or "", ORDERS)
 
 
@@ -189,7 +195,7 @@ def _is_date(numbers: Sequence[int], order: Order) -> bool:
 
 def _clock_ns(clock: str, fraction: str | None, half: str | None) -> int | None:
     """A time of day as ns since midnight; None where there is none."""
-    clock = clock.replace(".", ":")
+    clock = re.sub(r"\s?(?:\.|h|min|mn|m)\s?", ":", clock.lower())
     if ":" not in clock:
         clock = f"{clock[:2]}:{clock[2:4]}:{clock[4:]}"
     hours, minutes, seconds = (int(part) for part in f"{clock}:0".split(":")[:3])
@@ -237,7 +243,8 @@ def date_order(
 
     ``stated`` are stamps with a UTC [ns] of another origin, such as a receiver's sentence. What decides is, in this
     order: which is possible for all; which agrees with ``stated``; by which the log lasts at most a month, and a
-    tenth of what it lasts by the other. ``usual`` is taken where nothing decides.
+    tenth of what it lasts by the other; with slashes, that two digits of a year stand last (:data:`YEAR_LAST`).
+    ``usual`` is taken where nothing decides.
     """
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
@@ -247,8 +254,11 @@ def date_order(
     if len(agreeing) == 1:
         return agreeing[0], "as the date beside it"
     spans = sorted((_span_days(stamps, order), order) for order in possible)
+    behind = [order for order in possible if order != "year-first"]
     if len(spans) > 1 and spans[0][0] <= _LONGEST_LOG_DAYS and spans[0][0] * _MUCH_LONGER < spans[1][0]:
         return spans[0][1], f"else it would last {spans[1][0]:.0f} days"
+    if len(behind) == 1 and all(_SLASHED.search(stamp.text) for stamp in stamps):
+        return behind[0], YEAR_LAST
     return (usual if usual in possible or not possible else possible[0]), ""
 
 

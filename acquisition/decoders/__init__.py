@@ -29,17 +29,35 @@ from acquisition.config.sections import AnySource, CanFrames, CanSource, Mavlink
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.channel import Channel
 from acquisition.core.channels import with_declared
-from acquisition.core.frames import Fix, Frame, Group, Protocol
+from acquisition.core.frames import Fix, Frame, Group, Protocol, safe_label
 
 BAD_DATA = "bad data"
 """Why a decoder refuses what is no packet of its protocol."""
 _MOST_UNKNOWN = 500
+_MOST_SENDERS = 100
 Notices = deque[tuple[str, str]]
 """What people should know, as (level, text): an address that changed, a clock that stepped."""
 
 
 NO_SATELLITES = frozenset({0, 6, 7, 8})
 """Fixes by the numbers of GGA that are none by satellites: none at all, dead reckoning, typed in, a simulator's."""
+
+
+class FurtherSenders:
+    """The addresses that send to one port besides the first, which needs none in its labels."""
+
+    def __init__(self) -> None:
+        self._labels: dict[str, str] = {}
+
+    def label(self, sender: str) -> str:
+        """What stands in the labels of an address; empty for the first, and where none is known."""
+        if not sender:
+            return ""
+        if (label := self._labels.get(sender)) is None:
+            if len(self._labels) >= _MOST_SENDERS:  # addresses can be forged
+                return "further"
+            label = self._labels[sender] = safe_label(sender) if self._labels else ""
+        return label
 
 
 class Decoder(ABC):

@@ -23,7 +23,7 @@ from acquisition.core.channels import BY_NAME, channel_names, with_declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group
 from acquisition.core.units import DEG_PER_RAD, Linear
-from acquisition.decoders import DeclaredReaders, Decoder
+from acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
 from acquisition.decoders.clock import SourceClock, is_possible
 from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of, message_name
 
@@ -211,12 +211,13 @@ class MavlinkDecoder(Decoder):
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
-        self._boot_ns: dict[int, int] = {}  # by component: each counts from its own start
-        self._last_boot_ms: dict[int, int] = {}
+        self._boot_ns: dict[str, int] = {}  # by sender: each counts from its own start
+        self._last_boot_ms: dict[str, int] = {}
         self._quiet_until_ns = 0
-        self._origin: tuple[float, float] | None = None
+        self._origins: dict[str, tuple[float, float]] = {}  # by address
         self._cutter = PacketCutter(whole=isinstance(config, MavlinkFileSource))
         self._link = dialect.MAVLink(None)
+        self._senders = FurtherSenders()
 
     def decode(self, frame: Frame) -> list[Group]:
         groups = []
@@ -249,20 +250,23 @@ class MavlinkDecoder(Decoder):
             self.refused["undecodable"] += 1
             return []
         self._notice_restart(message, frame)
-        told_ns, groups, said = self._told(message), [], self._values(kind, message, frame)
+        told_ns, groups, said = self._told(message, frame), [], self._values(kind, message, frame)
         if ours := self._declared.channels_in(kind):
             said = [(label, [each for each in values if each[0] not in ours]) for label, values in said]
             said.append((kind, self._declared.read(kind, message)))
         for label, values in said:
-            source = f"{frame.origin}/{self._sender(message)}:{label}"
+            source = f"{frame.origin}/{self._sender(message, frame)}:{label}"
             groups += self.clock.group(frame, source, self._possible(values), told_ns)
         return groups
 
-    def _sender(self, message: Any) -> str:
-        """The system, with the component where it is not the autopilot: a companion is a source of its own."""
+    def _sender(self, message: Any, frame: Frame) -> str:
+        """The system, with the component where it is not the autopilot: a companion is a source of its own; so is
+        another system of the same number, at another address."""
         component = message.get_srcComponent()
         is_autopilot = component == dialect.MAV_COMP_ID_AUTOPILOT1
-        return f"{self._system_id}" if is_autopilot else f"{self._system_id}.{component}"
+        further = self._senders.label(frame.sender)
+        system = f"{self._system_id}" if is_autopilot else f"{self._system_id}.{component}"
+        return f"{system}@{further}" if further else system
 
     def _values(self, kind: str, message: Any, frame: Frame) -> list[tuple[str, Values]]:
         """What a message says, a list a group, each with what its source is labelled with."""
@@ -271,7 +275,7 @@ class MavlinkDecoder(Decoder):
                 self._set_clock(message, frame)
                 return []
             case "GPS_GLOBAL_ORIGIN":
-                self._set_origin(message)
+                self._set_origin(message, frame)
                 return []
             case "NAMED_VALUE_FLOAT":
                 return [(kind, self._named_value(message))]
@@ -281,9 +285,12 @@ class MavlinkDecoder(Decoder):
             case "RAW_RPM":  # its unit is rpm, whatever the field is called
                 return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
-                return [(kind, _local_velocity(message)), ("GPS_GLOBAL_ORIGIN", self._local_position(message))]
+                return [
+                    (kind, _local_velocity(message)),
+                    ("GPS_GLOBAL_ORIGIN", self._local_position(message, frame)),
+                ]
             case "GPS_RAW_INT":
-                self.fixes[f"{frame.origin}/{self._sender(message)}"] = _fix(message)
+                self.fixes[f"{frame.origin}/{self._sender(message, frame)}"] = _fix(message)
                 if message.fix_type < _FIX_IN_SPACE:
                     self.refused["no fix"] += 1
                     return []
@@ -305,23 +312,24 @@ class MavlinkDecoder(Decoder):
         channel, step = self._named.get(message.name.rstrip("\0"), ("", Linear(1.0)))
         return [(channel, step.apply(message.value))] if channel else []
 
-    def _local_position(self, message: Any) -> Values:
+    def _local_position(self, message: Any, frame: Frame) -> Values:
         """Latitude and longitude, once the autopilot has told its origin; empty where they cannot be.
 
         Height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm.
         """
-        if self._origin is None:
+        origin = self._origins.get(self._senders.label(frame.sender))
+        if origin is None:
             return []
         if not (BY_NAME["north_m"].holds(message.x) and BY_NAME["east_m"].holds(message.y)):
             self.refused["impossible value"] += 1
             return []
-        latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *self._origin, 0.0)
+        latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *origin, 0.0)
         return [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
 
-    def _set_origin(self, message: Any) -> None:
+    def _set_origin(self, message: Any, frame: Frame) -> None:
         (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
         if BY_NAME[latitude].holds(latitude_deg) and BY_NAME[longitude].holds(longitude_deg):
-            self._origin = latitude_deg, longitude_deg
+            self._origins[self._senders.label(frame.sender)] = latitude_deg, longitude_deg
         else:
             self.refused["impossible value"] += 1
 
@@ -330,17 +338,17 @@ class MavlinkDecoder(Decoder):
 
         Two autopilots of one number would fall back without end; people are told once in a while.
         """
-        boot_ms, component = getattr(message, "time_boot_ms", None), message.get_srcComponent()
+        boot_ms, sender = getattr(message, "time_boot_ms", None), self._sender(message, frame)
         if boot_ms is None:
             return
-        last_ms = self._last_boot_ms.get(component, 0)
-        self._last_boot_ms[component] = int(boot_ms)
+        last_ms = self._last_boot_ms.get(sender, 0)
+        self._last_boot_ms[sender] = int(boot_ms)
         if boot_ms >= last_ms - _OUT_OF_ORDER_MS:
             return
-        if self._boot_ns.pop(component, None) is not None:
+        if self._boot_ns.pop(sender, None) is not None:
             self.clock.forget()
         if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
-            self._origin = None
+            self._origins.pop(self._senders.label(frame.sender), None)
             if frame.monotonic_ns < self._quiet_until_ns:
                 return
             self._quiet_until_ns = frame.monotonic_ns + _QUIET_NS
@@ -350,10 +358,10 @@ class MavlinkDecoder(Decoder):
         if message.time_unix_usec == 0:  # the autopilot does not know the time yet
             return
         told_ns = message.time_unix_usec * _MICRO_NS
-        self._boot_ns[message.get_srcComponent()] = told_ns - message.time_boot_ms * _MILLI_NS
+        self._boot_ns[self._sender(message, frame)] = told_ns - message.time_boot_ms * _MILLI_NS
         self.clock.announce(told_ns, frame)
 
-    def _told(self, message: Any) -> int | None:
+    def _told(self, message: Any, frame: Frame) -> int | None:
         """When a message says that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970."""
         since_ns = None
         if hasattr(message, "time_boot_ms"):
@@ -362,7 +370,7 @@ class MavlinkDecoder(Decoder):
             since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not say
             if since_ns is not None and is_possible(since_ns):
                 return since_ns
-        boot_ns = self._boot_ns.get(message.get_srcComponent())
+        boot_ns = self._boot_ns.get(self._sender(message, frame))
         return None if since_ns is None or boot_ns is None else boot_ns + since_ns
 
 

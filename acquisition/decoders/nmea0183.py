@@ -24,8 +24,9 @@ from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Fix, Frame, Group, safe_label, sensor_of
 from acquisition.core.units import Linear
-from acquisition.decoders import DeclaredReaders, Decoder
+from acquisition.decoders import DeclaredReaders, Decoder, FurtherSenders
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
+from acquisition.decoders.interleaved import InterleavedSources
 from acquisition.decoders.receivers import Receivers
 from acquisition.decoders.sentences import Fields, Reading, machinery_readers, readers
 
@@ -253,6 +254,8 @@ class Nmea0183Decoder(Decoder):
         self._unchecked = unchecked
         self._tell_gga: set[str] = set()
         self._receivers = Receivers(self.notices)
+        self._interleaved = InterleavedSources(self.notices)
+        self._senders = FurtherSenders()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
         machinery = machinery_readers(numbered, actuators, reduction_ratios or {}, rated_rpm or {})
@@ -265,9 +268,11 @@ class Nmea0183Decoder(Decoder):
     def decode_line(self, frame: Frame, line: bytes, time_ns: int | None = None) -> list[Group]:
         """The samples in a line that came in a frame; ``time_ns`` is the time that was stated beside it."""
         groups: list[Group] = []
-        parts = sentences_in(line)
+        parts, sender = sentences_in(line), self._senders.label(frame.sender)
         for part in parts:
             tagged = split_tag(part)
+            if sender:
+                tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{sender}")
             tagged = tagged if time_ns is None else replace(tagged, time_ns=time_ns)
             groups += self._decode(frame, tagged, alone=len(parts) == 1)
         return groups
@@ -312,8 +317,9 @@ class Nmea0183Decoder(Decoder):
     ) -> list[Group]:
         label = _label(frame.origin, talker, kind, tagged, reading)
         number = self._receiver(kind, sensor_of(label), reading, frame)
-        if number > 1:
-            tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}receiver{number}")
+        name = f"receiver{number}" if number > 1 else self._further_source(kind, label, reading, frame)
+        if name:
+            tagged = replace(tagged, source=f"{tagged.source}{'.' if tagged.source else ''}{name}")
             label = _label(frame.origin, talker, kind, tagged, reading)
         self._note_fix(kind, sensor_of(label), reading)
         return self.clock.group(frame, label, reading.values, self._told_ns(reading, frame), reading.quality)
@@ -325,6 +331,13 @@ class Nmea0183Decoder(Decoder):
             place = position["latitude_deg"], position["longitude_deg"]
             return self._receivers.number(sensor, kind, reading.seconds_of_day, frame.monotonic_ns, place)
         return self._receivers.last(sensor) if kind in _WITH_A_FIX else 1
+
+    def _further_source(self, kind: str, label: str, reading: Reading, frame: Frame) -> str:
+        """Which of several sources of one name says what has neither time nor position; empty for the first."""
+        if reading.seconds_of_day is not None or kind in _WITH_A_FIX or not reading.values:
+            return ""
+        number = self._interleaved.number(label, *reading.values[0], frame.monotonic_ns)
+        return f"source{number}" if number > 1 else ""
 
     def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""

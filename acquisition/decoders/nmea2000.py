@@ -106,7 +106,7 @@ class Nmea2000Decoder(Decoder):
             bus = self._buses[frame.sender] = self._new_bus(frame.sender)
             named = [name for name in self._buses if name]
             if len(named) > 1:
-                text = f"the log has several buses, {', '.join(named)}: devices of each are sources of their own"
+                text = f"there are several buses, {', '.join(named)}: devices of each are sources of their own"
                 self.notices.append(("info", f"{text}, like {bus.devices.label(frame.identifier & 0xFF)}"))
         return bus
 

@@ -24,9 +24,10 @@ _ADDRESS = "the device's address, or its NAME once it has claimed one"
 _BUS = "; of several buses in one log each"
 _TALKER = (
     "the talker, with the source of a TAG block; satellite talkers (GP, GN, GL ...) are one receiver, two positions"
-    " of one moment more than 10 m apart two"
+    " of one moment more than 10 m apart two; values that take turns between two levels are of two; at one port"
+    " each address"
 )
-_COMPONENT = "the system, and every component but the autopilot"
+_COMPONENT = "the system, and every component but the autopilot; at one port each address"
 _SINCE_GATEWAY = "since the gateway started; UTC where the bus or a sentence tells it near the log's beginning"
 _OF_DAY = "time of day; the date is that of the bus or a sentence, else of the file's last change, which is said"
 

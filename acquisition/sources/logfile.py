@@ -29,7 +29,7 @@ from can.io import blf
 from acquisition.config.sections import FileSource
 from acquisition.core.budget import LOG_BYTES
 from acquisition.core.frames import HIGHEST_IDENTIFIER, Frame, iso, now_ns
-from acquisition.core.times import Order, Stamp, date_order
+from acquisition.core.times import YEAR_LAST, Order, Stamp, date_order
 from acquisition.decoders.nmea0183 import has_sentence
 from acquisition.decoders.told_time import StatedTimes
 from acquisition.sources import SQLITE, LogReader, looks_like
@@ -266,6 +266,11 @@ def _settled(
         if stated:
             year = dt.datetime.fromtimestamp(stated[0][1] / 1e9, dt.UTC).year
             remark = f"its dates, like {first.text!r}, have no year; {year} is that of a sentence in it"
+    elif first is not None and why == YEAR_LAST:
+        remark = (
+            f"its dates, like {first.text!r}, are read {order}, as {why};"
+            ' say date_order = "year-first" in [[source]] if they are not'
+        )
     elif first is not None and not why:
         remark = (
             f"its dates, like {first.text!r}, may have the day or the month first: {order} is taken;"
@@ -316,7 +321,7 @@ def _library_entries(
         reader.unreadable += 1
         return False
 
-    cut = False
+    cut, first = False, 0 if isinstance(messages, can.TRCReader) else 1  # python-can counts BLF's channels from 0
     for logger in _LIBRARY_LOGGERS:
         logger.addFilter(count)
     try:
@@ -324,7 +329,7 @@ def _library_entries(
             cut = not size_bytes and _is_cut(message)
             if message.arbitration_id <= HIGHEST_IDENTIFIER and not cut:
                 time_ns = began_ns + round(message.timestamp * 1e6) * 1000  # no finer than a float of today holds
-                bus = "" if message.channel is None else f"channel{int(message.channel) + 1}"
+                bus = "" if message.channel is None else f"channel{int(message.channel) + first}"
                 yield Entry(time_ns, bytes(message.data), message.arbitration_id, flags_of(message), bus=bus)
             else:
                 reader.unreadable += 1

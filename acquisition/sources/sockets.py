@@ -79,8 +79,8 @@ class Drops:
 class Senders:
     """The senders that a source has heard. ``allowed`` are their networks; none: everybody may send.
 
-    ``refused`` counts what came from others, by reason; ``news`` names each of these once, and where everybody may
-    send each but the first, as (level, text), and is emptied by who tells them.
+    ``refused`` counts what came from others, by reason; ``news`` names each of these once, and each but the
+    first of those that may send, as (level, text), and is emptied by who tells them.
     """
 
     def __init__(self, allowed: Sequence[Network]) -> None:
@@ -98,8 +98,8 @@ class Senders:
             if len(self._known) < _MOST_KNOWN:
                 if not may:
                     self.news.append(("warning", f"{sender} sends and may not"))
-                elif self._known and not self._allowed:
-                    self.news.append(("info", f"{sender} sends, too"))
+                elif any(self._known.values()):
+                    self.news.append(("info", f"{sender} sends, too: its values are kept apart"))
                 self._known[sender] = may
         if not may:
             self.refused["sender that is not allowed"] += 1

@@ -15,6 +15,8 @@ from acquisition.tables.time_columns import TEXT, TimeColumn, with_zone
 
 _TIME = {"zone": "zone", "start": "start", "day": "day", "date_order": "order", "time_unit": "unit", "year": "year"}
 """The parts of ``[time]`` by the key of the answer."""
+TIME_KEYS = frozenset(_TIME)
+"""The keys of answers about times."""
 
 
 def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap:

@@ -7,6 +7,7 @@ asks.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,11 @@ import pymap3d
 from acquisition.core.actuators import KINDS, Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
+from acquisition.core.conventions import FROM_EAST
 from acquisition.core.units import scale_to
 from acquisition.tables import evidence
 from acquisition.tables.actuator_columns import Found, find_actuators
+from acquisition.tables.column_map import without_fix
 from acquisition.tables.coordinates import (
     Axis,
     MeaningOfO,
@@ -34,6 +37,7 @@ from acquisition.tables.evidence import Told, agreement, fit, increments, integr
 from acquisition.tables.heading_columns import (
     angle_unit,
     check_sway,
+    judge_course_column,
     judge_heading_column,
     read_earth_velocity,
     read_heading,
@@ -62,16 +66,31 @@ _WINDS = {
 }
 _ALONG_TRACK = ("speed_over_ground_mps", "surge_mps")
 _SPEEDS = ("surge_mps", "sway_mps", "speed_through_water_mps")
+_AXES = ("north", "east")
+_SHIP_WORDS = frozenset({"psi", "heading", "hdg", "compass", "gyro", "surge", "sway", "u", "v"})
+"""Words of compasses and of SNAME's notation (1950), whose headings and axes count from north and down."""
+_ROS_NAME = re.compile(r"(?:^|[./])(?:field|header|odom|pose|twist)[./]")
 _ANGLES = ("roll_deg", "pitch_deg", "heading_magnetic_deg", "magnetic_variation_deg")
 
 
 def read_channels(known: Known, ship: Actuators) -> Actuators:
     """Put the channels that columns hold into ``known`` and the map of its draft; the ship's actuators."""
+    read_motion(known)
+    for name in _ANGLES:
+        take_best(known, name, angle_unit)
+    take_best(known, "heave_m", lambda _, heave, __: heave.headed or ("m", "by its name"))
+    _read_wind(known)
+    return _read_actuators(known, ship)
+
+
+def read_motion(known: Known) -> None:
+    """Put positions, heading, speeds and rate of turn into ``known``, each judged by those before."""
     _read_geographic(known)
     read_heading(known)
     _read_plane(known)
     take_best(known, "speed_over_ground_mps", _speed_unit)
     take_best(known, "course_over_ground_deg", angle_unit)
+    judge_course_column(known)
     judge_heading_column(known)
     read_earth_velocity(known)
     for name in _SPEEDS:
@@ -79,11 +98,6 @@ def read_channels(known: Known, ship: Actuators) -> Actuators:
             take_best(known, name, _speed_unit)
     check_sway(known)
     read_yaw_rate(known)
-    for name in _ANGLES:
-        take_best(known, name, angle_unit)
-    take_best(known, "heave_m", lambda _, heave, __: heave.headed or ("m", "by its name"))
-    _read_wind(known)
-    return _read_actuators(known, ship)
 
 
 def _read_geographic(known: Known) -> None:
@@ -138,12 +152,18 @@ def _hemispheres(draft: Draft, angle: Candidate, axis: Axis) -> pd.Series[Any] |
     names = list(map(str, columns.columns))
     place = names.index(angle.column)
     beside = [name for name in names[max(place - 1, 0) : place + 2] if names_hemispheres(columns[name], axis)]
-    for name in [*(each.column for each in draft.of(axis)), *beside]:
+    named = [each.column for each in draft.of(axis) if not _is_count(draft, each.column)]
+    for name in [*named, *beside]:
         if not draft.is_empty(name):
             return columns[name]
         side = "north" if axis == "north_south" else "east"
         draft.warnings.append(f"the column of hemispheres {name!r} is empty: {side} is taken")
     return None
+
+
+def _is_count(draft: Draft, column: str) -> bool:
+    """Whether a column has numbers beyond those of signs and flags, as ``ns`` has those of satellites."""
+    return bool(np.nanmax(np.abs(draft.numbers(column)), initial=0.0) > 1.0)
 
 
 def _take_position(
@@ -167,6 +187,8 @@ def _take_position(
     draft.note(latitude.column, "latitude_deg, north_m", *told)
     draft.note(longitude.column, "longitude_deg, east_m", *told)
     valid = evidence.is_place(*degrees)
+    if (nowhere := (degrees[0] == 0.0) & (degrees[1] == 0.0)).any():
+        draft.warnings.append(without_fix(nowhere))
     there = [each[valid] for each in degrees]
     known.origin = float(there[0][0]), float(there[1][0])
     plane = np.full((2, valid.size), np.nan)
@@ -182,16 +204,47 @@ def _read_plane(known: Known) -> None:
         return
     if not (north and east) and x and y:
         turned = None if "x_axis" in draft.answers else _is_x_east(known, x, y)
-        if turned is None:
-            answer = draft.ask("x_axis", f"is {x.column!r} to the north or to the east?", ("north", "east"))
+        if turned is False and (column := _yaw_of_any_axes(known)):
+            turned, why = _is_x_east_beside_yaw(known, x, y, column)
+        elif turned is None:
+            answer = draft.ask("x_axis", f"is {x.column!r} to the north or to the east?", _AXES)
             turned, why = answer == "east", "as answered" if answer else "not clear"
         else:
             why = "the track runs where the heading points"
+        known.positions_are_sure |= "x_axis" in draft.used
         north, east = (y, x) if turned else (x, y)
     if north and east:
         for name, each in zip(POSITION, (north, east), strict=True):
             take(known, name, each, (each.units or ("m",))[0], why)
             _count_from_start(known, name)
+
+
+def _yaw_of_any_axes(known: Known) -> str:
+    """The heading's column where no name states its axes; empty for a compass' heading and SNAME's words."""
+    column = known.channels.get("heading_deg", {}).get("column", "")
+    names = [each.words for name in ("heading_deg", "surge_mps", "sway_mps") for each in known.draft.of(name)[:1]]
+    is_yaw = bool(names) and "yaw" in names[0] and not any(words & _SHIP_WORDS for words in names)
+    return column if is_yaw else ""
+
+
+def _is_x_east_beside_yaw(known: Known, x: Candidate, y: Candidate, yaw: str) -> tuple[bool, str]:
+    """Whether x is to the east beside a yaw that turns as x and y do, and why: the two readings are mirror images.
+
+    The names of ROS say so (REP 103), else it is asked.
+    """
+    draft = known.draft
+    readings = (
+        f"{yaw!r} turns as the track of {x.column!r} and {y.column!r} does in either of two readings: x to the"
+        f" north and {yaw!r} clockwise from north (NED), or x to the east and {yaw!r} {FROM_EAST.words}"
+    )
+    if any(_ROS_NAME.search(name) for name in map(str, draft.raw.columns.columns)):
+        draft.warnings.append(f"{readings}; the names of ROS say the second, --answer x_axis=north the first")
+        known.positions_are_sure = True
+        return True, "to the east, as in ROS"
+    answer = draft.ask(
+        "x_axis", f"{readings}, which mirrors it. Is {x.column!r} to the north or to the east?", _AXES
+    )
+    return answer == "east", "as answered" if answer else "not clear"
 
 
 def _count_from_start(known: Known, name: str) -> None:
@@ -223,7 +276,10 @@ def _speed_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
     """A speed's unit, and why; None where it is to be left out."""
     values, found = known.draft.numbers(candidate.column), UNKNOWN
     if name in _ALONG_TRACK and (steps := changes_of(known, *POSITION)):  # sway is across it, and water moves
-        found = fit(np.hypot(*steps), np.abs(integrals(known.t, values, known.grid)))
+        aside = next(iter(known.draft.of("sway_mps")), None) if name == "surge_mps" else None
+        columns = [values] if aside is None else [values, known.draft.numbers(aside.column)]
+        made = [integrals(known.t, evidence.without_codes(each), known.grid) for each in columns]
+        found = fit(np.hypot(*steps), np.hypot(made[0], made[1] if aside else 0.0))
     if told := rate_unit(known, candidate, found, evidence.SPEED):
         known.speed_units.add(told[0])
         return told

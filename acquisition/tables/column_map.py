@@ -24,7 +24,7 @@ from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channel import Channel
 from acquisition.core.channels import find_channel, with_declared
 from acquisition.core.declared import Declared, as_text
@@ -365,6 +365,10 @@ def _turned_back(channel: Channel, values: Floats) -> Floats:
 def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
     latitude, longitude = _degrees(asked, entry)
+    nowhere = (latitude == 0.0) & (longitude == 0.0)
+    if nowhere.any():
+        latitude, longitude = (np.where(nowhere, np.nan, angle) for angle in (latitude, longitude))
+        result.remarks = (*result.remarks, without_fix(nowhere))
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
@@ -378,6 +382,11 @@ def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     for name, values in made.items():
         result.table[name] = values
         result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
+
+
+def without_fix(nowhere: Bools) -> str:
+    """A remark on rows [n] of a mask that are at latitude and longitude 0."""
+    return f"{int(nowhere.sum()):,} rows at latitude 0, longitude 0, as without a fix, have no position"
 
 
 def _degrees(asked: _Asked, entry: Position) -> list[Floats]:

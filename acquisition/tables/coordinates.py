@@ -51,6 +51,8 @@ _CELL = re.compile(
     r"\s*(?P<behind>[^\W\d_]*)\.?",
     re.IGNORECASE,
 )
+_RUSSIAN = re.compile(r"([сю])\.?\s?ш(?:\.|\b)|([вз])\.?\s?д(?:\.|\b)", re.IGNORECASE)
+"""North, south, east and west of latitude and longitude in Russian, by two letters, of which the first counts."""
 _DIGITS_OF_DDMM = 4  # before the point: degrees alone have three at most
 
 
@@ -66,7 +68,7 @@ def signs_of(column: pd.Series[Any], axis: Axis, o_is: MeaningOfO | None = None)
 
 
 def _word(cell: Any) -> str:
-    text = str(cell).strip(" .").lower()
+    text = _RUSSIAN.sub(r"\1\2", str(cell)).strip(" .").lower()
     return "ost" if text in _EAST_OF_THE_NORTH else plain_letters(text)
 
 
@@ -82,7 +84,8 @@ def _sign(word: str, axis: Axis, o_is: MeaningOfO | None, column: pd.Series[Any]
             )
         return 1.0 if o_is == "east" else -1.0
     if word not in _SIGNS[axis]:
-        what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {column.iloc[row]!r}"
+        cell = str(column.iloc[row])
+        what = f"row {row + 1} of column {column.name!r} names a hemisphere that is not known: {cell!r}"
         raise InputError(what, fix="write N and S" if axis == "north_south" else "write E and W")
     return _SIGNS[axis][word]
 
@@ -137,7 +140,7 @@ def degrees_of_text(
 
 
 def _match(cell: Any) -> re.Match[str] | None:
-    return _CELL.fullmatch(str(cell).strip()) if pd.notna(cell) else None
+    return _CELL.fullmatch(_RUSSIAN.sub(r"\1\2", str(cell).strip())) if pd.notna(cell) else None
 
 
 def _is_single(match: re.Match[str]) -> bool:

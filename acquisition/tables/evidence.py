@@ -166,9 +166,13 @@ def rate_by_fit(found: Fit, rate: Rate) -> Told | None:
 
 
 def odd_factor(column: str, unit: str, found: Fit, rate: Rate) -> str:
-    """What is odd about a rate in its unit by a fit, with the unit that would fit; empty where nothing is."""
+    """What is odd about a rate in its unit by a fit, with the unit that would fit; empty where nothing is.
+
+    The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as
+    large, whichever of the two series is noisy (Frisch, Statistical Confluence Analysis, 1934).
+    """
     factor = abs(found.factor) / scale_to(rate.units[0], unit)
-    if not found.is_clear or 1.0 / _ODD < factor < _ODD:
+    if not found.is_clear or (factor < _ODD and factor / found.correlation**2 > 1.0 / _ODD):
         return ""
     likely = rate_by_fit(found, rate)
     guess = f": {likely[0]}?" if likely and likely[0] != unit else ""
@@ -202,7 +206,7 @@ def without_codes(values: Floats, codes: tuple[float, ...] | list[float] = NO_VA
 
 def codes_of(values: Floats, factor: float, channel: Channel) -> list[float]:
     """The codes for no value among numbers that a factor takes to a channel: known ones that it cannot hold."""
-    seen = set(np.unique(values[np.isfinite(values)]).tolist()) & set(NO_VALUE)
+    seen = np.unique(values[np.isin(values, NO_VALUE)]).tolist()
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
     outside = [each for each in sorted(seen) if not low <= each * factor <= high]
     rest = values[np.isfinite(values) & ~np.isin(values, outside)]

@@ -151,12 +151,25 @@ def judge_heading_column(known: Known) -> None:
     verdict = judge_heading(moves, _readings(known, entry["column"], entry["unit"]), entry["unit"])
     if verdict.unit and verdict.unit != entry["unit"]:
         _ask_unit(known.draft, entry["column"], entry["unit"], verdict)
+    elif verdict.unit and verdict.convention is None:
+        known.draft.warnings.append(_of_another_zero(entry["column"], verdict))
     elif verdict.convention is None:
         _judge_straight_course(known, moves)
     elif verdict.convention is CLOCKWISE:
         known.heading_is_sure = True
     else:
         _correct_heading(known, moves, verdict.convention, verdict)
+
+
+def _of_another_zero(column: str, verdict: HeadingVerdict) -> str:
+    """That a heading turns as the track does, but points elsewhere all the time."""
+    off_deg = verdict.best.mean_deg
+    side = "starboard" if off_deg > 0.0 else "port"
+    return (
+        f"{column!r} turns as the track does, but the track runs {abs(off_deg):.0f} deg to {side} of it throughout:"
+        " does it count from elsewhere than north, or does the ship go so, astern or abeam? It stays as it is;"
+        " a map's `offset` corrects it"
+    )
 
 
 def _as_answered(known: Known) -> None:
@@ -218,9 +231,27 @@ def _correct_heading(
         return
     text = (
         f"{column!r} turns against the track. Either it {evidence_said}. Or it is right and the positions are not:"
-        f" {convention.mirrored}; then correct these. Which is it?"
+        f" {convention.mirrored}; then correct these{_course_beside(known, moves, convention)}. Which is it?"
     )
     draft.ask("heading", text, (convention.name, CLOCKWISE.name))
+
+
+def judge_course_column(known: Known) -> None:
+    """Hold the course over ground against the positions: its unit is asked, and another sense reported."""
+    moves, entry = moves_of(known), known.channels.get("course_over_ground_deg")
+    if entry is None or moves is None or "north_m" not in known.series:
+        return
+    column, verdict = (
+        entry["column"],
+        judge_heading(moves, _readings(known, entry["column"], entry["unit"]), entry["unit"]),
+    )
+    if verdict.unit and verdict.unit != entry["unit"]:
+        _ask_unit(known.draft, column, entry["unit"], verdict)
+    elif verdict.convention not in (None, CLOCKWISE):
+        known.draft.warnings.append(
+            f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
+            f" {verdict.convention.mirrored}; {verdict.evidence}"
+        )
 
 
 def _exchanged(known: Known, moves: Complexes) -> float | None:
@@ -249,7 +280,7 @@ def _has_hemispheres(known: Known, convention: HeadingConvention) -> bool:
 
 def _is_track_confirmed(known: Known, moves: Complexes) -> bool:
     """Whether the course, or a rate of turn against the heading, says that the track is not mirrored."""
-    if "north_m" not in known.series:
+    if "north_m" not in known.series or known.positions_are_sure:
         return True
     if "course_over_ground_deg" in known.series:
         course = mean_angle(known, known.series["course_over_ground_deg"])
@@ -257,6 +288,14 @@ def _is_track_confirmed(known: Known, moves: Complexes) -> bool:
     candidate = next(iter(known.draft.of("yaw_rate_dps")), None)
     turning = UNKNOWN if candidate is None else _fit_to_heading(known, candidate.column)
     return turning.is_clear and turning.factor < 0.0
+
+
+def _course_beside(known: Known, moves: Complexes, convention: HeadingConvention) -> str:
+    """That the course over ground sides with the heading against the positions; empty where it does not."""
+    course = known.series.get("course_over_ground_deg")
+    if course is None or judge_heading(moves, {"deg": mean_angle(known, course)}).convention is not convention:
+        return ""
+    return ", against which the course over ground turns as well"
 
 
 def _judge_straight_course(known: Known, moves: Complexes) -> None:

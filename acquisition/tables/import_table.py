@@ -35,7 +35,7 @@ from acquisition.core.files import write_text, written_together
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.tables.answers import map_as_answered, time_as_answered
+from acquisition.tables.answers import TIME_KEYS, map_as_answered, time_as_answered
 from acquisition.tables.column_map import (
     ColumnMap,
     apply_column_map,
@@ -44,8 +44,9 @@ from acquisition.tables.column_map import (
     load_column_map,
     long_map,
 )
-from acquisition.tables.draft import candidates_of
+from acquisition.tables.draft import SKIP, candidates_of
 from acquisition.tables.propose import Proposal, propose
+from acquisition.tables.standard_columns import judge_columns
 from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, read_raw
 from acquisition.tables.time_columns import is_usual_time, resolve_times, usual_time
 
@@ -309,11 +310,15 @@ def _standard(
         what = f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}"
         fix = f"rename them, map them with --columns MAP.toml, or use --ignore-unknown{ships}"
         raise InputError(what, where=str(raw.path), fix=fix)
-    timed = resolve_times(raw, time_as_answered(usual_time(raw), answers), strict=True)
-    names = [name for name in channels if name in given]
+    of_time = {key: value for key, value in answers.items() if key in TIME_KEYS}
+    of_columns = {key: value for key, value in answers.items() if key not in TIME_KEYS}
+    time = time_as_answered(usual_time(raw), of_time)
+    timed = resolve_times(raw, time, strict=True)
+    names = [name for name in channels if name in given and answers.get(f"unit.{name}") != SKIP]
     columns = {name: _in_its_turn(channels[name], parse_numbers(timed.raw, name)) for name in names}
     table = pd.DataFrame(columns, index=timed.index)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
+    judge_columns(file, timed.raw, time, of_columns)
     return _for_ship(file, ship, raw, vessel, known=bool(known))
 
 

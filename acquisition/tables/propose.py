@@ -23,11 +23,12 @@ from acquisition.tables.column_map import Long, widen
 from acquisition.tables.draft import Draft, Question, Reading, as_toml, candidates_of, check_keys, with_answers
 from acquisition.tables.evidence import grid_of
 from acquisition.tables.table_context import Known, best
-from acquisition.tables.table_files import RawTable
+from acquisition.tables.table_files import RawTable, no_numbers
 from acquisition.tables.time_columns import TimeColumn, resolve_times
 from acquisition.tables.time_reading import read_time
 
 _MOST_VARIABLES = 500
+_MOST_WORDS = 0.2  # of the cells of a column of numbers
 _LONGEST_S, _SHORTEST_STEP_S = 400 * 86_400.0, 1e-3
 _DECLARED = {"power": ("shaft_power_kw", "kW"), "torque": ("shaft_torque_knm", "kNm")}
 """Quantities that are no channels of a trial until a map declares them."""
@@ -73,6 +74,7 @@ def propose(
     known = Known(draft, seconds, grid_of(seconds))
     _complete(known, read_channels(known, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
     _check_times(known)
+    _drop_text(known)
     asked = any(each.default is None for each in draft.questions)
     if not asked and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
@@ -164,6 +166,21 @@ def _derivable(has: set[str]) -> tuple[str, ...]:
     if "heading_deg" in has:
         return "yaw_rate_dps", *(("surge_mps", "sway_mps") if over_ground or "north_m" in has else ())
     return ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in has else ()
+
+
+def _drop_text(known: Known) -> None:
+    """Let rows go in which a column of numbers holds a word, if they are few, and say which."""
+    draft = known.draft
+    for column in dict.fromkeys(str(entry["column"]) for entry in known.channels.values()):
+        cells = draft.raw.columns[column]
+        words = no_numbers(cells)
+        if 0 < np.count_nonzero(words) <= _MOST_WORDS * cells.notna().sum():
+            row = int(np.flatnonzero(words)[0])
+            draft.tree["unreadable_rows"] = "drop"
+            cell = f"{str(cells.iloc[row])!r} in row {row + 1}"
+            draft.warnings.append(
+                f"{np.count_nonzero(words):,} rows have no number in {column!r}, like {cell}; they are dropped"
+            )
 
 
 def _declare(known: Known) -> None:

@@ -26,7 +26,7 @@ UNKNOWN = Fit(np.nan, 0.0, 0)
 class Known:
     """What is known of a table so far: the seconds of its rows [n], the instants between which increments are
     compared, the channels of the map, their values [n] in our units, the units that speeds have for sure, where on
-    earth the track begins [deg], and whether the heading's sense is."""
+    earth the track begins [deg], and whether the heading's sense and the axes of the positions are sure."""
 
     draft: Draft
     t: Floats
@@ -36,6 +36,7 @@ class Known:
     speed_units: set[str] = field(default_factory=set)
     origin: tuple[float, float] | None = None
     heading_is_sure: bool = False
+    positions_are_sure: bool = False
 
     @property
     def heading_is_asked(self) -> bool:

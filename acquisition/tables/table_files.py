@@ -45,7 +45,7 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
 """How a text file is opened, by what comes after ``.csv``."""
 DAMAGED = "it is damaged, cut short, or of another kind than its name says"
 FOREIGN_READER = Path(__file__).with_name("foreign_reader.py")
-_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm")
+_TEXT = (".csv", ".tsv", ".tab", ".txt", ".asc", ".dat", ".lvm", ".pos")
 
 _NAIVE_TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?")
 UTC_COLUMN, ABOUT_COLUMNS = "time [UTC]", ["what", "name", "value"]
@@ -149,7 +149,13 @@ def _readers() -> dict[str, Callable[[Path], RawTable]]:
 
 def _read_text(path: Path) -> RawTable:
     """Cells between commas, semicolons, tabs, bars or blanks, with a decimal point or comma."""
-    from acquisition.tables.logger_tables import is_expedition, is_table_of_frames, read_expedition
+    from acquisition.tables.logger_tables import (
+        is_expedition,
+        is_rtklib,
+        is_table_of_frames,
+        read_expedition,
+        read_rtklib,
+    )
     from acquisition.tables.text_tables import decode, read_text
 
     meter = Meter(path, path.stat().st_size)
@@ -165,6 +171,9 @@ def _read_text(path: Path) -> RawTable:
     if is_expedition(text):
         frame, units = read_expedition(text)
         return RawTable(path, frame, units=units)
+    if is_rtklib(text):
+        frame, remark = read_rtklib(text)
+        return RawTable(path, frame, remarks=(remark,))
     read = read_text(text, check_names)
     if is_table_of_frames(list(map(str, read.frame))):
         fix = 'read it as a log: `seatrial record` with [[source]] type = "file" and its path'

@@ -20,7 +20,8 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches
+from acquisition.tables.column_names import LETTERS, headed, is_unit_cell, matches, units_called
+from acquisition.tables.logger_tables import without_heads_of_labview
 
 NOT_AVAILABLE = (
     "-", "--", "---", "----", "-----", "*", "**", "***", "****", "?", "??", "???", "n.a.", "N.A.", "n.v.", "k.A.",
@@ -31,13 +32,14 @@ NOT_AVAILABLE = (
 
 _DELIMITERS = (";", "\t", "|", ",")
 _PROBE_LINES = 60
-_END_OF_HEAD = "***End_of_Header***"
 _COMMENT, _BOM = "#%", "\ufeff"
 _CODE_PAGES, _PROBE_LETTERS = ("cp1252", "cp932", "gb18030"), 4000
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _GROUPED = {",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?"), ".": re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d+)?")}
+_WITH_UNIT = re.compile(r"([+-]?\d+(?:[.,]\d+)?)\s*([^\d\s.,+-][^\d.,]{0,8})")
+_HEMISPHERES = frozenset("NSEWOnsewo")  # N is newton, too
 _TIME_LIKE = re.compile(r"\d{1,4}[-./:]\d{1,2}[-./:]\d{1,4}.*|\d{1,2}:\d{2}.*")
 
 
@@ -136,7 +138,7 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
     ``refuse_twins`` raises for names that come twice. Raises :class:`ValueError` naming the first row that is
     longer than the header.
     """
-    head, text = _without_head_of_labview(text)
+    head, text = without_heads_of_labview(text)
     lines = list(islice((line.rstrip("\r\n") for line in _lines(text) if line.strip()), _PROBE_LINES))
     delimiter = _delimiter(lines)
     rows = [_split(line, delimiter) for line in lines]
@@ -146,6 +148,7 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
     decimal = "," if _decimal_is_comma(body, delimiter) else "."
     start = _start_of(text, layout.first)
     content, repeated = _without_repeated(text[start:], lines[: layout.first], layout.header)
+    _refuse_another_table(content, text.count("\n", 0, start), layout.names[0], delimiter)
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         try:
@@ -158,21 +161,10 @@ def read_text(text: str, refuse_twins: Callable[[list[str]], None]) -> ReadRows:
             raise ValueError(_longer_row(text, start, delimiter, len(layout.names))) from error
     frame = _without_nameless(frame)  # what a delimiter at the end of every line leaves
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame = frame.apply(lambda column: _ungrouped(column, decimal))
-    return ReadRows(frame, layout.units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None)
-
-
-def _without_head_of_labview(text: str) -> tuple[list[str], str]:
-    """The lines of the two heads of a LabVIEW measurement, and what follows; other texts have none of them.
-
-    Raises :class:`ValueError` for one with several segments, each of which has a start of its own.
-    """
-    if not text.startswith("LabVIEW Measurement"):
-        return [], text
-    *heads, body = text.split(_END_OF_HEAD)
-    if len(heads) > 2:
-        raise ValueError(f"it has {len(heads) - 1} segments, each with a start of its own; save them apart")
-    return "".join(heads).splitlines(), body.partition("\n")[2]
+    frame, units = _without_units(frame.apply(lambda column: _ungrouped(column, decimal)), decimal)
+    return ReadRows(
+        frame, layout.units | units, (*head, *lines[: layout.header or 0]), remarks, layout.header is None
+    )
 
 
 def _without_repeated(content: str, head: Sequence[str], header: int | None) -> tuple[str, int]:
@@ -182,6 +174,15 @@ def _without_repeated(content: str, head: Sequence[str], header: int | None) -> 
     lines = set(head[header:])
     kept = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
     return "".join(kept), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
+
+
+def _refuse_another_table(content: str, before: int, name: str, delimiter: str) -> None:
+    """Raise :class:`ValueError` for a line that begins with the first column's name: the names of other columns."""
+    if name and f"\n{name}" not in content:
+        return
+    for number, line in enumerate(_lines(content), start=before + 1):
+        if name and line.startswith(name) and _name(_split(line.rstrip("\r\n"), delimiter)[0]) == name:
+            raise ValueError(f"in line {number} another table begins, {line.strip()!r}; save the two apart")
 
 
 def _longer_row(text: str, start: int, delimiter: str, width: int) -> str:
@@ -207,8 +208,8 @@ def frame_of_rows(rows: Sequence[Sequence[Any]]) -> ReadRows:
     frame = _without_nameless(frame.map(_plain).dropna(how="all"))
     preamble = tuple(" ".join(str(cell) for cell in row if _filled(cell)) for row in rows[: layout.header or 0])
     remarks = (f"the header is repeated {repeated} times among the rows",) if repeated else ()
-    frame = frame.infer_objects().reset_index(drop=True)
-    return ReadRows(frame, layout.units, preamble, remarks, layout.header is None)
+    frame, units = _without_units(frame.infer_objects().reset_index(drop=True), ".")
+    return ReadRows(frame, layout.units | units, preamble, remarks, layout.header is None)
 
 
 def _without_nameless(frame: pd.DataFrame) -> pd.DataFrame:
@@ -337,3 +338,18 @@ def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
         return column
     plain = text.str.replace(other, "", regex=False).str.replace(decimal, ".", regex=False)
     return pd.to_numeric(plain).reindex(column.index)
+
+
+def _without_units(frame: pd.DataFrame, decimal: str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """The frame with numbers where all cells of a column have one unit behind them, and these units by column."""
+    units = dict[str, str]()
+    for name in map(str, frame):
+        text = frame[name].dropna()
+        first = _WITH_UNIT.fullmatch(str(text.iloc[0]).strip()) if len(text) else None
+        if first is None or first[2] in _HEMISPHERES or not units_called(first[2]):
+            continue
+        parts = text.astype(str).str.strip().str.extract(f"^{_WITH_UNIT.pattern}$")
+        if (parts[1] == first[2]).all():
+            plain = parts[0].str.replace(decimal, ".", regex=False)
+            frame, units[name] = frame.assign(**{name: pd.to_numeric(plain).reindex(frame.index)}), first[2]
+    return frame, units

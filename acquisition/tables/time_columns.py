@@ -31,7 +31,7 @@ from acquisition.tables.time_text import (
     time_in_name,
     with_digits,
 )
-from acquisition.tables.zones import known_zone, to_utc
+from acquisition.tables.zones import GPS, known_zone, to_utc
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 SERIAL_DAYS = {"excel": ("1899-12-30", 0.0), "matlab": ("1970-01-01", 719_529.0)}
@@ -40,6 +40,8 @@ NS_IN = {"ns": 1, "us": 1_000, "ms": 10**6, "s": 10**9, "min": 60 * 10**9, "h": 
 """How many nanoseconds each unit of counted time has."""
 STORABLE = "1970-01-01", "2262-01-01"
 """The first day that the times of a recording reach, and the first beyond: they are nanoseconds since 1970."""
+GPS_WEEK = "gps-week"
+"""The format of times in weeks of GPS, counted since 6 January 1980, and what has passed of each."""
 TEXT = "text"
 """The format of times that :func:`acquisition.core.times.find_stamp` reads."""
 _FRACTION = r"(:\d{2}|\d{6})[.,](\d+)"
@@ -49,6 +51,9 @@ _NO_TIME = np.iinfo(np.int64).min
 _LAST_NS = pd.Timestamp(STORABLE[1]).value
 _FIRST_NS = pd.Timestamp("1678-01-01")  # that nanoseconds before 1970 reach
 _MICRO = 1_000_000
+_WEEK_NS = 7 * DAY_NS
+_GPS_EPOCH_NS = pd.Timestamp("1980-01-06").value
+_MOST_WEEKS = 10_000  # the year 2171
 _DIGITS = {"%H%M%S": 6, "%d%m%y": 6, "%y%m%d": 6, "%m%d%y": 6, "%Y%m%d": 8, "%d%m%Y": 8, "%Y%m%d%H%M%S": 14}
 _NEWEST_FIRST = 0.9  # of the steps go back
 _SET_NS = pd.Timestamp("1990-01-01").value  # receivers and clocks that are not set begin in 1970 or 1980
@@ -79,8 +84,8 @@ def _in_name(text: str) -> str:
 
 
 def _known_format(text: str) -> str:
-    if text not in ("iso", "seconds", TEXT, *SERIAL_DAYS) and "%" not in text:
-        raise ValueError("is none of iso, text, seconds, excel, matlab, nor a form like %d.%m.%Y %H:%M:%S")
+    if text not in ("iso", "seconds", TEXT, GPS_WEEK, *SERIAL_DAYS) and "%" not in text:
+        raise ValueError("is none of iso, text, seconds, gps-week, excel, matlab nor a form like %d.%m.%Y %H:%M")
     return text
 
 
@@ -108,9 +113,10 @@ class TimeColumn:
 
     ``format`` may be "text" for any usual date and time, whose numbers stand in ``order`` and are of the ``year``
     where they name none; "excel" or "matlab" for days by their serial number; or a form of
-    :meth:`datetime.strptime`; fractions of a second are read besides. The ``date`` may stand in a column of its
-    own; where only the time of day is given, ``day`` is that of the first row. A ``zone`` that the text names is
-    "ignored" where ``zone_in_text`` says so.
+    :meth:`datetime.strptime`; fractions of a second are read besides. With "gps-week" the ``date`` is the column of
+    the weeks of GPS and ``column`` what has passed of each, in the ``unit``, in GPS time unless ``zone`` is
+    another. The ``date`` may stand in a column of its own; where only the time of day is given, ``day`` is that
+    of the first row. A ``zone`` that the text names is "ignored" where ``zone_in_text`` says so.
     """
 
     column: str
@@ -156,9 +162,10 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
     time_ns = local_ns.copy()
     naive = ~is_utc & (local_ns != _NO_TIME)
     if naive.any():
-        if time.zone is None:
-            _refuse_naive(raw, time, int(np.flatnonzero(naive)[0]))
-        time_ns[naive], remark = to_utc(local_ns[naive], time.zone or "UTC")
+        zone = time.zone or (GPS if time.format == GPS_WEEK else None)
+        if zone is None:
+            raise _without_zone(raw, time, int(np.flatnonzero(naive)[0]))
+        time_ns[naive], remark = to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
     if time.format != "seconds" and time.start is not None and (known := time_ns != _NO_TIME).any():
         time_ns[known] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[known][0]
@@ -198,6 +205,8 @@ def _local_times(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
         return local_ns, np.ones(local_ns.size, dtype=bool)
     if time.format in SERIAL_DAYS:
         return _ns(_from_serial_days(column, time.format))
+    if time.format == GPS_WEEK:
+        return _from_gps_weeks(raw, time)
     if time.format == TEXT:
         return _from_stamps(raw, time)
     if time.format == "iso" and time.date is None and time.day is None:
@@ -252,6 +261,18 @@ def _from_stamps(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
             except ValueError:  # the 29th of February of a year that has none
                 continue
     return local_ns, is_utc
+
+
+def _from_gps_weeks(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
+    """GPS times of weeks and what has passed of each, rounded to the microsecond; none is UTC."""
+    weeks, passed = (
+        pd.to_numeric(raw.columns[name], errors="coerce").to_numpy(dtype=float) for name in (time.date, time.column)
+    )
+    micros = np.rint(passed * (NS_IN[time.unit] / 1000.0))
+    valid = (weeks >= 0.0) & (weeks < _MOST_WEEKS) & (micros >= 0.0) & (micros <= _WEEK_NS / 1000)
+    whole = np.where(valid, weeks, 0.0).astype(np.int64) * _WEEK_NS
+    gps_ns = _GPS_EPOCH_NS + whole + np.where(valid, micros, 0.0).astype(np.int64) * 1000
+    return np.where(valid, gps_ns, _NO_TIME), np.zeros(gps_ns.size, dtype=bool)
 
 
 def _from_form(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
@@ -397,10 +418,10 @@ def _iso(time_ns: int) -> str:
     return pd.Timestamp(int(time_ns)).isoformat()
 
 
-def _refuse_naive(raw: RawTable, time: TimeColumn, row: int) -> None:
+def _without_zone(raw: RawTable, time: TimeColumn, row: int) -> InputError:
     what = f"row {row + 1} of column {time.column!r} has no zone: {raw.columns[time.column].iloc[row]}"
     fix = 'write times like 2026-05-17T12:00:00Z, use --answer zone=UTC, or give zone = "UTC" under [time] in a map'
-    raise InputError(what, where=str(raw.path), fix=fix)
+    return InputError(what, where=str(raw.path), fix=fix)
 
 
 def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:

@@ -7,6 +7,7 @@ reads, and in which order of day and month, by all rows of them.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -16,10 +17,10 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.times import ORDERS, Order, Stamp, date_order, is_of_several, offset_s
+from acquisition.core.times import ORDERS, YEAR_LAST, Order, Stamp, date_order, is_of_several, offset_s
 from acquisition.tables.column_names import TIME_WORDS, words_of
-from acquisition.tables.draft import Draft
-from acquisition.tables.time_columns import NS_IN, TEXT, ZONED, with_zone
+from acquisition.tables.draft import Candidate, Draft
+from acquisition.tables.time_columns import GPS_WEEK, NS_IN, TEXT, ZONED, with_zone
 from acquisition.tables.time_text import distinct_dates, stamps_in, time_in_head, time_in_name, whole_stamp
 from acquisition.tables.zones import GPS
 
@@ -28,10 +29,17 @@ _EPOCHS = {"s": (3e8, 4e9), "ms": (3e11, 4e12), "us": (3e14, 4e15), "ns": (3e17,
 _SERIALS = {"excel": (2e4, 8e4), "matlab": (6.9e5, 7.7e5)}
 _LONGEST_STEP_D = 0.02  # serial days of a log are less than half an hour apart; seconds are further
 _MOST_CELLS = 50  # decide what a column holds
+_ROLLED_WEEKS = 1024  # ten bits (IS-GPS-200)
+_MOST_NAMED = 3
+_WEEK_S = 604_800.0
 _ENOUGH = 0.8  # of them are of one kind
 _FORWARD = 0.95  # of the steps of a time
 _UTC_WORDS = frozenset({"utc", "gmt", "zulu", "z"})
 _LOCAL_WORDS = frozenset(["local", "lt", "localtime", "lokal", "lokalzeit", "ortszeit", "bordzeit", "locale"])
+_ZONE_HEAD = re.compile(
+    r"(?:(?:utc|gmt|time|zeit|tids?)\s?)?(?:tz|zone|zona|timezone|zeitzone|tidssone|offset)|fuseau(?: horaire)?"
+    r"|huso(?: horario)?|fuso(?: orario)?|tijdzone"
+)
 _GPS_WORDS = frozenset({"gpst", "gpstime"})
 _OFFSET = re.compile(
     r"(?:UTC|GMT)\s*[+-]\s*\d{1,2}(?::?\d\d)?(?![\d:])|(?<![\w:])[+-]\d\d:?\d\d(?![\w:])", re.IGNORECASE
@@ -55,10 +63,15 @@ def read_time(draft: Draft) -> tuple[str, ...]:
     for clock, date in product(of("clock", "number"), of("date", "number")):
         if date != clock and _are_date_and_clock(draft, date, clock):
             return _two_columns(draft, clock, date)
+    weeks, passed = next(iter(draft.of("gps_week")), None), _passed_of_week(draft, of("number"))
+    if weeks and passed:
+        return _gps_week(draft, weeks.column, passed)
     if clocks := of("clock"):
         return _time_of_day(draft, clocks[0])
     if numbers := of("number"):
         return _seconds(draft, numbers[0])
+    if passed:
+        return _seconds(draft, passed.column, _unit_of_week(draft, passed))
     raise _no_time(draft, columns)
 
 
@@ -215,6 +228,13 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     if answer is not None and possible and answer not in possible:
         against = next(stamp for stamp in stamps if answer not in stamp.orders)
         raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {against.text!r}")
+    if why == YEAR_LAST and answer is None:
+        others = [each for each in possible if each != order]
+        readings = [pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in (order, *others)]
+        draft.warnings.append(
+            f"{example.text!r} is taken for {readings[0]}, as {why};"
+            f" --answer date_order={others[0]} for {readings[1]}"
+        )
     if why and answer is None:
         return order, "" if len(example.orders) == 1 else f"{order.replace('-', ' ')}: {why}"
     days = {each: pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in possible}
@@ -223,12 +243,45 @@ def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     return (next((each for each in possible if each == answer), order)), "as answered" if answer else "not clear"
 
 
-def _seconds(draft: Draft, column: str) -> tuple[str, ...]:
+def _passed_of_week(draft: Draft, numbers: list[str]) -> Candidate | None:
+    """The column of what has passed of each week: by its name, or numbers called a time beside weeks of GPS."""
+    named = next(iter(draft.of("time_of_week")), None)
+    weeks = next(iter(draft.of("gps_week")), None)
+    if named or weeks is None or not np.nanmedian(draft.numbers(weeks.column)) >= _ROLLED_WEEKS:
+        return named
+    times = [each for each in draft.of("time") if each.column in numbers]
+    return next((each for each in times if np.nanmax(draft.numbers(each.column)) <= _WEEK_S), None)
+
+
+def _gps_week(draft: Draft, week: str, passed: Candidate) -> tuple[str, ...]:
+    """Weeks of GPS and what has passed of each."""
+    weeks = draft.numbers(week)
+    if np.nanmedian(weeks) < _ROLLED_WEEKS:
+        draft.warnings.append(
+            f"{week!r} is of before August 1999: receivers that count weeks to {_ROLLED_WEEKS - 1} mean one of"
+            f" {_ROLLED_WEEKS} or {2 * _ROLLED_WEEKS} weeks later; --answer start=2026-05-17T12:00:00Z is the first"
+            " row's time"
+        )
+    unit = _unit_of_week(draft, passed)
+    entry = {"column": passed.column, "date": week, "format": GPS_WEEK} | ({} if unit == "s" else {"unit": unit})
+    draft.note(week, "date", "", f"weeks of GPS, with the time of week in {passed.column!r}")
+    return (week, *_put(draft, passed.column, entry, [], "time of the week", unit))
+
+
+def _unit_of_week(draft: Draft, passed: Candidate) -> str:
+    """The unit of what has passed of a week, by its head, its name (u-blox' iTOW, ArduPilot's GMS) or its size."""
+    units = [unit for unit in passed.units if unit in NS_IN]
+    is_ms = {"i", "tow"} <= passed.words or bool(passed.words & {"itow", "gms", "ms", "milliseconds"})
+    largest = float(np.nanmax(draft.numbers(passed.column), initial=0.0))
+    return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
+
+
+def _seconds(draft: Draft, column: str, told: str = "") -> tuple[str, ...]:
     """Seconds, or what else is counted, since some start."""
     values = draft.numbers(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     usual = float(np.median(steps)) if steps.size else 1.0
-    units = next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
+    units = (told,) if told else next((each.units for each in draft.candidates if each.column == column), ())
     unit, why = next((each for each in units if each in NS_IN), "s"), "as its head says"
     if not units:
         why = f"steps of {usual:g}"
@@ -275,8 +328,8 @@ def _put(
         why = f"{why}; {entry['zone']} as answered, what the text names is ignored"
     elif not zoned:
         several = next((stamp.zone for stamp in stamps if stamp.zone), "")
-        entry["zone"], reason = _zone(draft, column, entry.get("date", ""), several)
-        why = f"{why}; {reason}"
+        entry["zone"], reason = _zone(draft, column, entry, several)
+        why = "; ".join(part for part in (why, reason) if part)
     if "start" in draft.answers and entry["format"] != "seconds":
         entry["start"] = with_zone(draft.ask("start", "") or "")
         why = f"{why}; the first row is of {entry['start']}, as answered"
@@ -285,11 +338,11 @@ def _put(
     return (column,)
 
 
-def _zone(draft: Draft, column: str, date: str, several: str) -> tuple[str, str]:
+def _zone(draft: Draft, column: str, entry: Mapping[str, Any], several: str) -> tuple[str, str]:
     """The zone that an answer or the columns' names state, else UTC; and why."""
-    name = f"{column} {draft.raw.units.get(column, '')} {date}"
+    name = f"{column} {draft.raw.units.get(column, '')} {entry.get('date', '')}"
     words = set(words_of(name))
-    stated = _zone_in(name)
+    stated = GPS if entry["format"] == GPS_WEEK else _zone_in(name)
     if "zone" not in draft.answers and not several and not is_of_several(stated) and stated:
         if stated == GPS:
             draft.warnings.append(
@@ -297,16 +350,39 @@ def _zone(draft: Draft, column: str, date: str, several: str) -> tuple[str, str]
                 " if it is UTC: --answer zone=UTC"
             )
         return stated, f"{stated} by its name"
-    several = several or stated
+    beside, zones = _zones_beside(draft) if not several and not stated else ("", ())
+    if len(zones) == 1 and _is_zone(zones[0]) and "zone" not in draft.answers:
+        draft.note(beside, "zone of the time", "", "the same in all rows")
+        return zones[0], f"{zones[0]} by column {beside!r}"
+    several = several or stated or ", ".join(zones)
     text, default = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", "UTC"
     if several:
         text = f"column {column!r} names the zone {several}, which stands for several; which is it (-06:00 ...)?"
+    if zones:
+        text = f"column {beside!r} states the zone as {several}; which is that of the times (UTC, +02:00 ...)?"
     zone = draft.ask("zone", text, (), None if several or words & _LOCAL_WORDS else default)
     if "zone" in draft.answers:
         return zone or default, f"{zone} as answered"
     if not several:
         draft.warnings.append(f"{column!r} names no zone: UTC is assumed; --answer zone=Europe/Oslo names another")
     return default, "UTC is assumed, no zone is stated"
+
+
+def _zones_beside(draft: Draft) -> tuple[str, tuple[str, ...]]:
+    """The column that states the zones of the times, and these; empty where there is none."""
+    for column in map(str, draft.raw.columns.columns):
+        zones = tuple(_cells(draft, column).astype("str").str.strip().unique())
+        if not _is_text(draft, column):  # of hours, of minutes, or of both
+            zones = tuple(f"the number {zone}" for zone in zones)
+        elif not all(map(_is_zone, zones)):
+            continue
+        if zones and _ZONE_HEAD.fullmatch(" ".join(words_of(column))):
+            return column, zones[:_MOST_NAMED]
+    return "", ()
+
+
+def _is_zone(text: str) -> bool:
+    return text in available_timezones() or offset_s(text) is not None
 
 
 def _zone_in(name: str) -> str:

@@ -19,7 +19,7 @@ _MICRO = 1_000_000
 _MOST_DIGITS = 1e15  # more than a number keeps exactly, and than a date has
 MIDNIGHT = re.compile(r"[T ]00:00(:00(\.0+)?)?$")
 _NAME_CLOCK = re.compile(r"(\d\d)[-_.:h](\d\d)[-_.:m](\d\d)(?=\D*$)")
-_DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+([^\t;,]+)", re.IGNORECASE)
+_DATE_OR_TIME = re.compile(r"\W*(date|time)[\s:;,=]+((?:[^\t;,]|(?<=:\d\d),(?=\d+(?:\s|$)))+)", re.IGNORECASE)
 _START = re.compile(r"start|begin|began|recorded|aufzeichnung|debut|inicio|inizio", re.IGNORECASE)
 
 

@@ -286,6 +286,20 @@ def test_broken_lines_of_a_trace_are_counted(tmp_path: Path) -> None:
     source.close()
 
 
+@pytest.mark.parametrize("kind", [can.TRCWriter, can.BLFWriter, can.ASCWriter])
+def test_buses_are_called_as_in_the_file(tmp_path: Path, kind: type[can.Listener]) -> None:
+    """python-can counts its channels from 0, the files theirs from 1."""
+    path = tmp_path / f"frames.{kind.__name__[:3].lower()}"
+    with kind(path) as write:
+        for number, message in enumerate(messages()[:6]):
+            message.channel = number % 2
+            write(message)
+    source = can_file(path)
+    source.open()
+    assert {frame.sender for frame in source.read(0.0) or []} == {"channel1", "channel2"}
+    source.close()
+
+
 @pytest.mark.parametrize("content", [b"time,heading\n1,2\n", b"LOGGnonsense", b"\x00\xff" * 1000, b"\x89PNG"])
 def test_what_is_no_log_says_so(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "log").write_bytes(content)

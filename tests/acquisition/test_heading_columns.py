@@ -262,6 +262,17 @@ def test_headings_of_minus_180_to_180_under_the_usual_names_are_turned(first: fl
     assert np.abs(difference(read_table(tmp_path / "out.mcap")["heading_deg"], heading)).max() < 1e-9
 
 
+@pytest.mark.parametrize("peak", [180.0, 180.4, 186.0])
+def test_a_heading_that_hardly_crosses_the_seam_of_minus_180_is_turned(peak: float, tmp_path: Path) -> None:
+    truth = peak - 60.0 * np.abs(np.linspace(-1.0, 1.0, 121))
+    heading = (truth + 180.0) % 360.0 - 180.0
+    times = pd.date_range("2026-05-03", periods=heading.size, freq="s").strftime("%Y-%m-%dT%H:%M:%SZ")
+    frame = pd.DataFrame({"time": times, "north_m": 0.0, "heading_deg": heading})
+    summary = import_table(written(tmp_path, frame), tmp_path / "out.mcap", allow_missing=True)
+    assert not summary.out_of_range
+    assert np.abs(difference(read_table(tmp_path / "out.mcap")["heading_deg"], truth)).max() < 1e-9
+
+
 @pytest.mark.parametrize("code", [-1.0, -99.0, 511.0])
 def test_a_code_for_no_value_is_no_angle(code: float, tmp_path: Path) -> None:
     times = pd.date_range("2026-05-03", periods=50, freq="s").strftime("%Y-%m-%dT%H:%M:%SZ")

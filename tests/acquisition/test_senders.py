@@ -12,7 +12,9 @@ import pytest
 
 from acquisition.config.configuration import parse_config
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.frames import now_ns
+from acquisition.core.frames import Frame, now_ns
+from acquisition.decoders import Decoder, FurtherSenders
+from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import FrameProcessor
@@ -21,6 +23,7 @@ from acquisition.sources.sockets import Senders
 from tests.acquisition.can_frames import can_frame
 from tests.acquisition.conftest import config_text, free_port, wait_for
 from tests.acquisition.test_faults import recording, udp
+from tests.acquisition.test_mavlink import attitude, decoder, frame, packed
 
 RATE = 0x09F11300  # 127251, of the address that is added
 
@@ -30,6 +33,54 @@ def say_from(address: str, port: int, text: str) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
         line.bind((address, 0))
         line.sendto(sentence(text), ("127.0.0.1", port))
+
+
+def test_two_senders_of_one_talker_are_two_sources(tmp_path: Path) -> None:
+    """A mean of two compasses that send to one port points where neither does; one of them has the channel."""
+    port = free_port()
+    with recording(tmp_path, udp("line", port, "heading_deg")) as running:
+        for _ in range(10):
+            say_from("127.0.0.2", port, "HEHDT,57.3,T")
+            say_from("127.0.0.3", port, "HEHDT,120.0,T")
+        running.wait_for_frames("line", 20)
+    assert running.recording.series["heading_deg"].value.tolist() == [57.3] * 10
+    assert running.told(r"127\.0\.0\.3 sends, too: its values are kept apart") == 1
+
+
+def labels_of(decoder: Decoder, frames: list[Frame]) -> list[str]:
+    return [group[0].source for frame in frames for group in decoder.decode(frame)]
+
+
+def test_senders_to_one_port_stand_in_the_labels() -> None:
+    addresses = ("10.0.0.7", "10.0.0.8", "fe80::1%eth0", "10.0.0.7", "")
+    lines = [Frame("line", "nmea0183", sentence("HEHDT,57.3,T").strip(), 0, 0, sender=each) for each in addresses]
+    assert labels_of(Nmea0183Decoder(), lines) == [
+        "line/HE:HDT", "line/HE@10.0.0.8:HDT", "line/HE@fe80__1_eth0:HDT", "line/HE:HDT", "line/HE:HDT",
+    ]  # fmt: skip
+    tagged = rb"\s:GN01*%02X\$HEHDT,12.3,T*1F" % checksum(b"s:GN01")
+    lines = [Frame("line", "nmea0183", tagged, 0, 0, sender=each) for each in addresses[:2]]
+    assert labels_of(Nmea0183Decoder(), lines) == ["line/HE@GN01:HDT", "line/HE@GN01.10.0.0.8:HDT"]
+
+
+def test_two_vehicles_of_one_number_at_one_port_keep_their_times_and_origins_apart() -> None:
+    vehicles = decoder()
+    sounds = []
+    for boot_ms in range(0, 2000, 500):
+        for address, lead_ms in (("10.0.0.7", 0), ("10.0.0.8", 900_000)):
+            heard = frame(packed(attitude(1.0, boot_ms + lead_ms)), boot_ms / 1000.0)._replace(sender=address)
+            sounds += vehicles.decode(heard)
+    assert {group[0].source for group in sounds} == {"link/1:ATTITUDE", "link/1@10.0.0.8:ATTITUDE"}
+    assert not [text for _, text in vehicles.notices if "restarted" in text]
+
+
+def test_senders_to_decode_are_not_remembered_without_end() -> None:
+    labels = [
+        FurtherSenders.label(each, f"10.0.{number // 250}.{number % 250}")
+        for each in [FurtherSenders()]
+        for number in range(300)
+    ]
+    assert labels[:2] == ["", "10.0.0.1"]
+    assert set(labels[100:]) == {"further"}
 
 
 def test_an_unknown_sender_is_counted_told_and_not_recorded(tmp_path: Path) -> None:

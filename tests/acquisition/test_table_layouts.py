@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pymap3d
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -142,6 +144,123 @@ def test_labviews_measurement_has_its_start_in_its_head(tmp_path: Path, command:
     found = recorded(command, path)
     assert found["heading_deg"].to_numpy() == pytest.approx(HEADING)
     assert found.index[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_segments_of_labview_count_from_their_own_starts(tmp_path: Path, command: Command, comma: bool) -> None:
+    text = "LabVIEW Measurement\t\nSeparator\tTab\nDate\t2026/05/17\nTime\t11:59:58.0\n***End_of_Header***\t\n\t\n"
+    for first, start in ((0, "12:00:00.0"), (20, "12:00:25.5"), (40, "12:10:00.0")):
+        text += (
+            f"Channels\t1\t\nSamples\t20\t\nDate\t2026/05/17\t\nTime\t{start}\t\nX_Dimension\tTime\t\n"
+            "X0\t0.0E+0\t\n***End_of_Header***\t\t\nX_Value\tHeading\tComment\n"
+        )
+        text += "".join(f"{row:.6f}\t{HEADING[first + row]}\t\n" for row in range(20)) + "\n"
+    path = tmp_path / "t.lvm"
+    path.write_text(text.replace(".", ",") if comma else text)
+    found = recorded(command, path)
+    assert found["heading_deg"].to_numpy() == pytest.approx(HEADING)
+    seconds = (found.index - pd.Timestamp("2026-05-17T12:00:00Z")).total_seconds()
+    assert seconds[[0, 19, 20, 39, 40, 59]].to_list() == [0.0, 19.0, 25.5, 44.5, 600.0, 619.0]
+
+
+def test_segments_of_labview_with_other_columns_or_no_start_are_refused(tmp_path: Path, command: Command) -> None:
+    head = "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n"
+    first = "Channels\t1\nDate\t2026/05/17\nTime\t12:00:00\n***End_of_Header***\nX_Value\tHeading\n0\t1\n1\t2\n"
+    path = tmp_path / "t.lvm"
+    for second, why in (
+        (first.replace("Heading", "Wind"), "other columns"),
+        ("Channels\t1\n" + first.partition("12:00:00\n")[2], "no start"),
+    ):
+        path.write_text(head + first + second)
+        refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+        assert refused.code == 1
+        assert "segment 2 of this LabVIEW measurement" in refused.err
+        assert why in refused.err
+
+
+RTKLIB_HEAD = "% program   : RTKPOST ver.2.4.2\n% obs start : 2026/05/17 12:00:18.0 GPST (week2419   43218.0s)\n%\n"
+RTKLIB_REST = "Q  ns   sdn(m)   sde(m)   sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio"
+
+
+def rtklib(system: str, places: str, time: Callable[[int], str], place: Callable[[int], str]) -> str:
+    behind = "   9   0.0100   0.0100   0.0200   0.0000   0.0000   0.0000   1.00    5.0"
+    lines = [f"{time(row)}  {place(row)}   50.1234   {2 - row % 2}{behind}" for row in range(ROWS)]
+    return "\n".join([f"{RTKLIB_HEAD}%  {system}   {places}  height(m)   {RTKLIB_REST}", *lines, ""])
+
+
+def degrees_at(row: int) -> str:
+    return f"{LATITUDE[row]:.9f}   {LONGITUDE[row]:.9f}"
+
+
+RTKLIB_TIMES: dict[str, tuple[str, Callable[[int], str]]] = {
+    "gpst": (
+        "GPST",
+        lambda row: f"2026/05/17 {12 + (row + 18) // 3600:02d}:{(row + 18) // 60:02d}:{(row + 18) % 60:02d}.000",
+    ),
+    "utc": ("UTC ", lambda row: f"2026/05/17 12:00:{row:02d}.000"),
+    "jst": ("JST ", lambda row: f"2026/05/17 21:00:{row:02d}.000"),
+    "week": ("GPST", lambda row: f"2419  {43_218 + row:.3f}"),
+}
+
+
+@pytest.mark.parametrize("form", RTKLIB_TIMES)
+@pytest.mark.parametrize("separator", ["  ", ",", "\t"])
+def test_solutions_of_rtklib_are_read_in_their_time(
+    tmp_path: Path, command: Command, form: str, separator: str
+) -> None:
+    text = rtklib(RTKLIB_TIMES[form][0], "latitude(deg) longitude(deg)", RTKLIB_TIMES[form][1], degrees_at)
+    if separator != "  ":
+        head, _, body = text.partition("%  ")
+        text = (
+            head + "%  " + re.sub(r"[ \t]+", separator, body) if form == "week" else text.replace("   ", separator)
+        )
+    path = tmp_path / "t.pos"
+    path.write_text(text)
+    found = recorded(command, path)
+    assert found.index[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert found.index[-1] == pd.Timestamp("2026-05-17T12:00:59Z")
+    assert found["latitude_deg"].to_numpy() == pytest.approx(LATITUDE, abs=1e-8)
+    said = command("import", path, "-o", path.with_suffix(".mcap"), "--yes", "--force").err
+    assert "30 fixed, 30 float" in said
+    assert ("leap seconds" in said) == (form in ("gpst", "week"))
+
+
+def test_degrees_minutes_and_the_earths_centre_of_rtklib(tmp_path: Path, command: Command) -> None:
+    def sexagesimal(angle: float) -> str:
+        minutes, seconds = divmod(abs(angle) * 3600.0, 60.0)
+        return f"{'-' if angle < 0 else ''}{int(minutes) // 60} {int(minutes) % 60:02d} {seconds:08.5f}"
+
+    def centre(row: int) -> str:
+        return " ".join(
+            f"{each:.4f}" for each in pymap3d.geodetic2ecef(-LATITUDE[row], -LONGITUDE[row] / 100, 50.0)
+        )
+
+    system, time = RTKLIB_TIMES["utc"]
+    path = tmp_path / "t.pos"
+    by_minutes = rtklib(
+        system,
+        "latitude(d'\") longitude(d'\")",
+        time,
+        lambda row: f"{sexagesimal(-LATITUDE[row])} {sexagesimal(-LONGITUDE[row] / 100)}",
+    )
+    by_centre = rtklib(system, "x-ecef(m) y-ecef(m) z-ecef(m)", time, centre)
+    by_centre = by_centre.replace("  height(m)", "").replace("   50.1234", "")
+    for text in (by_minutes, by_centre):
+        path.write_text(text)
+        found = recorded(command, path)
+        assert found["latitude_deg"].to_numpy() == pytest.approx(-LATITUDE, abs=2e-8)
+        assert found["longitude_deg"].to_numpy() == pytest.approx(-LONGITUDE / 100, abs=2e-8)
+
+
+def test_a_damaged_line_of_rtklib_is_named(tmp_path: Path, command: Command) -> None:
+    path = tmp_path / "t.pos"
+    path.write_text(
+        rtklib("UTC", "latitude(deg) longitude(deg)", RTKLIB_TIMES["utc"][1], degrees_at)
+        + "2026/05/17 12:01:00.000 63.4\n"
+    )
+    refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert refused.code == 1
+    assert f"line {ROWS + 5} has 3 cells, the header 15" in refused.err
 
 
 def test_expeditions_pairs_are_its_own_boats(tmp_path: Path, command: Command) -> None:
@@ -327,3 +446,97 @@ def test_what_is_wanted_of_the_motion_is_not_the_motion(tmp_path: Path, name: st
         f"time,lat,lon,{name}\n" + "".join(f"{time},63.4,10.4,90\n" for time in TIMES), encoding="utf-8"
     )
     assert name not in {each.column for each in propose_for(read_raw(path)).readings}
+
+
+@pytest.mark.parametrize(("north", "west"), [("с.ш.", "з.д."), ("с. ш.", "з. д."), ("сш", "зд"), ("С.Ш.", "З.Д.")])
+def test_hemispheres_of_two_letters_in_russian(north: str, west: str) -> None:
+    latitude, longitude = (
+        pd.Series([f"63.44 {north}", f"63°26.4' {north}"]),
+        pd.Series([f"10.4 {west}", f"10°24' {west}"]),
+    )
+    angles, signs = degrees_of_text(latitude, longitude)
+    assert np.concatenate(angles) == pytest.approx([63.44, 63.44, 10.4, 10.4])
+    assert [each.tolist() for each in signs] == [[1.0, 1.0], [-1.0, -1.0]]
+    assert signs_of(pd.Series([north, "ю.ш."]), "north_south").tolist() == [1.0, -1.0]
+
+
+def test_rows_without_a_fix_have_no_position_nor_speed(tmp_path: Path, command: Command) -> None:
+    """Latitude and longitude 0 would be a ship that stands still for as long."""
+    latitude, longitude = LATITUDE.copy(), LONGITUDE.copy()
+    latitude[20:35] = longitude[20:35] = 0.0
+    path = tmp_path / "t.csv"
+    path.write_text(
+        "time,lat,lon,heading\n"
+        + "\n".join(
+            f"{t},{a:.7f},{b:.7f},{h}" for t, a, b, h in zip(TIMES, latitude, longitude, HEADING, strict=True)
+        )
+        + "\n"
+    )
+    done = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert "15 rows at latitude 0, longitude 0" in done.err
+    found = read_table(tmp_path / "t.mcap")
+    for name in ("latitude_deg", "north_m", "surge_mps"):
+        assert np.isnan(found[name].to_numpy()[22:33]).all(), name
+    assert np.nanmin(np.hypot(found["surge_mps"], found["sway_mps"])) > 2.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("kn", 1852 / 3600), (" kn", 1852 / 3600), (" km/h", 1 / 3.6), ("m/s", 1.0)]
+)
+@pytest.mark.parametrize("comma", [False, True])
+def test_a_unit_behind_each_number_is_the_columns(
+    tmp_path: Path, command: Command, unit: str, factor: float, comma: bool
+) -> None:
+    lines = ["time;lat;lon;heading;SOG"]
+    for time, latitude, longitude, heading in zip(TIMES, LATITUDE, LONGITUDE, HEADING, strict=True):
+        cells = (f"{latitude:.7f}", f"{longitude:.7f}", f"{heading}°", f"7.5{unit}")
+        lines.append(";".join((time, *(cell.replace(".", ",") if comma else cell for cell in cells))))
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = recorded(command, path)
+    assert_all_rows(found)
+    assert found["speed_over_ground_mps"].to_numpy() == pytest.approx(7.5 * factor)
+
+
+def test_letters_of_hemispheres_are_no_units_and_units_that_change_none(tmp_path: Path, command: Command) -> None:
+    path = tmp_path / "t.csv"
+    body = [
+        f"{time},{latitude:.7f} N,{longitude:.7f} E,{heading}"
+        for time, latitude, longitude, heading in zip(TIMES, LATITUDE, LONGITUDE, HEADING, strict=True)
+    ]
+    path.write_text("\n".join(["time,lat,lon,heading", *body]) + "\n")
+    assert_all_rows(recorded(command, path))
+    body = [f"{time},{10 + row} {'kn' if row % 2 else 'm/s'}" for row, time in enumerate(TIMES)]
+    path.write_text("\n".join(["time,sog", *body]) + "\n")
+    refused = command("import", path, "-o", tmp_path / "u.mcap", "--yes")
+    assert refused.code == 1
+    assert "is not a number: '10 m/s'" in refused.err
+
+
+@pytest.mark.parametrize("word", ["ERR", "OVER", "sensor fault", "1.2.3"])
+def test_few_words_among_numbers_cost_their_rows_and_many_the_import(
+    tmp_path: Path, command: Command, word: str
+) -> None:
+    lines = rows()
+    lines[7] = lines[7].rpartition(",")[0] + f",{word}"
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["time,lat,lon,heading", *lines]) + "\n")
+    done = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert f"1 rows have no number in 'heading', like '{word}' in row 8; they are dropped" in done.err
+    assert len(read_table(tmp_path / "t.mcap")) == ROWS - 1
+    lines[::3] = [line.rpartition(",")[0] + f",{word}" for line in lines[::3]]
+    path.write_text("\n".join(["time,lat,lon,heading", *lines]) + "\n")
+    assert command("import", path, "-o", tmp_path / "u.mcap", "--yes").code == 1
+
+
+@pytest.mark.parametrize("between", ["", "\n", "second table\n"])
+def test_another_table_behind_the_first_is_refused_with_its_line(
+    tmp_path: Path, command: Command, between: str
+) -> None:
+    """Its rudder angles would else be latitudes."""
+    other = "".join(f"{time},1.0\n" for time in TIMES)
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(["time,lat,lon,heading", *rows()]) + f"\n{between}time,rudder\n{other}")
+    refused = command("import", path, "-o", tmp_path / "t.mcap", "--yes")
+    assert refused.code == 1
+    assert f"in line {ROWS + 2 + between.count(chr(10))} another table begins, 'time,rudder'" in refused.err

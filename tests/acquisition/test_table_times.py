@@ -56,6 +56,7 @@ def read(path: Path, **answers: str) -> tuple[Proposal, pd.DatetimeIndex]:
         "%d.%m.%Y %H:%M:%S.%f", "%Y-%m-%d %H:%M:%S:%f", "%d-%b-%Y %I:%M:%S.%f %p", "%Y/%m/%d %H:%M:%S,%f",
         "%B %d, %Y %I:%M:%S.%f %p", "%d %B %Y, %H:%M:%S.%f", "%Y%m%dT%H%M%S.%f", "%Y%m%d%H%M%S.%f",
         "%a %d.%m.%y %H:%M:%S.%f", "%m/%d/%Y %H.%M.%S.%f", "%Y-%j:%H:%M:%S.%f", "%d.%m.%Y - %H:%M:%S.%f",
+        "%d/%b/%Y %Hh%Mm%S.%fs", "%Y-%m-%d %H h %M min %S,%f s", "%Y%m%d %H:%M:%S.%f",
     ],
 )  # fmt: skip
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_an_order_that_nothing_decides_is_asked_with_the_first_example(tmp_path:
         assert str(found[0].date()) == day
 
 
-@pytest.mark.parametrize("text", ["12h00m07s", "noon", "2026-05-17T25:61:00", "17 Xyz 2026 12:00:07", "1,2,3"])
+@pytest.mark.parametrize("text", ["12 Uhr 7", "noon", "2026-05-17T25:61:00", "17 Xyz 2026 12:00:07", "1,2,3"])
 def test_a_time_that_is_not_understood_is_shown(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError) as caught:
         propose_for(read_raw(table(tmp_path / "t.csv", [text] * 9)))
@@ -394,3 +395,108 @@ def test_any_cells_are_times_or_an_error_of_ours(
     path = table(tmp_path_factory.mktemp("any") / "t.csv", cells, head)
     with contextlib.suppress(InputError, ConfigurationError):
         propose_for(read_raw(path))
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "GPS week;TOW [s]",
+        "week;time of week",
+        "GWk;GMS",
+        "gps_week;itow",
+        "Week;GPSTime",
+        "GPS Week;Seconds of Week (s)",
+    ],
+)
+@pytest.mark.parametrize(
+    "start", [START, dt.datetime(2026, 5, 16, 23, 59, 30, tzinfo=dt.UTC), dt.datetime(2012, 6, 3, tzinfo=dt.UTC)]
+)
+def test_weeks_of_gps_and_what_has_passed_of_them(tmp_path: Path, head: str, start: dt.datetime) -> None:
+    expected = instants(start=start)
+    gps_ns = [
+        each + gps_ahead_s(each) * 10**9 - pd.Timestamp("1980-01-06").value for each in expected.asi8.tolist()
+    ]
+    weeks, passed = np.divmod(np.array(gps_ns), 7 * 86_400 * 10**9)
+    in_ms = any(word in head for word in ("GMS", "itow"))
+    lines = [
+        f"{week};{ns / (1e6 if in_ms else 1e9):.3f};{100.0 + row}"
+        for row, (week, ns) in enumerate(zip(weeks, passed, strict=True))
+    ]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([f"{head};heading", *lines]) + "\n")
+    proposal, found = read(path)
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert any("GPS time, which is ahead of UTC by the leap seconds" in warning for warning in proposal.warnings)
+    _, as_utc = read(path, zone="UTC")
+    assert ((as_utc - expected).total_seconds() == gps_ahead_s(expected.asi8[0])).all()
+
+
+def test_weeks_that_have_rolled_over_are_reported(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("week,tow,heading\n" + "".join(f"371,{43_218 + row},{row}\n" for row in range(20)))
+    proposal, _ = read(path)
+    assert any("count weeks to 1023" in warning for warning in proposal.warnings)
+    _, found = read(path, start="2026-05-17T12:00:00Z")
+    assert found[0] == pd.Timestamp("2026-05-17T12:00:00Z")
+    assert (np.diff(found.asi8) == 10**9).all()
+
+
+def test_a_time_of_week_alone_keeps_its_durations(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("iTOW,heading\n" + "".join(f"{604_700_000 + 500 * row},{row}\n" for row in range(20)))
+    proposal, found = read(path)
+    assert any("unknown start" in warning for warning in proposal.warnings)
+    assert (np.diff(found.asi8) == 5 * 10**8).all()
+
+
+@pytest.mark.parametrize(
+    ("form", "other"), [("%d/%m/%y", "year-first"), ("%y/%m/%d", "year-first"), ("%m/%d/%y", None)]
+)
+def test_two_digits_of_a_year_stand_last_behind_slashes_which_is_reported(
+    tmp_path: Path, form: str, other: str | None
+) -> None:
+    expected = instants(start=dt.datetime(2026, 5, 17, 12, tzinfo=dt.UTC))
+    path = table(tmp_path / "t.csv", [each.strftime(f"{form} %H:%M:%S") for each in expected])
+    proposal, found = read(path)
+    warned = [warning for warning in proposal.warnings if "date_order=year-first" in warning]
+    assert len(warned) == (other is not None)
+    if form == "%y/%m/%d":
+        assert "17 May 2026" in warned[0]
+        _, found = read(path, date_order="year-first")
+    assert found.asi8.tolist() == expected.asi8.tolist()
+
+
+@pytest.mark.parametrize("head", ["tz", "Time zone", "UTC offset", "timezone", "Zeitzone", "fuseau horaire"])
+@pytest.mark.parametrize(
+    ("zone", "hours"), [("+02:00", 2), ("-03:30", -3.5), ("CEST", 2), ("Europe/Oslo", 2), ("UTC", 0)]
+)
+def test_a_zone_in_a_column_of_its_own_is_applied(tmp_path: Path, head: str, zone: str, hours: float) -> None:
+    expected = instants()
+    local = expected + pd.Timedelta(hours=hours)
+    lines = [f"{each:%Y-%m-%d};{each:%H:%M:%S.%f};{zone};{row}" for row, each in enumerate(local)]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([f"Date;Time;{head};heading", *lines]) + "\n")
+    proposal, found = read(path)
+    assert found.asi8.tolist() == expected.asi8.tolist()
+    assert not any("UTC is assumed" in warning for warning in proposal.warnings)
+
+
+def test_zones_that_change_within_their_column_are_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = [f"2026-10-25 02:{row:02d}:00;{'CEST' if row < 30 else 'CET'};{row}" for row in range(60)]
+    path.write_text("\n".join(["time;tz;heading", *rows]) + "\n")
+    question = propose_for(read_raw(path)).unanswered[0]
+    assert question.key == "zone"
+    assert "states the zone as CEST, CET" in question.text
+
+
+@pytest.mark.parametrize("number", ["-330", "2", "7200", "-0330"])
+def test_a_zone_in_numbers_is_asked_about(tmp_path: Path, number: str) -> None:
+    """Hours, minutes, seconds, or hours and minutes: nothing states which."""
+    path = tmp_path / "t.csv"
+    path.write_text(
+        "time;tz;heading\n" + "".join(f"2026-05-17 12:{row:02d}:00;{number};{row}\n" for row in range(60))
+    )
+    assert propose_for(read_raw(path)).unanswered[0].key == "zone"
+    _, found = read(path, zone="-03:30")
+    assert found[0] == pd.Timestamp("2026-05-17T15:30:00Z")

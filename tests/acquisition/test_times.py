@@ -36,6 +36,7 @@ UNAMBIGUOUS = (
     "%Y-%m-%d %H:%M:%S.%f", "%Y/%m/%d,%H:%M:%S,%f", "%Y.%m.%d %H:%M:%S.%f", "%Y%m%dT%H%M%S.%f", "%Y-%j:%H:%M:%S.%f",
     "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%y %H:%M:%S:%f", "%d-%b-%Y %H:%M:%S.%f", "%d %B %Y %H:%M:%S.%f",
     "%b %d, %Y at %I:%M:%S.%f %p", "%d/%b/%Y:%H:%M:%S.%f", "%Y-%b-%d %H:%M:%S.%f",
+    "%Y-%m-%d %Hh%Mm%S.%fs", "%d %B %Y %H h %M min %S,%f s", "%d.%m.%Y %Hh%Mmn%S.%f", "%Y%m%d %H:%M:%S.%f",
 )  # fmt: skip
 AMBIGUOUS = ("%d/%m/%Y %I:%M:%S.%f %p", "%m/%d/%Y %H:%M:%S.%f", "%d-%m-%y %H:%M:%S.%f", "%m-%d-%Y,%H:%M:%S.%f")
 

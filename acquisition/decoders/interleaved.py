@@ -1,0 +1,136 @@
+"""Sources that report one quantity under one talker on one line, told apart by values that take turns.
+
+Sentences such as HDT have neither time nor position. Two compasses of one talker are seen only in values that go to
+and fro between two levels (:mod:`analysis.quality.two_levels` finds the same in recordings). Until that is certain
+the values pass as of one source; two that agree, as rates of turn about zero do, are never told apart. Where two
+have met and part again, the times at which they are due say which is which.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from acquisition.core.frames import NANO
+from acquisition.decoders import Notices
+
+_LEAST_APART = {"deg": 5.0, "dps": 1.0, "mps": 1.0, "rpm": 20.0, "percent": 20.0, "m": 1.0}
+"""Levels are further apart, by the unit at the end of a quantity's name: ten steps of a coarse instrument."""
+_FEWEST, _MOST, _EVERY = 17, 65, 8  # values that are judged, and how many come from one judgement to the next
+_FEWEST_TURNS = 8
+_BETWEEN = (0.25, 0.75)  # of the distance: steps of such a size belong to neither kind
+_EVEN = 0.12  # how much turns may differ from their median, as a fraction of it; of waves it is 0.3
+_RETURNS = 0.5  # of the turns have another beside them; none of a rudder that stays over for three samples
+_HALF_TURN_DEG = 150.0  # levels as far apart turn either way, by their noise
+_SILENT_NS = 3 * NANO  # a source that is silent for longer has no last value
+_MOST_SERIES = 200  # noise must not name series without end
+
+
+@dataclass(slots=True)
+class _Source:
+    """A source's last value, when it came, and the time between its last two [ns]; 0 where that is not known."""
+
+    value: float
+    came_ns: int
+    interval_ns: int = 0
+
+    def late(self, came_ns: int) -> float:
+        """How many intervals a value would come before or after it is due."""
+        return abs((came_ns - self.came_ns) / self.interval_ns - 1.0) if self.interval_ns else 0.0
+
+
+@dataclass(slots=True)
+class _Series:
+    values: deque[float] = field(default_factory=lambda: deque(maxlen=_MOST))
+    count: int = 0
+    sources: list[_Source] = field(default_factory=list)
+
+
+class InterleavedSources:
+    """The sources of one line, by the name of what they report."""
+
+    def __init__(self, notices: Notices) -> None:
+        self._notices = notices
+        self._series: dict[str, _Series] = {}
+
+    def number(self, label: str, quantity: str, value: float, came_ns: int) -> int:
+        """Which source reports a value of a quantity: 1 for the first, and as long as there is no other.
+
+        ``label`` is that of the sentence, ``came_ns`` when it came, on the monotonic clock.
+        """
+        unit = quantity.rpartition("_")[2]
+        series = self._series.get(key := f"{label} {quantity}")
+        if series is None:
+            if unit not in _LEAST_APART or len(self._series) >= _MOST_SERIES:
+                return 1
+            series = self._series[key] = _Series()
+        if series.sources:
+            return _assign(series.sources, value, came_ns, unit)
+        series.values.append(value)
+        series.count += 1
+        if series.count >= _FEWEST and (series.count - _FEWEST) % _EVERY == 0:
+            values, least = [*series.values], _LEAST_APART[unit]
+            parts = (values[-_FEWEST:], values)  # a turn between spoils the longer one
+            levels = next(filter(None, (two_levels(part, least, circular=unit == "deg") for part in parts)), None)
+            if levels is not None:
+                series.sources = [_Source(level, came_ns) for level in levels]
+                self._notices.append(("warning", _notice(label, quantity, *levels)))
+                return _assign(series.sources, value, came_ns, unit)
+        return 1
+
+
+def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tuple[float, float] | None:
+    """The last values of two sources that take turns, that of the first value first; None where there is one.
+
+    ``least`` is how far they are apart at least; ``circular`` values are angles in degrees.
+    """
+    steps = [_difference(later, former, circular) for former, later in pairwise(values)]
+    largest = sorted(map(abs, steps))[-_FEWEST_TURNS:]
+    apart = largest[_FEWEST_TURNS // 2]
+    places = [place for place, step in enumerate(steps) if abs(step) > _BETWEEN[1] * apart]
+    turns = [steps[place] for place in places]
+    between = sum(abs(step) > _BETWEEN[0] * apart for step in steps) - len(turns)
+    beside = sum(place + 1 in places or place - 1 in places for place in places)
+    in_turn = all(former * later < 0.0 for former, later in pairwise(turns))
+    if (
+        apart < least
+        or len(turns) < _FEWEST_TURNS
+        or between
+        or max(abs(abs(turn) - apart) for turn in turns) > _EVEN * apart
+        or beside < _RETURNS * len(turns)
+        or not (in_turn or (circular and apart > _HALF_TURN_DEG))
+    ):
+        return None
+    last = [0.0, 0.0]
+    side = 0
+    for place, value in enumerate(values):
+        side = (side + (place - 1 in places)) % 2
+        last[side] = value
+    return last[0], last[1]
+
+
+def _assign(sources: list[_Source], value: float, came_ns: int, unit: str) -> int:
+    """The source with the last value nearest to a value; where the two values have met, the one that is due."""
+    present = [source for source in sources if came_ns - source.came_ns <= _SILENT_NS] or sources
+    circular = unit == "deg"
+    have_met = abs(_difference(sources[0].value, sources[1].value, circular)) < 0.5 * _LEAST_APART[unit]
+    if have_met:
+        source = min(present, key=lambda each: each.late(came_ns))
+    else:
+        source = min(present, key=lambda each: abs(_difference(value, each.value, circular)))
+    source.value, source.came_ns, source.interval_ns = value, came_ns, came_ns - source.came_ns
+    return sources.index(source) + 1
+
+
+def _difference(later: float, former: float, circular: bool) -> float:
+    return (later - former + 180.0) % 360.0 - 180.0 if circular else later - former
+
+
+def _notice(label: str, quantity: str, first: float, second: float) -> str:
+    levels = f"{first:.4g} and {second:.4g} in {quantity}"
+    return (
+        f"{label.partition('/')[2]} alternates between {levels}: two sources under one talker; the second's values"
+        " are kept apart from here on, as source2"
+    )
