@@ -242,8 +242,13 @@ def manoeuvres(
         float | None,
         typer.Option(
             min=0.1,
-            help="The ship's length between perpendiculars in metres, for IMO limits and lengths.",
+            help="The ship's length between perpendiculars in metres, for IMO limits and lengths; default: that of "
+            "the vessel file of the ship that the recording names.",
         ),
+    ] = None,
+    conditions: Annotated[
+        Path | None,
+        typer.Option(help="A TOML file with the conditions of the trial, to show the criteria of the standards."),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="Show every index, including each overshoot.")] = False,
     own: Annotated[
@@ -253,6 +258,7 @@ def manoeuvres(
     as_json: AsJson = False,
 ) -> None:
     """Find manoeuvres and compute their indices."""
+    from acquisition.config.conditions import load_conditions
     from acquisition.core.progress import bar
     from acquisition.core.terminal import Terminal
     from acquisition.recording.grouping import whole_recordings
@@ -260,8 +266,9 @@ def manoeuvres(
 
     with bar("manoeuvres") as progress:
         found, recordings = [], whole_recordings(files)
+        given = None if conditions is None else load_conditions(conditions)
         for number, parts in enumerate(recordings, start=1):
-            found.append(manoeuvres_of(parts, length, own or ()))
+            found.append(manoeuvres_of(parts, length, own or (), given))
             progress(number / len(recordings))
     if as_json:
         echo(json.dumps(summary(found, length)))

@@ -167,21 +167,47 @@ def windows(
         return windows_of_recordings(as_paths(data), how, progress)
 
 
-def manoeuvres(recording: Paths, length_m: float | None = None, own: Sequence[str] = ()) -> pd.DataFrame:
+def manoeuvres(
+    recording: Paths,
+    length_m: float | None = None,
+    own: Sequence[str] = (),
+    conditions: Conditions | str | Path | None = None,
+) -> pd.DataFrame:
     """The manoeuvres of a recording: one row an index, with its 95 % interval, its unit and its IMO limit.
 
-    ``length_m`` between perpendiculars gives indices in ship lengths and the limits that depend on it; ``own`` find
-    manoeuvres of one's own, ``FILE.py:FUNCTION``.
+    Parameters
+    ----------
+    recording
+        A recording, or its parts.
+    length_m
+        The length between perpendiculars [m], for indices in ship lengths and the limits that depend on it; without
+        it that of the vessel file of the ship that the recording names.
+    own
+        Finders of the user's own manoeuvres, ``FILE.py:FUNCTION``.
+    conditions
+        The conditions of the trial, or the TOML file that holds them; they complete those of the recording.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``counted_from`` is the moment from which an index counts; ``result`` is ``met``, ``not_met``,
+        ``cannot_be_said`` or ``not_shown`` where there is a ``limit``, and ``missing`` lists what is missing to
+        show the criterion.
     """
+    from acquisition.config.conditions import Conditions, load_conditions
     from analysis.manoeuvres.report import manoeuvres_of
+
+    known = conditions if isinstance(conditions, Conditions | None) else load_conditions(conditions)
 
     rows = [
         {"manoeuvre": each.name, "kind": each.kind, "side": each.side, "start": each.start, "index": name,
-         "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit}
-        for each in manoeuvres_of(recording, length_m, own).manoeuvres
+         "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit,
+         "counted_from": index.counted_from, "result": index.result, "missing": "; ".join(index.missing)}
+        for each in manoeuvres_of(recording, length_m, own, known).manoeuvres
         for name, index in each.indices.items()
     ]  # fmt: skip
-    columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit"]
+    columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit",
+               "counted_from", "result", "missing"]  # fmt: skip
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -193,10 +219,10 @@ def speed_power(
     ``conditions`` of the ship and the day, or the TOML file that says them, are completed by the run sheets of the
     recordings and by the vessel file: ``vessel``, else that of the ship which the first recording names.
     """
+    from acquisition.config.conditions import load_conditions
     from acquisition.config.vessel_file import vessel_of_ship
     from analysis.speed_power import Conditions
     from analysis.speed_power import speed_power as analyse
-    from analysis.speed_power.conditions import load_conditions
     from hybrid.vessel.files import load_vessel
     from hybrid.vessel.windage import known_conditions
 

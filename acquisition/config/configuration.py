@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Discriminator
 from pydantic.dataclasses import dataclass
 
+from acquisition.config.conditions import Conditions
 from acquisition.config.declarations import (
     ChannelSection,
     Declarations,
@@ -32,6 +33,7 @@ from acquisition.config.sections import (
     Carried,
     CopiesSection,
     FileSource,
+    InstrumentsSection,
     LineSource,
     LiveSection,
     MarkKeys,
@@ -95,6 +97,8 @@ class _File:
     status: StatusSection | None = None
     alarm: tuple[AlarmSection, ...] = ()
     marks: MarkKeys = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
+    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
 
 
 @dataclass(frozen=True)
@@ -189,7 +193,7 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     listed = {name for source in file.source for name in source.channels}
     declared = [each.channel for each in ship.declared if each.channel.group == "declared"]
     channels = declared_as_text(each for each in declared if each.name in listed)
-    trial = file.trial.as_trial()
+    trial = file.trial.as_trial(file.conditions, file.instruments)
     actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
     return TrialConfig(
         trial=replace(trial, actuators=actuators, channels=channels),

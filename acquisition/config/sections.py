@@ -29,6 +29,7 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
+from acquisition.config.conditions import Conditions
 from acquisition.config.declarations import (
     GIVE_CONFIG,
     STRICT,
@@ -753,12 +754,23 @@ class RunSheet:
     project: str = ""
     license: str = ""
 
-    def as_trial(self) -> Trial:
+    def as_trial(self, conditions: Conditions, instruments: InstrumentsSection) -> Trial:
         """The run sheet in the form that a recording stores."""
         said: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(RunSheet)}
         origin = said.pop("origin")
         place = (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
-        return Trial(**said, origin_latitude_deg=place[0], origin_longitude_deg=place[1])
+        return Trial(
+            **said, origin_latitude_deg=place[0], origin_longitude_deg=place[1], conditions=conditions.as_text(),
+            antenna_forward_m=instruments.antenna_forward_m, antenna_starboard_m=instruments.antenna_starboard_m,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
+class InstrumentsSection:
+    """The places of the instruments, from midship: of the antenna whose positions are recorded."""
+
+    antenna_forward_m: Finite | None = None
+    antenna_starboard_m: Finite | None = None
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -97,6 +97,17 @@ def load_actuators(vessel: str | Path) -> Actuators:
         raise error.at(path) from error
 
 
+def length_of_ship(ship: str, folder: Path) -> float | None:
+    """The length between perpendiculars [m] of the ship named by a file in ``folder``; None without a vessel file.
+
+    What the effects of a vessel file make of the length is not in it.
+    """
+    file = vessel_of_ship(ship, folder)
+    length_m = {} if file is None else vessel_tree(file).get("dimensions", {})
+    value = length_m.get("length_between_perpendiculars_m") if isinstance(length_m, dict) else None
+    return float(value) if isinstance(value, int | float) else None
+
+
 def actuators_of_ship(ship: str, folder: Path) -> Actuators:
     """The actuators of the ship named by a file in ``folder``, none if she has no vessel file."""
     file = vessel_of_ship(ship, folder)

@@ -6,6 +6,7 @@ the cursor, clear the screen or hide a warning; brackets would be taken for rich
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from typing import Any
 
@@ -16,12 +17,19 @@ from rich.text import Text
 
 from acquisition.core.text import printable
 
+_PIPED_COLUMNS = 200
+
 
 class Terminal(Console):
-    """A console that shows text as it is: no markup, no emoji, control characters escaped."""
+    """A console that shows text as it is: no markup, no emoji, control characters escaped.
+
+    In a pipe or a file, which have no width, no table is cut to that of a terminal.
+    """
 
     def __init__(self, **options: Any) -> None:
         super().__init__(markup=False, emoji=False, **options)
+        if "width" not in options and "COLUMNS" not in os.environ and not self.is_terminal:
+            self.width = _PIPED_COLUMNS
 
     def render_str(self, text: str, **options: Any) -> Text:
         """As rich's; it also measures the cells of tables by this."""

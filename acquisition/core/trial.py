@@ -27,8 +27,10 @@ class Trial:
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is
     that of the north-east-down tangent plane of ``north_m`` and ``east_m``. ``actuators`` lists the ship's as
     text (:func:`acquisition.core.actuators.as_text`), empty for the default list; ``channels`` are those
-    declared in its configuration, as text (:func:`acquisition.core.declared.as_text`). The fields from
-    ``summary`` on are those that data centres ask for, with their names in ACDD-1.3.
+    declared in its configuration, as text (:func:`acquisition.core.declared.as_text`), ``conditions`` those of its
+    ``[conditions]`` (:func:`acquisition.config.conditions.conditions_from_text`). ``antenna_forward_m`` and
+    ``antenna_starboard_m`` are the place, from midship, of the point that the recorded positions are of. The fields
+    from ``summary`` on are those that data centres ask for, with their names in ACDD-1.3.
     """
 
     name: str = ""
@@ -44,6 +46,9 @@ class Trial:
     sea_state: str = ""
     actuators: str = ""
     channels: str = ""
+    conditions: str = ""
+    antenna_forward_m: float | None = None
+    antenna_starboard_m: float | None = None
     summary: str = ""
     keywords: str = ""
     creator_name: str = ""

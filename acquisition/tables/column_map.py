@@ -19,8 +19,9 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict, ValidationInfo
 from pydantic.dataclasses import dataclass
 
+from acquisition.config.conditions import Conditions
 from acquisition.config.declarations import ChannelSection, Conversion, PackSection
-from acquisition.config.sections import ActuatorSection, RunSheet, check_channel, parse_for_ship
+from acquisition.config.sections import ActuatorSection, InstrumentsSection, RunSheet, check_channel, parse_for_ship
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
@@ -163,6 +164,8 @@ class ColumnMap:
     orientation: Orientation | None = None
     velocity: Velocity | None = None
     trial: RunSheet = field(default_factory=RunSheet)
+    conditions: Conditions = field(default_factory=Conditions)
+    instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
     absent: tuple[AnyChannel, ...] = ()
     derive: tuple[Annotated[str, AfterValidator(_derivable)], ...] = ()
 
@@ -284,7 +287,8 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     if drops:
         index, dropped = asked.drop_unreadable(timed, columns)
     dropped |= {"twice of one variable and time": twice} if twice else {}
-    trial, known = replace(columns.trial.as_trial(), channels=as_text(declared)), with_declared(declared)
+    trial = columns.trial.as_trial(columns.conditions, columns.instruments)
+    trial, known = replace(trial, channels=as_text(declared)), with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:

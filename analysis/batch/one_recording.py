@@ -28,11 +28,11 @@ from acquisition.core.text import printable_name
 from acquisition.core.trial import software_version
 from acquisition.recording.grouping import read_parts
 from acquisition.recording.reader import Recording, recording_size
+from analysis.conditions import recorded_conditions
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.manoeuvres.indices import from_order
 from analysis.products import Options, Products, analyse
 from analysis.speed_power import power_columns, speed_power
-from analysis.speed_power.conditions import recorded_conditions
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
 from analysis.tables.table import history_of, provenance_of, required_channels, sha256_of, table_of

@@ -1,4 +1,4 @@
-"""Indices of like runs, port beside starboard, and whether they meet the criteria of IMO MSC.137(76).
+"""Indices of like runs, port beside starboard, and what they show of the criteria of IMO MSC.137(76).
 
 Runs are alike that have one name (test and helm) and one approach speed within a fifth. The mean of three and more
 has the 95 % interval of their own intervals or of the scatter between them (Student's t), whichever is wider. Two
@@ -7,34 +7,33 @@ say next to nothing of the scatter (Student's factor is 12.7): their mean stands
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from analysis.manoeuvres.indices import Index, Manoeuvre, from_order
+from analysis.manoeuvres.standards import (
+    CANNOT_BE_SAID,
+    CRITERIA,
+    MET,
+    NO_LENGTH,
+    NOT_FOR_SHIP,
+    NOT_MET,
+    NOT_SHOWN,
+    RESOLUTION,
+    Criterion,
+    criterion_of,
+    largest_helm_deg,
+    result_of,
+)
 from analysis.manoeuvres.turning_circle import REMOVED
-
-LEAST_LENGTH_M = 100.0
-"""The standards are for ships of this length and more, and for tankers of chemicals and gas of any."""
-DEEP_DRAUGHTS = 4.0
-"""Deep water begins at so many mean draughts (explanatory notes, MSC/Circ.1053)."""
-CALM_BEAUFORT = 5
-"""The strongest wind of a test (MSC/Circ.1053)."""
-
-CRITERIA = {
-    "advance_m": "advance", "tactical_diameter_m": "tactical diameter",
-    "initial_turning_m": "initial turning", "overshoot_1_deg": "first overshoot",
-    from_order(1): "first overshoot", "overshoot_2_deg": "second overshoot", from_order(2): "second overshoot",
-    "track_reach_m": "track reach",
-}  # fmt: skip
-"""What the standards limit (MSC.137(76), 5.3), by the name of the index."""
 
 _MAIN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
     "course_change": ("initial_turning_m", "advance_m", "transfer_m", "tactical_diameter_m"),
-    "zigzag": ("overshoot_1_deg", "overshoot_2_deg", "initial_turning_m"),
+    "zigzag": (from_order(1), from_order(2), "initial_turning_m"),
     "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"),
     "pull_out": ("residual_yaw_rate_dps",),
     "acceleration": ("time_to_90_percent_s", "distance_to_90_percent_m"),
@@ -42,16 +41,10 @@ _MAIN = {
     "thruster_test": ("last_yaw_rate_dps",),
 }
 """The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
-_FROM_ORDER = {f"overshoot_{number}_deg": from_order(number) for number in (1, 2)}
-"""The overshoots that IMO limits, and what they are called where the way of the helm makes a difference."""
 _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
-_IN_LENGTHS = ("advance_m", "tactical_diameter_m", "track_reach_m")
-_HOLDS_LIMIT = "the interval of the value holds the limit"
-_NO_LENGTH = "the ship's length is not known"
 _SPEED_SHARE = 0.2
 _FEW_RUNS = 2  # of which no interval is made
-_UNSTEADY = re.compile(r"not steady|gathering way")
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,73 +64,80 @@ class Mean:
 
 @dataclass(frozen=True, slots=True)
 class IndexRow:
-    """One index of like runs: its mean by side ("port", "starboard", "" for tests that have none) and its limit.
+    """One index of like runs: its mean by side ("port", "starboard", "" for tests that have none).
 
-    Of each side there is one value: with the current removed where that is known of all its runs. The worse side is
-    judged. ``result`` is "pass", "fail" or "not judged" where there is a limit, else empty;
-    ``why`` says why not judged; ``place`` is that of the test among all.
+    Of each side there is one value: with the current removed where that is known of all its runs. ``criterion`` is
+    the one that the index is judged by, None where there is none; ``place`` is that of the test among all.
     """
 
     test: str
     name: str
     sides: Mapping[str, Mean]
-    result: str = ""
-    why: str = ""
+    criterion: Criterion | None = None
     place: int = 0
 
     @property
     def limit(self) -> Index | None:
         """The index whose limit is the strictest; None where there is none."""
-        limited = [each.index for each in self.sides.values() if each.index.limit is not None]
-        return min(limited, key=lambda each: each.limit or 0.0) if limited else None
+        limited = [mean.index for mean in self.sides.values() if mean.index.limit is not None]
+        return min(limited, key=lambda index: index.limit or 0.0) if limited else None
 
     @property
     def judged_side(self) -> str:
         """The side whose value decides: of two that have limits the worse one; empty where there is no choice."""
-        limited = {side: each.index for side, each in self.sides.items() if each.index.limit}
+        limited = {side: mean.index for side, mean in self.sides.items() if mean.index.limit}
         if len(limited) < 2:
             return ""
         return max(limited, key=lambda side: limited[side].value / (limited[side].limit or 1.0))
 
-
-@dataclass(frozen=True, slots=True)
-class Conditions:
-    """What the standards ask of a ship and of the conditions of her trial; None where it is not known."""
-
-    length_m: float | None = None
-    draught_m: float | None = None
-    water_depth_m: float | None = None
-    beaufort: int | None = None
+    @property
+    def result(self) -> str:
+        """The worst result of its sides, empty where there is no criterion."""
+        results = {mean.index.result for mean in self.sides.values()}
+        return next((result for result in (NOT_MET, CANNOT_BE_SAID, NOT_SHOWN, MET) if result in results), "")
 
     @property
-    def against(self) -> str:
-        """Why these conditions do not allow a judgement; empty where they do."""
-        if self.length_m is None:
-            return _NO_LENGTH
-        if self.length_m < LEAST_LENGTH_M:
-            return (
-                f"the standards are for ships of {LEAST_LENGTH_M:.0f} m and more (tankers of chemicals and gas: of "
-                f"any length), and this one has {self.length_m:g} m between perpendiculars"
-            )
-        if self.beaufort is not None and self.beaufort > CALM_BEAUFORT:
-            return f"the wind was of force {self.beaufort}, above {CALM_BEAUFORT}"
-        if self.water_depth_m and self.draught_m and self.water_depth_m < DEEP_DRAUGHTS * self.draught_m:
-            draughts = self.water_depth_m / self.draught_m
-            return f"the water was {draughts:.1f} draughts deep, less than {DEEP_DRAUGHTS:.0f}"
-        return ""
+    def missing(self) -> tuple[str, ...]:
+        """What is missing to show the criterion, to either side."""
+        return tuple(dict.fromkeys(reason for mean in self.sides.values() for reason in mean.index.missing))
+
+
+@dataclass(frozen=True, slots=True)
+class CriterionResult:
+    """What a trial shows of a criterion to one side; ``mean`` is None without a run of its test."""
+
+    criterion: Criterion
+    side: str
+    mean: Mean | None
+    result: str
+    missing: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """With the keys of the contract."""
+        value = {"value": None, "low": None, "high": None, "unit": None, "limit": None, "counted_from": None}
+        known = self.mean.index.as_json() if self.mean else value
+        runs = self.mean.runs if self.mean else 0
+        return {
+            "criterion": self.criterion.name, "clause": f"{RESOLUTION}, {self.criterion.clause}", "side": self.side,
+            "index": self.criterion.index, **known, "runs": runs, "result": self.result,
+            "missing": list(self.missing),
+        }  # fmt: skip
 
 
 def mean_of(runs: Sequence[Index]) -> Mean:
     """The mean of an index over runs; its interval is the wider of that of their errors and that of the scatter, of
-    two runs the range that their own intervals cover."""
+    two runs the range that their own intervals cover. Its limit is the strictest, and it shows what all of them
+    show."""
     count = len(runs)
     low, high = _range(runs) if count <= _FEW_RUNS else _interval(runs)
-    value = float(np.mean([each.value for each in runs]))
-    lengths = [each.lengths for each in runs if each.lengths is not None]
-    limits = [each.limit for each in runs if each.limit is not None]
+    value = float(np.mean([run.value for run in runs]))
+    lengths = [run.lengths for run in runs if run.lengths is not None]
+    limits = [run.limit for run in runs if run.limit is not None]
+    missing = tuple(dict.fromkeys(reason for run in runs for reason in run.missing))
     mean_lengths = float(np.mean(lengths)) if len(lengths) == count else None
-    limit = min(limits) if limits else None
-    return Mean(Index(value, low, high, runs[0].unit, mean_lengths, limit), count)
+    index = replace(runs[0], value=value, low=low, high=high, lengths=mean_lengths, limit=min(limits, default=None))
+    result = "" if index.limit is None else result_of(index, index.limit, missing)
+    return Mean(replace(index, result=result, missing=missing), count)
 
 
 def _range(runs: Sequence[Index]) -> tuple[float, float]:
@@ -159,9 +159,11 @@ def _interval(runs: Sequence[Index]) -> tuple[float, float]:
     return float(values.mean()) - half, float(values.mean()) + half
 
 
-def index_rows(manoeuvres: Iterable[Manoeuvre], conditions: Conditions) -> list[IndexRow]:
-    """The main indices of all manoeuvres: means over like runs, tests that have limits first."""
-    tests = [_rows_of_test(test, conditions) for test in like_runs(manoeuvres)]
+def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
+    """The main indices of all runs: means over like ones, tests that have limits first."""
+    trial = tuple(runs)
+    largest_deg = largest_helm_deg(trial)
+    tests = [_rows_of_test(test, largest_deg) for test in like_runs(trial)]
     ordered = sorted(tests, key=lambda rows: not any(row.result for row in rows))
     return [replace(row, place=place) for place, rows in enumerate(ordered) for row in rows]
 
@@ -194,34 +196,23 @@ def test_name(test: Sequence[Manoeuvre]) -> str:
     return f"{test[0].name[:1].upper()}{test[0].name[1:]}{at}"
 
 
-def _rows_of_test(test: Sequence[Manoeuvre], conditions: Conditions) -> list[IndexRow]:
-    names = dict.fromkeys(name for each in test for name in _main_indices(each))
-    against = conditions.against or _unsteady(test)
+def _rows_of_test(test: Sequence[Manoeuvre], largest_deg: float) -> list[IndexRow]:
+    names = dict.fromkeys(name for run in test for name in _main_indices(run))
     rows = []
     for name in names:
         sides = {
             side: _side_of(runs, name)
             for side in ("port", "starboard", "")
-            if (runs := [each for each in test if each.side == side and name in each.indices])
+            if (runs := [run for run in test if run.side == side and name in run.indices])
         }
-        ordered = any(_shown_of(each, name) != name for each in test)
-        shown = _FROM_ORDER[name] if ordered else name
-        rows.append(_judged(IndexRow(test_name(test), shown, sides), against))
+        rows.append(IndexRow(test_name(test), name, sides, criterion_of(test[0], name, largest_deg)))
     return rows
 
 
 def _side_of(runs: Sequence[Manoeuvre], name: str) -> Mean:
     """The mean of an index over the runs to one side, with the current removed where all of them have that."""
-    removed = all(name + REMOVED in each.indices for each in runs)
-    return replace(
-        mean_of([each.indices[_shown_of(each, name) + REMOVED * removed] for each in runs]), removed=removed
-    )
-
-
-def _shown_of(manoeuvre: Manoeuvre, name: str) -> str:
-    """The index that stands for another: an overshoot from the order, as IMO counts it, where there is one."""
-    ordered = _FROM_ORDER.get(name, name)
-    return ordered if ordered in manoeuvre.indices else name
+    removed = all(name + REMOVED in run.indices for run in runs)
+    return replace(mean_of([run.indices[name + REMOVED * removed] for run in runs]), removed=removed)
 
 
 def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
@@ -232,62 +223,69 @@ def _main_indices(manoeuvre: Manoeuvre) -> list[str]:
     return [name for name in main if name in found]
 
 
-def _unsteady(test: Sequence[Manoeuvre]) -> str:
-    notes = [note for each in test for note in each.notes if _UNSTEADY.search(note)]
-    return notes[0] if notes else ""
+def criteria_of(rows: Sequence[IndexRow]) -> list[CriterionResult]:
+    """What a trial shows of each criterion, to each side that the standards ask for.
+
+    Of several tests of one criterion the one counts that shows most: with a result before one without, and of those
+    the worst.
+    """
+    return [_criterion_result(criterion, side, rows) for criterion in CRITERIA for side in criterion.sides]
 
 
-def _judged(row: IndexRow, against: str) -> IndexRow:
-    """The row with its result: each side's whole interval has to lie below the limit, or above it."""
-    by_length = row.name in _IN_LENGTHS and against == _NO_LENGTH
-    if row.limit is None and not by_length:
-        return row
-    if against:
-        return replace(row, result="not judged", why=against)
-    sides = [each.index for each in row.sides.values() if each.index.limit is not None]
-    if any(_above(each, each.low) for each in sides):
-        return replace(row, result="fail")
-    if any(_above(each, each.high) for each in sides):
-        return replace(row, result="not judged", why=_HOLDS_LIMIT)
-    return replace(row, result="pass")
+_ORDER_OF_RESULTS = (NOT_MET, CANNOT_BE_SAID, MET, NOT_SHOWN)
 
 
-def _above(index: Index, bound: float) -> bool:
-    """Whether a bound of an index, or its value where that is not known, lies above the limit."""
-    return bool((index.value if np.isnan(bound) else bound) > (index.limit or np.inf))
+def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow]) -> CriterionResult:
+    means = [row.sides[side] for row in rows if row.criterion is criterion and side in row.sides]
+    shown = [mean for mean in means if mean.index.limit is not None]
+    if shown:
+        mean = min(shown, key=lambda mean: (_ORDER_OF_RESULTS.index(mean.index.result), len(mean.index.missing)))
+        return CriterionResult(criterion, side, mean, mean.index.result, mean.index.missing)
+    if means:
+        return CriterionResult(criterion, side, means[0], NOT_SHOWN, (NO_LENGTH,))
+    other = any(row.criterion is criterion for row in rows)
+    return CriterionResult(criterion, side, None, NOT_SHOWN, (f"no run to {side}" if other else "no such test",))
 
 
-def untested(rows: Iterable[IndexRow]) -> list[str]:
-    """The criteria of the standards that no run of these is for."""
-    shown = {CRITERIA.get(row.name) for row in rows if row.result}
-    return [each for each in dict.fromkeys(CRITERIA.values()) if each not in shown]
+def headline_of_criteria(results: Sequence[CriterionResult]) -> str:
+    """What a trial shows of the standards in one sentence; it meets them only where all is shown and met."""
+    by_result = {name: [entry for entry in results if entry.result == name] for name in _ORDER_OF_RESULTS}
+    total = len(results)
+    if len(by_result[MET]) == total:
+        return f"The trial meets IMO {RESOLUTION}: all {total} criteria are shown and met."
+    not_for_her = next((why for entry in results for why in entry.missing if why.startswith(NOT_FOR_SHIP)), "")
+    parts = [f"{len(by_result[MET])} of {total} criteria of IMO {RESOLUTION} are shown and met"]
+    parts = [f"IMO {RESOLUTION}: {not_for_her}; its limits stand for information"] if not_for_her else parts
+    for name, words in ((NOT_MET, "not met"), (CANNOT_BE_SAID, "cannot be said, as the interval holds the limit")):
+        if by_result[name]:
+            parts.append(f"{words}: {_sided_names(by_result[name])}")
+    parts += [] if not_for_her else [f"{len(by_result[NOT_SHOWN])} are not shown"]
+    above = [entry for entry in by_result[NOT_SHOWN] if entry.mean and _lies_above(entry.mean.index)]
+    if above:
+        parts.append(f"above the limit lie: {_sided_names(above)}")
+    return "; ".join(parts) + "."
 
 
-def verdict(rows: Sequence[IndexRow]) -> str:
-    """The result of a trial in one sentence."""
-    passed, failed, left = ([row for row in rows if row.result == name] for name in ("pass", "fail", "not judged"))
-    others = f"; {len(left)} not judged" if left else ""
-    if failed:
-        which = ", ".join(f"{CRITERIA.get(row.name, '')} ({row.test})" for row in failed)
-        return f"The trial does not meet IMO MSC.137(76) in {which}{others}."
-    if passed:
-        every = {1: "the one value", 2: "both values"}.get(len(passed), f"all {len(passed)} values")
-        return f"The trial meets IMO MSC.137(76) in {every} judged{others}."
-    if left:
-        return _without_judgement(left)
-    if rows:
-        tests = len({row.place for row in rows})
-        made = f"{tests} other tests were" if tests > 1 else "one other was"
-        return f"No test of IMO MSC.137(76) was made; {made} measured."
-    return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
+def _lies_above(index: Index) -> bool:
+    return index.limit is not None and index.value > index.limit
 
 
-def _without_judgement(left: Sequence[IndexRow]) -> str:
-    """What was measured of limited values, none of which is judged, and why not."""
-    values = [each.index for row in left for each in row.sides.values()]
-    below = all(row.limit for row in left) and not any(_above(each, each.value) for each in values)
-    many = "Both" if len(left) == 2 else f"All {len(left)}"
-    every = "The one value measured lies below its limit" if len(left) == 1 else (
-        f"{many} values measured lie below their limits"
-    )  # fmt: skip
-    return f"Not judged by IMO MSC.137(76): {left[0].why}." + (f" {every}." if below else "")
+def _sided_names(results: Sequence[CriterionResult]) -> str:
+    """The criteria with their sides: "advance to port and starboard, track reach"."""
+    sides: dict[str, list[str]] = {}
+    for entry in results:
+        sides.setdefault(entry.criterion.name, []).append(entry.side)
+    return ", ".join(f"{name} to {' and '.join(both)}" if any(both) else name for name, both in sides.items())
+
+
+def shortfalls_of(results: Sequence[CriterionResult]) -> list[tuple[str, str]]:
+    """Why criteria are not shown, each reason once with those that it is for."""
+    by_reason: dict[str, list[CriterionResult]] = {}
+    for entry in results:
+        for reason in entry.missing:
+            by_reason.setdefault(reason, []).append(entry)
+    total = sum(entry.mean is not None for entry in results)
+    return [
+        (reason, "all that were measured" if len(entries) == total and entries[0].mean else _sided_names(entries))
+        for reason, entries in by_reason.items()
+    ]

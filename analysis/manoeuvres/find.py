@@ -16,9 +16,11 @@ from operator import attrgetter
 import numpy as np
 import pandas as pd
 
+from acquisition.config.conditions import Conditions
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
-from analysis.manoeuvres.indices import LeftOut, Manoeuvre, add_limits
+from analysis.conditions import recorded_conditions
+from analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from analysis.manoeuvres.measures import (
     WIDEST_S,
     Plateau,
@@ -31,6 +33,7 @@ from analysis.manoeuvres.measures import (
 )
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
+from analysis.manoeuvres.standards import add_limits
 from analysis.manoeuvres.turning_circle import is_turn, turning_circle
 from analysis.manoeuvres.turning_tests import (
     find_pull_outs,
@@ -41,6 +44,7 @@ from analysis.manoeuvres.turning_tests import (
     spiral_steps,
 )
 from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
+from analysis.tables.table import trial_of
 
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
@@ -83,16 +87,20 @@ def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
 
 
 def find_manoeuvres(
-    table: pd.DataFrame, length_m: float | None = None, events: Iterable[tuple[int, str]] = ()
+    table: pd.DataFrame,
+    length_m: float | None = None,
+    events: Iterable[tuple[int, str]] = (),
+    conditions: Conditions | None = None,
 ) -> tuple[Manoeuvre, ...]:
     """The manoeuvres in a table of the 13 channels, in order of time, with indices and their 95 % intervals.
 
     ``table`` is indexed by UTC, at 1 Hz or faster, raw or resampled. ``length_m`` is the ship's length between
     perpendiculars, for indices in lengths and the IMO limits; without it both are left out. ``events`` are
-    (time [ns since 1970], text) as in a recording. Raises :class:`InputError` where channels are missing.
+    (time [ns since 1970], text) as in a recording. ``conditions`` complete what the table itself tells of its
+    trial, for the results against the limits. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
-    return manoeuvres_and_left_out(table, length_m, events)[0]
+    return manoeuvres_and_left_out(table, length_m, events, conditions=conditions)[0]
 
 
 def manoeuvres_and_left_out(
@@ -100,13 +108,16 @@ def manoeuvres_and_left_out(
     length_m: float | None = None,
     events: Iterable[tuple[int, str]] = (),
     own: Sequence[str] = (),
+    conditions: Conditions | None = None,
 ) -> tuple[tuple[Manoeuvre, ...], tuple[LeftOut, ...]]:
     """As :func:`find_manoeuvres`, with the rejected candidates and the reasons, in order of time.
 
     ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
     from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
-    motion, in_time = motion_of(table, length_m), attrgetter("start")
+    known = (conditions or Conditions()).with_known(recorded_conditions(trial_of(table), table))
+    known = known if length_m is None else replace(known, length_m=length_m)
+    motion, in_time = motion_of(table, known.length_m), attrgetter("start")
     bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
@@ -122,7 +133,7 @@ def manoeuvres_and_left_out(
     judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
     named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
     added = [each for name in own for each in _found_by(name, motion)]
-    every = sorted([*add_limits(named, length_m), *added], key=in_time)
+    every = sorted([*add_limits(named, known), *added], key=in_time)
     no_helm = [] if motion.steering else [LeftOut("turn or zigzag", *bounds, _NO_HELM)]
     return tuple(every), (*no_helm, *(each for each in judged if isinstance(each, LeftOut)))
 
@@ -178,7 +189,7 @@ def _zigzags_and_turns(motion: Motion, smooth: Motion, marks: Sequence[Mark]) ->
 def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> Bools:
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
-        taken |= _rows_of(motion, each, each.settings.get("half_command_s", 0.0))
+        taken |= _rows_of(motion, each)
     return taken
 
 
@@ -221,9 +232,9 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
     return marked or len(chain) >= FEWEST_SWINGS
 
 
-def _rows_of(motion: Motion, each: Manoeuvre | LeftOut, before_s: float = 0.0) -> Bools:
+def _rows_of(motion: Motion, each: Manoeuvre | LeftOut) -> Bools:
     start, end = ((pd.Timestamp(time).value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
-    return np.asarray((motion.time_s >= start - before_s) & (motion.time_s <= end))
+    return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
 def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:

@@ -1,16 +1,10 @@
-"""A manoeuvre's kind, settings and indices with 95 % intervals, and the IMO limits.
-
-The limits are those of IMO resolution MSC.137(76), Standards for ship manoeuvrability, section 5.3. They apply
-to ships of 100 m and more and to chemical and gas tankers; for other ships, and for ships steered by their
-propulsors, they are given for information only. Each belongs to one test: advance and tactical diameter to the
-turning test with 35 deg or the largest helm, the distance to 10 deg of turn to a helm of 10 deg, overshoots to
-the 10/10 and 20/20 zigzags.
-"""
+"""A manoeuvre's kind, settings and indices with 95 % intervals, and from which moment each index counts."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -18,13 +12,18 @@ import numpy as np
 import pandas as pd
 
 _BOUNDS = ("value", "low", "high")
+ORDER, HALF_HELM = "order", "half_helm"
+"""The moments from which an index counts: that of the order, and that at which the helm was half over."""
+_UNCOUNTED = ("speed_run", "crabbing", "thruster_test", "spiral", "reverse_spiral")
 
 
 @dataclass(frozen=True, slots=True)
 class Index:
     """One index with the 95 % interval ``low`` to ``high``; NaN where the interval is unknown.
 
-    ``lengths`` is the value in ship lengths, ``limit`` the IMO limit in ``unit``, "for information".
+    ``lengths`` is the value in ship lengths. ``counted_from`` is :data:`ORDER` or :data:`HALF_HELM`, empty for what
+    does not count from a moment. ``limit`` is that of the standard (:mod:`analysis.manoeuvres.standards`) in
+    ``unit``, ``result`` the value's against it, and ``missing`` what is missing to show it.
     """
 
     value: float
@@ -33,6 +32,9 @@ class Index:
     unit: str
     lengths: float | None = None
     limit: float | None = None
+    counted_from: str = ""
+    result: str = ""
+    missing: tuple[str, ...] = ()
 
     @property
     def limit_lengths(self) -> float | None:
@@ -42,7 +44,8 @@ class Index:
     def as_json(self) -> dict[str, Any]:
         """The index with the contract's keys; unknown values are null."""
         bounds = {name: _number(getattr(self, name)) for name in _BOUNDS}
-        return {**bounds, "unit": self.unit, "lengths": self.lengths, "limit": self.limit}
+        said = {"unit": self.unit, "lengths": self.lengths, "limit": self.limit, "counted_from": self.counted_from}
+        return {**bounds, **said, "result": self.result, "missing": list(self.missing)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +72,7 @@ HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
 
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
-    """One manoeuvre: ``start`` is its execute, the first change of the command.
+    """One manoeuvre: ``start`` is its execute, the moment of the order.
 
     ``side`` is the one the ship turned or moved to first ("port", "starboard", or "" for a straight one).
     ``settings`` are its commands and the state of the approach. ``executes`` are the further changes of
@@ -90,7 +93,10 @@ class Manoeuvre:
     @classmethod
     def from_json(cls, said: Mapping[str, Any]) -> Manoeuvre:
         """The inverse of :meth:`as_json`. Raises KeyError, TypeError or ValueError for what is none."""
-        indices = {name: Index(**{**each, **_with_nan(each, *_BOUNDS)}) for name, each in said["indices"].items()}
+        indices = {
+            name: Index(**{**each, **_with_nan(each, *_BOUNDS), "missing": tuple(each.get("missing", ()))})
+            for name, each in said["indices"].items()
+        }
         drift = {name: said["current"][name] for name in Current.__slots__} if said["current"] else None
         return cls(
             kind=said["kind"], name=said["name"], start=pd.Timestamp(said["start"]), end=pd.Timestamp(said["end"]),
@@ -177,26 +183,34 @@ def nominal_deg(angle_deg: float, share: float = 0.12) -> float:
     return near if abs(angle - near) <= share * near else float(round(angle))
 
 
-def index_of(
-    name: str, value: float, within: float, length_m: float | None = None, limit: float | None = None
-) -> Index:
-    """An index from its value and half of its interval; distances also in lengths."""
+def index_of(name: str, value: float, within: float, length_m: float | None = None, kind: str = "") -> Index:
+    """An index of a ``kind`` of manoeuvre from its value and half of its interval; distances also in lengths."""
     unit = unit_of(name)
     lengths = value / length_m if length_m and unit == "m" else None
-    return Index(value, value - within, value + within, unit, lengths, limit)
+    return Index(value, value - within, value + within, unit, lengths, counted_from=counted_from(name, kind))
 
 
-def indices_of(values: Mapping[str, tuple[float, float]], length_m: float | None) -> dict[str, Index]:
+def indices_of(
+    values: Mapping[str, tuple[float, float]], length_m: float | None, kind: str = ""
+) -> dict[str, Index]:
     """Indices by name from values and halves of intervals; those not reached are left out."""
-    return {name: index_of(name, *pair, length_m) for name, pair in values.items() if np.isfinite(pair[0])}
+    return {name: index_of(name, *pair, length_m, kind) for name, pair in values.items() if np.isfinite(pair[0])}
 
 
-def with_limits(indices: Mapping[str, Index], limits: Mapping[str, float | None]) -> dict[str, Index]:
-    """The indices with their limits, both as measured and with the current removed."""
-    return {
-        name: replace(index, limit=limits.get(name.removesuffix("_current_removed")))
-        for name, index in indices.items()
-    }
+def counted_from(name: str, kind: str) -> str:
+    """The moment from which an index of a kind of manoeuvre counts.
+
+    >>> counted_from("overshoot_1_deg", "zigzag"), counted_from("advance_m", "turning_circle")
+    ('half_helm', 'order')
+    """
+    if not kind or kind in _UNCOUNTED:
+        return ""
+    return HALF_HELM if re.fullmatch(r"overshoot_\d+_deg", name) else ORDER
+
+
+def from_order(number: int) -> str:
+    """The name of an overshoot counted from the order."""
+    return f"overshoot_{number}_from_order_deg"
 
 
 def _number(value: float) -> float | None:
@@ -206,108 +220,3 @@ def _number(value: float) -> float | None:
 def _with_nan(said: Mapping[str, Any], *names: str) -> dict[str, float]:
     """Numbers by name, NaN for null: the inverse of :func:`_number`."""
     return {name: np.nan if said[name] is None else float(said[name]) for name in names}
-
-
-ADVANCE_LENGTHS = 4.5
-TACTICAL_DIAMETER_LENGTHS = 5.0
-INITIAL_TURNING_LENGTHS = 2.5
-TRACK_REACH_LENGTHS = 15.0
-FIRST_OVERSHOOT_20_20_DEG = 25.0
-TURNING_HELM_DEG, INITIAL_TURNING_HELM_DEG, ZIGZAG_HELM_DEG = 35.0, 10.0, 20.0
-_NEAR_SHARE, _SAME_HELM_SHARE = 0.2, 0.1
-
-
-def first_overshoot_10_10_deg(length_per_speed_s: float) -> float:
-    """10 below L/V = 10 s, 20 from 30 s, 5 + L/V / 2 between."""
-    return float(np.clip(5.0 + 0.5 * length_per_speed_s, 10.0, 20.0))
-
-
-def second_overshoot_10_10_deg(length_per_speed_s: float) -> float:
-    """25 below L/V = 10 s, 40 from 30 s, 17.5 + 0.75 L/V between."""
-    return float(np.clip(17.5 + 0.75 * length_per_speed_s, 25.0, 40.0))
-
-
-def overshoot_limit_deg(
-    number: int, angle_deg: float, switch_deg: float, length_m: float | None, speed_mps: float
-) -> float | None:
-    """The limit of overshoot 1 or 2 of a zigzag, None where there is none.
-
-    A test run within a fifth of its nominal 10/10 or 20/20 counts as such. ``length_m`` is the ship's length
-    L, ``speed_mps`` the test speed V; without a length there is no limit for the 10/10 test.
-    """
-
-    def near(nominal: float) -> bool:
-        return max(abs(angle_deg / nominal - 1.0), abs(switch_deg / nominal - 1.0)) <= _NEAR_SHARE
-
-    if near(20.0) and number == 1:
-        return FIRST_OVERSHOOT_20_20_DEG
-    if near(10.0) and number in (1, 2) and length_m and speed_mps > 0.0:
-        formula = first_overshoot_10_10_deg if number == 1 else second_overshoot_10_10_deg
-        return formula(length_m / speed_mps)
-    return None
-
-
-def overshoot_limits(
-    angle_deg: float, switch_deg: float, length_m: float | None, speed_mps: float, names: Collection[str]
-) -> dict[str, float | None]:
-    """The limits of the first two overshoots of a zigzag with indices of these ``names``, by index."""
-    limits: dict[str, float | None] = {}
-    for number in (1, 2):
-        name = as_imo_counts(number, names)
-        limits[name] = overshoot_limit_deg(number, angle_deg, switch_deg, length_m, speed_mps)
-    return limits
-
-
-def from_order(number: int) -> str:
-    """The name of an overshoot counted from the moment when the helm began to move."""
-    return f"overshoot_{number}_from_order_deg"
-
-
-def as_imo_counts(number: int, names: Collection[str]) -> str:
-    """The name of an overshoot among these: from the order, as IMO counts, or where that is none of them from half
-    of the command."""
-    return from_order(number) if from_order(number) in names else f"overshoot_{number}_deg"
-
-
-def add_limits(manoeuvres: Iterable[Manoeuvre], length_m: float | None) -> tuple[Manoeuvre, ...]:
-    """The manoeuvres of one recording with limits on the indices that have them, and notes with the reasons.
-
-    The largest helm is that of all zigzags and turns of the recording.
-    """
-    every = tuple(manoeuvres)
-    largest = max((abs(each.helm_deg or 0.0) for each in every), default=0.0)
-    return tuple(_add_limits(each, length_m, largest) for each in every)
-
-
-def is_turning_test(helm_deg: float, largest_deg: float) -> bool:
-    """Whether a circle is the turning test: with 35 deg of helm, or the largest helm of its recording.
-
-    The helms of the other tests, 10 and 20 deg, are no ship's largest: a recording with nothing more has no
-    turning test.
-    """
-    at_35 = abs(abs(helm_deg) / TURNING_HELM_DEG - 1.0) <= _SAME_HELM_SHARE
-    at_largest = abs(helm_deg) >= (1.0 - _SAME_HELM_SHARE) * largest_deg
-    return (at_35 or at_largest) and abs(helm_deg) > (1.0 + _SAME_HELM_SHARE) * ZIGZAG_HELM_DEG
-
-
-def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> Manoeuvre:
-    if each.kind not in ("zigzag", "turning_circle", "course_change"):
-        return each
-    helm_deg, limits, notes = abs(each.helm_deg or 0.0), dict[str, float | None](), list[str]()
-    if each.kind == "zigzag":
-        test = (helm_deg, each.settings["switch_deg"], length_m, each.settings["approach_mps"])
-        limits |= overshoot_limits(*test, each.indices)
-    if length_m and abs(helm_deg / INITIAL_TURNING_HELM_DEG - 1.0) <= _NEAR_SHARE:
-        limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
-    if length_m and each.kind == "turning_circle":
-        shown = "no limits: advance and diameter have them"
-        if is_test := is_turning_test(helm_deg, largest_deg):
-            limits["advance_m"] = ADVANCE_LENGTHS * length_m
-            limits["tactical_diameter_m"] = TACTICAL_DIAMETER_LENGTHS * length_m
-            shown = "limits are"
-        if not is_test or abs(helm_deg / TURNING_HELM_DEG - 1.0) > _SAME_HELM_SHARE:
-            notes.append(
-                f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, "
-                f"and this was {helm_deg:.0f} deg, the largest of this recording {largest_deg:.0f} deg"
-            )
-    return replace(each, indices=with_limits(each.indices, limits), notes=(*each.notes, *notes))

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.kinematics import to_body
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import Manoeuvre, indices_of, unit_of
-from analysis.manoeuvres.motion import Motion, noise_of, running_median, stretches
+from analysis.manoeuvres.motion import Motion, at_midship, noise_of, running_median, stretches
 
 APPROACH_S = 10.0
 
@@ -36,6 +36,8 @@ _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
 _AHEAD = 1.15  # of the distance back to the start of a change; noise bends the line by less
 _SLOWER = 1.5  # factor by which a single change may be slower than usual
 _LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: less is course-keeping
+_LONGEST_ORDER_LAG_S = 5.0  # from an order to the first movement of the steering gear
+_EXTRAPOLATED = 2.0  # the start of a change is known so much worse than its middle, by the line through both
 
 
 def helm_rate_dps(helm: Floats, step_s: float) -> float:
@@ -84,38 +86,75 @@ def helm_change_s(motion: Motion, change_deg: float) -> float:
     return _SLOWER * abs(change_deg) / motion.helm_rate_dps
 
 
-def helm_execute_s(motion: Motion, plateau: Plateau) -> tuple[float, float]:
-    """The times at which the helm began to move to a plateau and was half-way there [s]."""
+class Execute(NamedTuple):
+    """When a helm was ordered and when it was half over [s], each with half of what it is known within [s]."""
+
+    order_s: float
+    half_s: float
+    order_within_s: float
+    half_within_s: float
+
+    @property
+    def half_command_s(self) -> float:
+        """How long the helm took from the order to half of the change."""
+        return self.half_s - self.order_s
+
+
+def helm_execute(motion: Motion, plateau: Plateau) -> Execute:
+    """The execute of the helm of a plateau."""
     longest_s = max(_LONGEST_CHANGE_S, helm_change_s(motion, plateau.level) + 5.0)
     before = level_before(motion, motion.helm_deg, plateau, longest_s + 1.0)
     earliest = motion.row_before(plateau.first, longest_s)
-    return execute_s(motion.time_s, motion.helm_deg, plateau, before, earliest)
+    return _execute(motion, plateau, before, earliest, is_first=True)
 
 
-def next_execute_s(motion: Motion, last: Plateau, each: Plateau) -> tuple[float, float]:
-    """As :func:`helm_execute_s`, of a helm that goes from one plateau to the next."""
-    return execute_s(motion.time_s, motion.helm_deg, each, last.level, (last.first + last.end) // 2)
+def next_execute(motion: Motion, last: Plateau, plateau: Plateau) -> Execute:
+    """As :func:`helm_execute`, of a helm that goes from one plateau to the next."""
+    return _execute(motion, plateau, last.level, (last.first + last.end) // 2, is_first=False)
 
 
-def executes_unsure_s(motion: Motion, change_deg: float, times: Floats) -> Floats:
-    """The uncertainty of the ``times`` of a manoeuvre [s]: first change of the command, first execute, and
-    others.
+def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int, *, is_first: bool) -> Execute:
+    """The execute from a level of the helm to a plateau. The order is the one recorded; else the helm moves from
+    the order on. Where orders were recorded as events it lies before half of the change."""
+    begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
+    within_s = _execute_within_s(motion, plateau.level - before_deg)
+    wander_s = np.sqrt(3.0) * _wander_s(motion, begun_s) if is_first else 0.0
+    half_within_s = float(np.hypot(within_s, 0.5 * wander_s))
+    if motion.orders_are_events:
+        return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
+    if (ordered_s := _recorded_order_s(motion, begun_s, half_s)) is not None:
+        return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
+    noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
+    parts_s = [_EXTRAPOLATED * within_s, noise_s, 0.5 * motion.step_s, 1.5 * wander_s]
+    order_within_s = float(np.linalg.norm(parts_s))  # calibrated by tests/benchmarks/yard_trials.py
+    return Execute(begun_s, half_s, order_within_s, half_within_s)
 
-    Before the manoeuvre a helmsman or pilot keeps the course: half of that variation of the helm affects the
-    first half-way time.
-    """
-    first = int(np.searchsorted(motion.time_s, times[0]))
+
+def _recorded_order_s(motion: Motion, begun_s: float, half_s: float) -> float | None:
+    """When the recorded order changed that the helm followed [s], None where none was recorded."""
+    if motion.helm_order_deg is None:
+        return None
+    near = motion.between(begun_s - _LONGEST_ORDER_LAG_S, half_s)
+    if near.helm_order_deg is None or near.time_s.size < 2:
+        return None
+    first, last = near.helm_order_deg[[0, -1]]
+    if abs(last - first) < _LEAST_MOVE_DEG:
+        return None
+    share = (near.helm_order_deg - first) / (last - first)
+    return float(np.interp(_last_crossing(share, 0.5), np.arange(near.time_s.size), near.time_s))
+
+
+def _wander_s(motion: Motion, begun_s: float) -> float:
+    """How long the helm takes for what a hand that keeps the course moves it before a manoeuvre [s]."""
+    first = int(np.searchsorted(motion.time_s, begun_s))
     before = motion.helm_deg[motion.row_before(first, APPROACH_S) : first]
-    wander_s = 0.5 * float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
-    unsure = np.full(times.size, _execute_unsure_s(motion, change_deg))
-    unsure[:2] = np.hypot(unsure[:2], np.sqrt(3.0) * wander_s)
-    return unsure
+    return float(np.std(before)) / motion.helm_rate_dps if before.size else 0.0
 
 
-def _execute_unsure_s(motion: Motion, change_deg: float) -> float:
-    """The uncertainty of an execute [s]: half a row for a change within one row, less for one over several;
-    plus the effect of the helm's noise on a fit through the middle of the change and on the levels before and
-    after, medians of some seconds."""
+def _execute_within_s(motion: Motion, change_deg: float) -> float:
+    """How well the moment is known at which a helm was half over [s]: half a row for a change within one row, less
+    for one over several; plus the effect of the helm's noise on a fit through the middle of the change and on the
+    levels before and after, medians of some seconds."""
     rows = max(1.0, abs(change_deg) / (motion.helm_rate_dps * motion.step_s))
     level = 0.5 * np.sqrt(2.0) * 1.25 / np.sqrt(max(_BEFORE_S / motion.step_s, 1.0))
     noise_s = (
@@ -241,7 +280,8 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
 REPLICATES = 48
 WIDEST_S = 8.0
 _FEWEST_ROWS = 3
-_TWO_SIDED_95 = 1.96
+_TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
+_HALF_BEAM_LENGTHS = 1.0 / 13.0  # of the usual ship, six and a half times as long as she is wide
 _SEED = 137
 
 Measure = Callable[[Motion, Floats], dict[str, float]]
@@ -311,11 +351,29 @@ def bootstrap_indices(
         moved = executes_s + unsure_s * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(again, moved))
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a distance are uncertain
-    found = {}
+    place_within = _place_within(smooth, executes_s, measure, values)
+    estimates = {}
     for name, value in values.items():
-        believed, within = _without_bias(value, np.array([each.get(name, np.nan) for each in repeats]))
-        found[name] = believed, float(np.hypot(within, path_within)) if unit_of(name) == "m" else within
-    return found
+        estimate, within = _without_bias(value, np.array([repeat.get(name, np.nan) for repeat in repeats]))
+        if unit_of(name) == "m":
+            within = float(np.linalg.norm([within, path_within, place_within.get(name, 0.0)]))
+        estimates[name] = estimate, within
+    return estimates
+
+
+def _place_within(
+    smooth: Motion, executes_s: Floats, measure: Measure, values: Mapping[str, float]
+) -> dict[str, float]:
+    """What it adds to half of an interval that the path is that of an antenna anywhere on the ship."""
+    length_m = smooth.length_m
+    if smooth.is_midship or length_m is None:
+        return {}
+    added = dict.fromkeys(values, 0.0)
+    for place_m in ((0.5 * length_m, 0.0), (0.0, _HALF_BEAM_LENGTHS * length_m)):
+        moved = measure(at_midship(smooth, place_m), executes_s)
+        for name, value in values.items():
+            added[name] = float(np.hypot(added[name], _OF_UNIFORM_95 * (moved.get(name, value) - value)))
+    return added
 
 
 def manoeuvre_of(
@@ -325,7 +383,7 @@ def manoeuvre_of(
     """A manoeuvre between two times of ``motion`` [s], with indices of what was ``found``: values and halves of
     intervals."""
     start, end = (motion.utc(float(each)) for each in span_s)
-    return Manoeuvre(kind, name, start, end, side, settings, indices_of(found, motion.length_m), **more)
+    return Manoeuvre(kind, name, start, end, side, settings, indices_of(found, motion.length_m, kind), **more)
 
 
 def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
@@ -514,10 +572,14 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def event_notes(motion: Motion) -> tuple[str, ...]:
-    """Notes on the executes of a recording in which orders are events."""
-    text = (
-        "orders were recorded as events: the true moment of half of each change is not known, and not in "
-        "the intervals"
-    )
-    return (text,) if motion.orders_are_events else ()
+def count_notes(motion: Motion) -> tuple[str, ...]:
+    """What the indices count from where it was not recorded: the moment of the order, and midship."""
+    notes = []
+    if motion.orders_are_events:
+        notes.append("orders were recorded as events: each was given before half of the recorded change, which the "
+                     "intervals allow for")  # fmt: skip
+    elif motion.helm_order_deg is None:
+        notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
+    if not motion.is_midship and motion.length_m:
+        notes.append("the antenna's place on the ship is not known: the intervals allow for any")
+    return tuple(notes)

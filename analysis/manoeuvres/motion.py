@@ -13,7 +13,7 @@ are recognised by that and counted with their sign. A ship with neither has no h
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -31,7 +31,16 @@ from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from analysis.quality.motion.series import off_the_turn, wild_headings
 from analysis.quality.samples import runs, white_noise
 from analysis.tables.resample import resample
-from analysis.tables.table import NANO, history_of, require, seconds_of, table_actuators, table_controls, times_ns
+from analysis.tables.table import (
+    NANO,
+    history_of,
+    require,
+    seconds_of,
+    table_actuators,
+    table_controls,
+    times_ns,
+    trial_of,
+)
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
@@ -82,6 +91,7 @@ class Motion:
     length_m: float | None = None
     helm_rate_dps: float = np.inf
     helm_order_deg: Floats | None = None
+    is_midship: bool = False
 
     @property
     def steers_by_thrust(self) -> bool:
@@ -204,9 +214,10 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
-    rests = [whole - part for whole, part in zip(apart, slow, strict=True)]
-    wander_m = float(np.linalg.norm([_wander_m(rest, step_s) for rest in rests]))
-    spread = max(wander_m, _path_sd_m(max(map(noise_of, rests)), max(noise_of(surge), noise_of(sway)), step_s))
+    residuals = [whole - part for whole, part in zip(apart, slow, strict=True)]
+    aside_mps = fastest * np.deg2rad(noise_of(turned))  # what the noise of the heading does to the speeds
+    speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), aside_mps))
+    spread = _path_spread_m(residuals, speed_noise_mps, step_s)
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     sideways = [each for each in actuators if not each.drives and each.angle is None]
     shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
@@ -214,10 +225,37 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     words = {name: _called(each) for each, (name, _) in shafts.items()}
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
     kind = steering[0].steers_by if steering else ""
-    return Motion(
+    motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
         helm_order_deg=_ordered_helm(grid, steering),
+    )  # fmt: skip
+    return at_midship(motion, antenna_of(table))
+
+
+Place = tuple[float, float]
+"""A point of the ship: how far forward and to starboard of midship [m]."""
+
+
+def antenna_of(table: pd.DataFrame) -> Place | None:
+    """Where the positions of a table are measured, None where its trial does not say that."""
+    trial = trial_of(table)
+    return None if trial.antenna_forward_m is None else (trial.antenna_forward_m, trial.antenna_starboard_m or 0.0)
+
+
+def at_midship(motion: Motion, place_m: Place | None) -> Motion:
+    """The motion of midship from that of another point of the ship; as it is where that point is not known.
+
+    A point of a rigid ship moves with ``u - r y`` and ``v + r x`` (Fossen 2011, eq. 2.118 in the plane).
+    """
+    if place_m is None:
+        return motion
+    north, east = to_earth(*place_m, np.deg2rad(motion.heading_deg))
+    turning = np.deg2rad(motion.yaw_rate_dps)
+    return replace(
+        motion, north_m=motion.north_m - north, east_m=motion.east_m - east,
+        surge_mps=motion.surge_mps + turning * place_m[1], sway_mps=motion.sway_mps - turning * place_m[0],
+        is_midship=True,
     )  # fmt: skip
 
 
@@ -342,6 +380,12 @@ def _smooth_pieces(values: Floats, broken: Bools, step_s: float) -> Floats:
     for first, end in stretches(~broken):
         result[first:end] = local_quadratic(values[first:end], _PATH_HALF_WIDTH_S / step_s)
     return result
+
+
+def _path_spread_m(residuals: Sequence[Floats], speed_noise_mps: float, step_s: float) -> float:
+    """The standard deviation of a point of the path [m], from how the positions wander about it and from noise."""
+    wander_m = float(np.linalg.norm([_wander_m(residual, step_s) for residual in residuals]))
+    return float(np.hypot(wander_m, _path_sd_m(max(map(noise_of, residuals)), speed_noise_mps, step_s)))
 
 
 def _wander_m(rest: Floats, step_s: float) -> float:

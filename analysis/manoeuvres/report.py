@@ -6,15 +6,18 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
+from acquisition.config.conditions import Conditions
+from acquisition.config.vessel_file import length_of_ship
 from acquisition.core.files import write_text, written_together
 from acquisition.core.trial import software_version
+from analysis.manoeuvres.criteria import criteria_of, headline_of_criteria, index_rows, shortfalls_of
 from analysis.manoeuvres.find import manoeuvres_and_left_out
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
 from analysis.manoeuvres.turning_circle import REMOVED
@@ -36,24 +39,31 @@ class RecordingManoeuvres:
     left_out: tuple[LeftOut, ...] = ()
 
 
-def manoeuvres_of(files: Files, length_m: float | None = None, own: Sequence[str] = ()) -> RecordingManoeuvres:
+def manoeuvres_of(
+    files: Files, length_m: float | None = None, own: Sequence[str] = (), conditions: Conditions | None = None
+) -> RecordingManoeuvres:
     """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``own`` kinds.
 
-    Raises :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
+    Without ``length_m`` the length is that of the ``conditions``, of the recording, or of the vessel file of the
+    ship that it names. Raises :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
     from acquisition.recording.grouping import read_together
     from analysis.tables.table import table_of
 
     recording = read_together(files)
     table = table_of(recording)
-    return RecordingManoeuvres(
-        str(recording.path), table, *manoeuvres_and_left_out(table, length_m, recording.events, own)
-    )
+    given = conditions or Conditions()
+    known = given if length_m is None else replace(given, length_m=length_m)
+    known = known.with_known(Conditions(length_m=length_of_ship(recording.trial.vessel, recording.path.parent)))
+    found = manoeuvres_and_left_out(table, None, recording.events, own, known)
+    return RecordingManoeuvres(str(recording.path), table, *found)
 
 
-def summary(found: Iterable[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
+def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
+    rows = index_rows(run for recording in found for run in recording.manoeuvres)
     return {
+        "criteria": [result.as_json() for result in criteria_of(rows)],
         "recordings": [
             {
                 "recording": each.recording,
@@ -95,14 +105,14 @@ def _digits(value: float, significant: int) -> int:
     return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
 
 
-HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit")
+HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit", "result")
 _SECONDARY = re.compile(r"time_to_check_yaw_|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed")
 
 
 def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
     """One row an index; without ``every`` the first two overshoots stand for all, and the main indices."""
-    return [[plain_name(name), *index_cells(index)] for name, index in manoeuvre.indices.items()
-            if every or not _SECONDARY.search(name)]  # fmt: skip
+    return [[plain_name(name), *index_cells(index), index.result.replace("_", " ")]
+            for name, index in manoeuvre.indices.items() if every or not _SECONDARY.search(name)]  # fmt: skip
 
 
 def headline(manoeuvre: Manoeuvre) -> str:
@@ -170,12 +180,23 @@ def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group
         table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
         header, rows = without_empty(HEADER, rows_of(each, every=every))
         for title in header:
-            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=title != "index")
+            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
         for row in rows:
             table.add_row(*map(Text, row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
     blocks += [Text(""), *(Text(left_out_line(each), style="dim") for each in found.left_out)]
+    blocks += [Text(line) for line in criteria_lines(found.manoeuvres)]
     return Group(*blocks)
+
+
+def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
+    """What runs show of IMO's criteria, and what is missing; nothing where none is a test of one."""
+    rows = index_rows(runs)
+    if not any(row.criterion for row in rows):
+        return []
+    results = criteria_of(rows)
+    missing = (f"Missing: {reason} ({names})." for reason, names in shortfalls_of(results))
+    return [headline_of_criteria(results), *missing]
 
 
 def left_out_line(each: LeftOut) -> str:

@@ -12,15 +12,7 @@ import numpy as np
 
 from acquisition.core.angles import circular_mean, difference, wrap_360
 from acquisition.core.arrays import Bools, Floats
-from analysis.manoeuvres.indices import (
-    TRACK_REACH_LENGTHS,
-    Index,
-    LeftOut,
-    Manoeuvre,
-    index_of,
-    side_of,
-    with_limits,
-)
+from analysis.manoeuvres.indices import Index, LeftOut, Manoeuvre, index_of, side_of
 from analysis.manoeuvres.measures import (
     Plateau,
     along_and_across,
@@ -39,6 +31,7 @@ from analysis.manoeuvres.measures import (
     tolerance_of,
 )
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
+from analysis.manoeuvres.standards import FULL_ASTERN
 
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0
@@ -52,6 +45,7 @@ RECIPROCAL_DEG, _SAME_SHARE, _LONGEST_BETWEEN_S = 12.0, 0.03, 2 * 3600.0
 REACHED_SHARE = 0.9
 _LONGEST_STEP_S = 16.0  # what a shaft may creep before and after a change from one held speed to the next
 _TRIED_STARTS = 9
+_UNSURE_SHARE = 0.2  # of the time that half of a change of thrust takes: engines do not begin like a straight line
 
 
 def shaft_along(motion: Motion) -> Floats:
@@ -212,16 +206,27 @@ def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float
     return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
 
 
-def shaft_steps(motion: Motion, free: Bools) -> list[tuple[Plateau, Plateau, float]]:
-    """Every change from one held thrust to the next with its start time [s], where no other manoeuvre is."""
+class ShaftStep(NamedTuple):
+    """A change from one held thrust to the next, with the moment of the order and half of what it is known within
+    [s]."""
+
+    last: Plateau
+    held: Plateau
+    order_s: float
+    within_s: float
+
+
+def shaft_steps(motion: Motion, free: Bools) -> list[ShaftStep]:
+    """Every change from one held thrust to the next, where no other manoeuvre is."""
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
     for last, each in pairwise(held):
         if free[max(each.first - 1, 0)] and abs(each.level - last.level) > tolerance_of(along, 1.0):
             change_s = (each.first - last.end) * motion.step_s  # a large shaft takes a minute and more to reverse
             before = level_before(motion, along, each, _LONGEST_STEP_S + change_s)
-            start, _ = execute_s(motion.time_s, along, each, before, last.first)
-            steps.append((last, each, start))
+            start, half = execute_s(motion.time_s, along, each, before, last.first)
+            within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
+            steps.append(ShaftStep(last, each, start, within_s))
     return steps
 
 
@@ -230,7 +235,8 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     straight, steady = straight_rows(smooth), steady_rows(smooth)
     found = list[Manoeuvre | LeftOut]()
-    for last, each, start in shaft_steps(motion, free):
+    for step in shaft_steps(motion, free):
+        last, each, start, _ = step
         rows = slice(each.first, each.end)
         long = (each.end - each.first) * motion.step_s >= LEAST_RUN_S
         if not long or each.level < _IDLE_SHARE * largest or each.level - last.level < _STEP_SHARE * largest:
@@ -243,7 +249,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
         if gain <= _GAIN_SHARE * smooth.surge_mps[each.end - 1] or free[rows].mean() <= 0.9:
             continue
         if straight[rows].mean() >= 0.9:
-            found.append(_change_of_speed(motion, "acceleration", last, each, start, end))
+            found.append(_change_of_speed(motion, "acceleration", step, end))
         else:
             turned = float(np.ptp(smooth.heading_deg[rows]))
             why = f"the ship turned by {turned:.0f} deg"
@@ -259,7 +265,8 @@ def find_stops(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | 
     """
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     found = list[Manoeuvre | LeftOut]()
-    for last, each, start in shaft_steps(motion, free):
+    for step in shaft_steps(motion, free):
+        last, each, start, _ = step
         before = smooth.at("surge_mps", start)
         off = each.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
         after = smooth.surge_mps[each.first : each.end]
@@ -272,25 +279,21 @@ def find_stops(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | 
             why = f"the ship still made {left:.2f} m/s when the thrust changed again"
             found.append(LeftOut("stopping", motion.utc(start), motion.utc(end), why))
         else:
-            found.append(_change_of_speed(motion, "stopping", last, each, start, end))
+            found.append(_change_of_speed(motion, "stopping", step, end))
     return found
 
 
-def _change_of_speed(
-    motion: Motion, kind: str, last: Plateau, each: Plateau, start: float, end: float
-) -> Manoeuvre:
+def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> Manoeuvre:
+    last, each, start, within_s = step
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     span, width = np.array([start, end]), half_width_s(part, (end - start) / 2.0)
-    found = bootstrap_indices(part, span, width, measure, motion.step_s)
+    found = bootstrap_indices(part, span, width, measure, within_s)
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
-    stops_astern = reverse and kind == "stopping"
-    limit = TRACK_REACH_LENGTHS * motion.length_m if motion.length_m and stops_astern else None
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
-             "stopping": "stopping with thrust astern" if reverse else "stopping without thrust"}  # fmt: skip
+             "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
-    made = manoeuvre_of(motion, kind, names[kind], span, "", settings, found)
-    return replace(made, indices=with_limits(made.indices, {"track_reach_m": limit}))
+    return manoeuvre_of(motion, kind, names[kind], span, "", settings, found)
 
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:

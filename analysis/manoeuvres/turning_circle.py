@@ -1,7 +1,8 @@
 """Turning circles: the helm put over and held, the path and the heading that follow (IMO MSC.137(76), 4.2).
 
-Advance and transfer are measured along and across the heading of the approach, from the execute to where the
-heading has changed by 90 deg; the tactical diameter is the way across when it has changed by 180 deg.
+Advance and transfer are measured along and across the heading of the approach, from the position at which the
+rudder order is given to where the heading has changed by 90 deg; the tactical diameter is the way across when it
+has changed by 180 deg (MSC.137(76), 4.2.3 and 4.2.4).
 
 The drift: in steady turning a ship comes back to the same point of the water after each turn, so that the way
 between two points of the track one turn apart, over the time between them, is the velocity of the water, with
@@ -24,12 +25,11 @@ from analysis.manoeuvres.measures import (
     approach_of,
     approach_settings,
     bootstrap_indices,
+    count_notes,
     crossing_s,
     distance_m,
-    event_notes,
-    executes_unsure_s,
     half_width_s,
-    helm_execute_s,
+    helm_execute,
     manoeuvre_of,
     mean_between,
     smooth_motion,
@@ -48,7 +48,7 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float) -> bool:
     heading = motion.heading_deg[each.first : each.end]
     seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
-    before = approach_of(motion, helm_execute_s(motion, each)[0] - 1.0)
+    before = approach_of(motion, helm_execute(motion, each).order_s - 1.0)
     if motion.broken[each.first : each.end].any():
         return False
     with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
@@ -58,20 +58,20 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float) -> bool:
 
 def turning_circle(motion: Motion, each: Plateau) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices."""
-    start, half = helm_execute_s(motion, each)
+    execute = helm_execute(motion, each)
+    start = execute.order_s
     end = float(motion.time_s[each.end - 1])
     part = motion.around(start, end, _MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = half_width_s(part, quarter_s)
-    times = np.array([start, half, end])
-    unsure_s = executes_unsure_s(motion, each.level, times)
+    times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
     current = current_of(smooth_motion(part, width), start, end)
-    found = _with_drift_error(bootstrap_indices(part, times, width, circle_indices, unsure_s), current)
+    found = _with_drift_error(bootstrap_indices(part, times, width, circle_indices, within_s), current)
     settings = {
         f"{motion.steering}_deg": each.level,
         "turned_deg": abs(turned),
-        "half_command_s": half - start,
+        "half_command_s": execute.half_command_s,
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
         **approach_settings(part, start),
     }
@@ -79,25 +79,22 @@ def turning_circle(motion: Motion, each: Plateau) -> Manoeuvre:
         ("turning_circle", "turning circle") if abs(turned) >= LEAST_CIRCLE_DEG else ("course_change", "turn")
     )
     return manoeuvre_of(
-        motion, kind, f"{word} {nominal_deg(each.level):.0f} deg", times[1:], side_of(turned), settings, found,
-        current=current, notes=event_notes(motion),
+        motion, kind, f"{word} {nominal_deg(each.level):.0f} deg", times, side_of(turned), settings, found,
+        current=current, notes=count_notes(motion),
     )  # fmt: skip
 
 
-def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
-    """The indices of a smooth motion between execute and end; also with the current removed where it is known.
-
-    ``executes`` holds the first change of the command, before which the approach is, the moment at which it was
-    half done, from which all counts, and the end [s].
-    """
-    start, count, end = map(float, executes)
-    values = _indices_over_ground(motion, start, count, end)
-    turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
+def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
+    """The indices of a smooth motion from the order to the end, ``times`` [s]; also with the current removed where
+    it is known."""
+    order, end = map(float, times)
+    values = _indices_over_ground(motion, order, end)
+    turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", order))
     if turned >= LEAST_TURN_DEG:
-        north, east = drift_pairs(motion, start, end)
+        north, east = drift_pairs(motion, order, end)
         if north.size:
-            water = remove_current(motion, _settled_mean(north), _settled_mean(east), start)
-            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, start, count, end).items()
+            water = remove_current(motion, _settled_mean(north), _settled_mean(east), order)
+            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, order, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
 
@@ -122,9 +119,9 @@ def _with_drift_error(
     return wider
 
 
-def _indices_over_ground(motion: Motion, first: float, start: float, end: float) -> dict[str, float]:
-    """Indices relative to ``start``, with the approach before ``first`` [s]."""
-    approach = approach_of(motion, first)
+def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
+    """Indices from the order at ``start`` [s]."""
+    approach = approach_of(motion, start)
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
     turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
     ahead = approach["approach_unwrapped_deg"]

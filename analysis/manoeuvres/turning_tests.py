@@ -18,6 +18,7 @@ from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import Index, Manoeuvre, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
     APPROACH_S,
+    Execute,
     Measure,
     Plateau,
     along_and_across,
@@ -25,16 +26,15 @@ from analysis.manoeuvres.measures import (
     approach_settings,
     bootstrap_indices,
     crossing_s,
-    executes_unsure_s,
     half_width_s,
     helm_change_s,
-    helm_execute_s,
+    helm_execute,
     is_same_order,
     manoeuvre_of,
     mean_between,
     mean_of_blocks,
     merge_neighbours,
-    next_execute_s,
+    next_execute,
 )
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
 
@@ -61,13 +61,16 @@ def find_pull_outs(motion: Motion, held: Sequence[Plateau], rate: Floats, fastes
         way = motion.speed_mps[each.first] > _LEAST_WAY * fastest_mps
         if not (way and np.ptp(turned) >= _LEAST_TURN_DEG and _put_amidships(motion, last, each)):
             continue
-        begun, half = next_execute_s(motion, last, each)
-        times = np.array([begun, half, _settled_s(motion, rate, half, float(motion.time_s[each.end - 1]))])
+        execute = next_execute(motion, last, each)
+        settled_s = _settled_s(motion, rate, execute.half_s, float(motion.time_s[each.end - 1]))
+        times = np.array([execute.order_s, settled_s])
         values = pull_out_indices(motion, times)
-        if values and times[2] - half >= _LEAST_HELD_S:
+        if values and settled_s - execute.half_s >= _LEAST_HELD_S:
             name, side = f"pull-out from {nominal_deg(last.level):.0f} deg", float(turned[-1] - turned[0])
             scale_s = 4.0 * max(values["time_to_half_rate_s"], motion.step_s)
-            found.append(_test(motion, "pull_out", name, side, last.level, times, pull_out_indices, scale_s))
+            found.append(
+                _test(motion, "pull_out", name, side, last.level, times, [execute], pull_out_indices, scale_s)
+            )
     return found
 
 
@@ -96,25 +99,24 @@ def _put_amidships(motion: Motion, last: Plateau, each: Plateau) -> bool:
 def pull_out_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """The rate of turn, and the residual rate with the helm amidships, positive to the side of the turn.
 
-    ``times`` are the start of the helm's movement to amidships, its half-way time, and the end [s]. Empty if
-    the rate has not settled.
+    ``times`` are the order amidships and the end [s]. Empty if the rate has not settled.
     """
     from scipy.optimize import isotonic_regression
 
-    begun, half, end = map(float, times)
-    quarter_s = 0.25 * (end - half)
+    order, end = map(float, times)
+    quarter_s = 0.25 * (end - order)
     before, third, last = (mean_between(motion, "yaw_rate_dps", *span) for span in (
-        (begun - APPROACH_S, begun), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end)))  # fmt: skip
+        (order - APPROACH_S, order), (end - 2.0 * quarter_s, end - quarter_s), (end - quarter_s, end)))  # fmt: skip
     if not abs(last - third) < _SETTLED_SHARE * abs(before):
         return {}
     side, off = np.sign(before), abs(before - last)
     # Noise makes the first crossing of a level early; a curve that only rises has one.
-    falling = motion.between(begun, end)
+    falling = motion.between(order, end)
     fallen = np.asarray(isotonic_regression(np.abs(falling.yaw_rate_dps - before)).x, dtype=float)
-    fallen_s = crossing_s(falling.time_s, fallen, 0.5 * off, begun, end)
+    fallen_s = crossing_s(falling.time_s, fallen, 0.5 * off, order, end)
     return {
         "turning_yaw_rate_dps": abs(before), "residual_yaw_rate_dps": float(side * last),
-        "time_to_half_rate_s": fallen_s - half,
+        "time_to_half_rate_s": fallen_s - order,
     }  # fmt: skip
 
 
@@ -170,18 +172,18 @@ def _has_settled(motion: Motion, run: Sequence[Plateau], each: Plateau) -> bool:
 
 def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The direct spiral of its steps, with its indices."""
-    times = motion.time_s[[steps[0].first, *(row for each in steps for row in (each.first, each.end - 1))]]
+    times = motion.time_s[[row for each in steps for row in (each.first, each.end - 1)]]
     sign = -1.0 if motion.steers_by_thrust else 1.0
     levels = sign * np.array([motion.helm_deg[(each.first + each.end) // 2 : each.end].mean() for each in steps])
 
     settled = np.array([_has_settled(motion, steps, each) for each in steps])
 
     def measure(part: Motion, spans: Floats) -> dict[str, float]:
-        return spiral_indices(part, levels, spans[1:].reshape(-1, 2), settled)
+        return spiral_indices(part, levels, spans.reshape(-1, 2), settled)
 
     largest = max(steps, key=lambda each: abs(each.level)).level
     name = f"direct spiral {nominal_deg(largest):.0f} deg"
-    found = _test(motion, "spiral", name, float(levels[0]), largest, times, measure)
+    found = _test(motion, "spiral", name, float(levels[0]), largest, times, [], measure)
     helm_error = noise_of(motion.helm_deg) / np.sqrt(0.5 * min(each.end - each.first for each in steps))
     left_out = [f"step {number} at {levels[number - 1]:.1f} deg" for number in np.flatnonzero(~settled) + 1]
     notes = (f"the rate of turn had not settled, left out: {', '.join(left_out)}",) if left_out else ()
@@ -326,16 +328,18 @@ def find_williamson_turns(motion: Motion, held: Sequence[Plateau]) -> list[Manoe
     for last, each in pairwise(held):
         if not (_at_once(motion, last, each) and is_same_order(last.level, -each.level)):
             continue
-        begun, first = helm_execute_s(motion, last)
-        _, second = next_execute_s(motion, last, each)
-        course = approach_of(motion, begun)["approach_unwrapped_deg"]
+        executes = [helm_execute(motion, last), next_execute(motion, last, each)]
+        first, second = (execute.order_s for execute in executes)
+        course = approach_of(motion, first)["approach_unwrapped_deg"]
         end = float(motion.time_s[min(2 * each.end - each.first, motion.time_s.size) - 1])
         side = float(np.sign(motion.at("heading_deg", second) - course))
         out, back = (side * (motion.at("heading_deg", at) - course) for at in (second, end))
         if _OUT_DEG[0] < out < _OUT_DEG[1] and _BACK_DEG[0] < -back < _BACK_DEG[1]:
-            times = np.array([begun, first, second, end])
+            times = np.array([first, second, end])
             name = f"Williamson turn {nominal_deg(last.level):.0f} deg"
-            found.append(_test(motion, "williamson_turn", name, side, last.level, times, williamson_indices))
+            found.append(
+                _test(motion, "williamson_turn", name, side, last.level, times, executes, williamson_indices)
+            )
     return found
 
 
@@ -343,10 +347,10 @@ def williamson_indices(motion: Motion, times: Floats) -> dict[str, float]:
     """Where and when the ship is on the reciprocal course, within 5 deg.
 
     How far ahead of the first execute, how far to starboard of her first track, after how long; and how far off her
-    course she was at the second execute. ``times`` are the first change, both executes and the end [s].
+    course she was at the second execute. ``times`` are both orders and the end [s].
     """
-    begun, first, second, end = map(float, times)
-    course = approach_of(motion, begun)["approach_unwrapped_deg"]
+    first, second, end = map(float, times)
+    course = approach_of(motion, first)["approach_unwrapped_deg"]
     side = np.sign(motion.at("heading_deg", second) - course)
     back = -side * (motion.heading_deg - course)
     reached = crossing_s(motion.time_s, back, 175.0, second, end)
@@ -373,16 +377,18 @@ def _test(
     side: float,
     helm_deg: float,
     times: Floats,
+    executes: Sequence[Execute],
     measure: Measure,
     scale_s: float = np.inf,
 ) -> Manoeuvre:
-    """A test with its indices; ``times`` are the first change of the helm, the execute, others and the end [s];
-    what it does takes ``scale_s`` or less."""
+    """A test with its indices; ``times`` are those of its ``executes``, others and the end [s]; what it does takes
+    ``scale_s`` or less."""
     part = motion.around(float(times[0]), float(times[-1]), _MARGIN_S)
-    width = half_width_s(part, min(scale_s, float(times[-1] - times[1]) / (times.size - 1)))
-    found = bootstrap_indices(part, times, width, measure, executes_unsure_s(motion, helm_deg, times))
-    settings = {
-        f"{motion.steering}_deg": helm_deg, "half_command_s": float(times[1] - times[0]),
-        **approach_settings(part, float(times[0])),
-    }  # fmt: skip
-    return manoeuvre_of(motion, kind, name, times[[1, -1]], side_of(side), settings, found)
+    width = half_width_s(part, min(scale_s, float(times[-1] - times[0]) / times.size))
+    within_s = np.full(times.size, 0.5 * motion.step_s)
+    within_s[: len(executes)] = [execute.order_within_s for execute in executes]
+    found = bootstrap_indices(part, times, width, measure, within_s)
+    settings = {f"{motion.steering}_deg": helm_deg, **approach_settings(part, float(times[0]))}
+    if executes:
+        settings["half_command_s"] = executes[0].half_command_s
+    return manoeuvre_of(motion, kind, name, times[[0, -1]], side_of(side), settings, found)

@@ -1,9 +1,9 @@
 """Zigzag tests: helm to one side until the heading has changed by the switching angle, then to the other, and
 so on.
 
-Definitions after IMO MSC.137(76) and ITTC 7.5-04-02-01: an overshoot is the change of heading in the old
-direction after an execute. It is measured on a fit of the heading, as the largest of noisy samples is too
-large.
+An overshoot is the change of heading in the old direction after an execute (MSC.137(76), 4.2.6 and 4.2.7; ITTC
+7.5-04-02-01): from the order, and beside it from the moment at which the helm was half over. It is measured on a
+fit of the heading, as the largest of noisy samples is too large.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg, side_of
+from analysis.manoeuvres.indices import Manoeuvre, from_order, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
+    Execute,
     Plateau,
     approach_of,
     approach_settings,
     bootstrap_indices,
+    count_notes,
     crossing_s,
     distance_m,
-    event_notes,
-    executes_unsure_s,
     half_width_s,
     helm_change_s,
-    helm_execute_s,
+    helm_execute,
     is_same_order,
     manoeuvre_of,
     mean_between,
-    next_execute_s,
+    next_execute,
     peak,
 )
 from analysis.manoeuvres.motion import Motion
@@ -133,66 +133,40 @@ def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
     return alternates and bool(np.all(np.abs(turned) < _WIDEST_SWING_DEG))
 
 
-def executes_of(motion: Motion, chain: list[Plateau]) -> Floats:
-    """The times at which each swing's helm began to move and was half-way: [2, swings + 1] s.
-
-    The last column is the end of the last swing.
-    """
-    following = (next_execute_s(motion, *pair) for pair in pairwise(chain))
-    end = float(motion.time_s[chain[-1].end - 1])
-    return np.array([helm_execute_s(motion, chain[0]), *following, (end, end)]).T
+def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
+    """The execute of each swing."""
+    return [helm_execute(motion, chain[0]), *(next_execute(motion, *pair) for pair in pairwise(chain))]
 
 
 def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
-    both = executes_of(motion, chain)
-    executes, times = both[1], np.append(both[0, 0], both[1])
-    part = motion.around(times[0], times[-1], _MARGIN_S)
-    swing_s = float(np.median(np.diff(executes[:-1])))
-    unsure_s = executes_unsure_s(motion, chain[0].level, times)
-    found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, unsure_s)
-    settings = _settings(part, chain, both)
+    executes, end = executes_of(motion, chain), float(motion.time_s[chain[-1].end - 1])
+    times = np.array([[*moments, end] for moments in zip(*(each[:2] for each in executes), strict=True)])
+    within_s = np.array([[*widths, 0.0] for widths in zip(*(each[2:] for each in executes), strict=True)])
+    orders = times[0]
+    part = motion.around(orders[0], end, _MARGIN_S)
+    swing_s = float(np.median(np.diff(orders[:-1])))
+    found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
+    settings = _settings(part, chain, times)
     angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
     steady = () if "reach_s" in found else ("the approach was not steady",)
     if steady == () and "speed_loss" not in found:
         steady = ("the ship was still gathering way at the execute",)
     name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}"
-    made = manoeuvre_of(
-        motion, "zigzag", name, executes[[0, -1]], side_of(_first_side(part, executes)), settings, found,
-        executes=tuple(motion.utc(each) for each in executes[1:-1]), notes=(*steady, *event_notes(motion)),
+    return manoeuvre_of(
+        motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, found,
+        executes=tuple(motion.utc(order) for order in orders[1:-1]), notes=(*steady, *count_notes(motion)),
     )  # fmt: skip
-    return replace(made, indices={**made.indices, **_overshoots_from_order(part, both, unsure_s[1:], made.indices)})
 
 
-def _overshoots_from_order(
-    part: Motion, both: Floats, unsure_s: Floats, indices: Mapping[str, Index]
-) -> dict[str, Index]:
-    """The overshoots as IMO counts them, from the start of the helm's movement, which is ``unsure_s`` as well, if
-    that adds more than their uncertainty."""
-    if part.orders_are_events:
-        return {}
-    found = {}
-    for number in range(1, both.shape[1] - 1):
-        index, (begun_s, half_s) = indices.get(f"overshoot_{number}_deg"), both[:, number]
-        more = abs(float(np.diff(np.interp((begun_s, half_s), part.time_s, part.heading_deg))[0]))
-        if index is not None and more > 0.5 * (index.high - index.low):
-            half_deg, turned_deg = 0.5 * (index.high - index.low), unsure_s[number] * more / (half_s - begun_s)
-            wider = float(np.hypot(half_deg, turned_deg)) - half_deg
-            low, value, high = (each + more for each in (index.low - wider, index.value, index.high + wider))
-            found[from_order(number)] = replace(index, value=value, low=low, high=high)
-    return found
-
-
-def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, float]:
-    # Of an order that is known from events only the moment lies between its first change and half of it.
-    ordered = both.mean(axis=0) if part.orders_are_events else both[0]
-    heading = np.interp(ordered[:-1], part.time_s, part.heading_deg)
+def _settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
+    heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
     return {
         f"{part.steering}_deg": float(np.median([abs(each.level) for each in chain])),
         "switch_deg": _switch_deg(heading),
         "swings": float(len(chain)),
-        "half_command_s": float(np.median(both[1, :-1] - both[0, :-1])),
-        **approach_settings(part, both[0, 0]),
+        "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),
+        **approach_settings(part, times[0, 0]),
     }
 
 
@@ -211,30 +185,30 @@ def _first_side(motion: Motion, executes: Floats) -> float:
 
 
 def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:
-    """The indices of a smooth motion; ``times`` [swings + 2] are the first change of the command,
-    each execute and the end [s].
+    """The indices of a smooth motion; ``times`` [2, swings + 1] are the orders, below them the moments at which the
+    helm was half over, and in the last column the end [s].
 
-    All counts from the executes, the moments at which a change of the command was half done. What was not reached
-    is missing; after an approach that was not steady, all that hangs on the approach; of one in which the ship
-    still gathered way, the loss of speed.
+    All counts from the orders, but ``overshoot_N_deg``, from half of the command. What was not reached is missing;
+    after an approach that was not steady, all that hangs on the approach; of one in which the ship still gathered
+    way, the loss of speed.
     """
-    executes = times[1:]
-    approach = approach_of(motion, times[0])
-    heading, steady = _deviation_deg(motion, executes, approach)
-    values, beside = _overshoots(motion, heading, executes)
-    if executes.size >= 5:
-        values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3]))
+    orders = times[0]
+    approach = approach_of(motion, orders[0])
+    heading, steady = _deviation_deg(motion, orders, approach)
+    values, beside = _overshoots(motion, heading, times)
+    if orders.size >= 5:
+        values["period_s"] = float(np.mean(orders[3:-1] - orders[1:-3]))
     if steady:
-        tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, executes[0], executes[2])
-        back_s = crossing_s(motion.time_s, -heading, 0.0, executes[1], executes[-1])
+        tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, orders[0], orders[2])
+        back_s = crossing_s(motion.time_s, -heading, 0.0, orders[1], orders[-1])
         values |= {
-            "initial_turning_time_s": executes[1] - executes[0],
-            "initial_turning_m": distance_m(motion, executes[0], tenth_s),
-            "reach_s": back_s - executes[0],
+            "initial_turning_time_s": orders[1] - orders[0],
+            "initial_turning_m": distance_m(motion, orders[0], tenth_s),
+            "reach_s": back_s - orders[0],
         }
         loss = (
             1.0
-            - mean_between(motion, "speed_mps", executes[1], executes[-2 if executes.size > 3 else -1])
+            - mean_between(motion, "speed_mps", orders[1], orders[-2 if orders.size > 3 else -1])
             / approach["approach_mps"]
         )
         if loss > -_GATHERED_WAY:
@@ -253,18 +227,23 @@ def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, floa
     return _first_side(motion, executes) * (motion.heading_deg - base), steady
 
 
-def _overshoots(motion: Motion, heading: Floats, executes: Floats) -> tuple[dict[str, float], dict[str, float]]:
-    """Every overshoot, the mean of three or more, and the times to check the yaw."""
-    swings = executes.size - 2
-    values: dict[str, float] = {}
+def _overshoots(motion: Motion, heading: Floats, times: Floats) -> tuple[dict[str, float], dict[str, float]]:
+    """Every overshoot from the order and from half of the command, the mean of three or more from the order, and
+    the times to check the yaw."""
+    orders, halves = times
+    swings = orders.size - 2
+    from_orders, from_halves = dict[str, float](), dict[str, float]()
     beside: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
-        time_s, top = peak(motion.time_s, towards, executes[number], float(executes[number + 1]))
-        if number == swings and time_s >= executes[-1] - 2.0 * motion.step_s:
+        time_s, top = peak(motion.time_s, towards, halves[number], float(halves[number + 1]))
+        if number == swings and time_s >= orders[-1] - 2.0 * motion.step_s:
             continue  # the helm was taken off before the ship had answered
-        values[f"overshoot_{number}_deg"] = top - float(np.interp(executes[number], motion.time_s, towards))
-        beside[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
-    if len(values) > 2:
-        values["overshoot_mean_deg"] = float(np.mean(list(values.values())))
+        at_order, at_half = np.interp((orders[number], halves[number]), motion.time_s, towards)
+        from_orders[from_order(number)] = top - float(at_order)
+        from_halves[f"overshoot_{number}_deg"] = top - float(at_half)
+        beside[f"time_to_check_yaw_{number}_s"] = time_s - orders[number]
+    values = {**from_orders, **from_halves}
+    if len(from_orders) > 2:
+        values["overshoot_mean_deg"] = float(np.mean(list(from_orders.values())))
     return values, beside

@@ -10,7 +10,6 @@ without network.
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -24,6 +23,7 @@ from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.trial import software_version
 from acquisition.core.units import KNOT_MPS
+from analysis.conditions import beaufort
 from analysis.kinematics import mean_wind
 from analysis.manoeuvres.criteria import mean_of
 from analysis.manoeuvres.indices import index_of
@@ -128,8 +128,6 @@ def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
 _SHORT_WAY_M = 200.0  # of which two decimals of a nautical mile say little
 _NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
 UNKNOWN = "not recorded"
-BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
-"""The lowest speed of wind forces 1 to 12 [m/s], of the World Meteorological Organization."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,15 +243,6 @@ def _wind(recording: Recording, one_hz: pd.DataFrame) -> str:
     """The wind as it was measured; one that an import assumed is none."""
     series = recording.series.get("wind_speed_mps")
     return f"{UNKNOWN}, calm assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
-
-
-def beaufort(speed_mps: float) -> int:
-    """The wind's force from its mean speed [m/s].
-
-    >>> beaufort(0.2), beaufort(8.0), beaufort(40.0)
-    (0, 5, 12)
-    """
-    return bisect_right(BEAUFORT_MPS, speed_mps)
 
 
 def wind_words(table: pd.DataFrame) -> str:

@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
+from acquisition.config.conditions import Conditions
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.result import Result
 from acquisition.core.serialisation import Number
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.indices import LeftOut
-from analysis.speed_power.conditions import Conditions
 from analysis.speed_power.corrections import (
     FOUR,
     RAVEN,

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.config.conditions import REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC, Conditions
 from acquisition.core.arrays import Floats
 from analysis.manoeuvres.report import number_text
 from analysis.manoeuvres.runs import RECIPROCAL_DEG
-from analysis.speed_power.conditions import REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC, Conditions
 from analysis.speed_power.runs import RUN_MINUTES, PowerRun
 
 GRAVITY_MPS2 = 9.80665
@@ -106,7 +106,7 @@ def lackenby_mps(given: Conditions, speed_mps: Floats) -> Floats:
 
 
 def raven_kw(given: Conditions, speed_mps: Floats, power_kw: Floats) -> Floats:
-    """The power in deep water of one in shallow (Raven 2019, Conditions Technology Research 66; ITTC 2021)."""
+    """The power in deep water of one in shallow (Raven 2019, Ship Technology Research 66; ITTC 2021)."""
     length, depth = given.number("length_m"), given.number("water_depth_m")
     efficiency, volume = given.number("propulsive_efficiency"), given.number("displacement_m3")
     density = given.water_density_kgpm3

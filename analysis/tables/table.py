@@ -43,7 +43,7 @@ from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.files import open_regular, parse_json
 from acquisition.core.frames import Quality
 from acquisition.core.text import printable_name
-from acquisition.core.trial import software_version
+from acquisition.core.trial import Trial, software_version
 from acquisition.recording.grouping import Files, read_together
 from acquisition.recording.reader import Recording
 
@@ -96,6 +96,13 @@ def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
     """What the ``attrs`` of a table say of its ship's actuators: nothing for the default list."""
     text = as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}
+
+
+def trial_of(table: pd.DataFrame) -> Trial:
+    """The trial that a table is of, as far as its ``attrs`` tell."""
+    stated = table.attrs.get("trial", {})
+    return Trial.from_metadata({**{name: str(value) for name, value in stated.items() if value is not None},
+                                "trial": str(stated.get("trial", stated.get("name", "")))})  # fmt: skip
 
 
 def table_actuators(table: pd.DataFrame) -> Actuators:

@@ -50,7 +50,7 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
-    from analysis.manoeuvres.criteria import untested
+    from analysis.manoeuvres.criteria import shortfalls_of
     from analysis.report.pages import file_rows
     from analysis.speed_power import report as speed_power
     from hybrid.diagnosis.serialisation import read_diagnosis
@@ -76,7 +76,7 @@ def templates() -> Environment:
         "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
         "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": tables, "plans": plan_page,
-        "checks": vessel_check, "untested": untested, "file_rows": file_rows, "FEW_LEGS": FEW_LEGS,
+        "checks": vessel_check, "shortfalls_of": shortfalls_of, "file_rows": file_rows, "FEW_LEGS": FEW_LEGS,
         "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return made

@@ -9,13 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
-from analysis.kinematics import mean_wind
-from analysis.manoeuvres.criteria import CRITERIA, Conditions, IndexRow, Mean, index_rows, verdict
+from analysis.manoeuvres.criteria import (
+    CriterionResult,
+    IndexRow,
+    Mean,
+    criteria_of,
+    headline_of_criteria,
+    index_rows,
+)
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
+from analysis.manoeuvres.standards import RESOLUTION
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
-from analysis.report.pages import beaufort, circumstances, events_of, known_rows
+from analysis.report.pages import circumstances, events_of, known_rows
 from analysis.report.quality_page import counts_of
 from analysis.report.words import in_words
 from analysis.speed_power.report import sentence
@@ -86,31 +93,33 @@ def manoeuvres_of(case: Case) -> list[Manoeuvre]:
     return [each for products in case.products.values() for each in products.manoeuvres]
 
 
-def conditions_of(case: Case) -> Conditions:
-    """What the standards ask of the ship and the conditions: the shallowest water, the strongest mean wind."""
-    ships = [each for name in case.products if (each := case.ship(name)) is not None]
-    trials = [each.recording.trial for each in case.products.values()]
-    draughts = [each for each in (*(one.draught_m for one in trials), *(one.draught_m for one in ships)) if each]
-    depths = [each.water_depth_m for each in trials if each.water_depth_m]
-    tables = [each.one_hz[["wind_speed_mps", "wind_direction_deg"]].dropna() for each in case.products.values()]
-    winds = [mean_wind(table)[0] for table in tables if len(table)]
-    return Conditions(
-        min((each.between_perpendiculars_m for each in ships), default=None),
-        max(draughts, default=None), min(depths, default=None), beaufort(max(winds)) if winds else None,
-    )  # fmt: skip
-
-
 def rows_of_indices(case: Case) -> list[IndexRow]:
     """The page of indices: means over like runs of all recordings."""
-    return index_rows(manoeuvres_of(case), conditions_of(case))
+    return index_rows(manoeuvres_of(case))
+
+
+def criteria_shown(case: Case) -> list[CriterionResult]:
+    """What the trial shows of each criterion of the standards, to each side."""
+    return criteria_of(rows_of_indices(case))
+
+
+def criteria_headline(case: Case) -> str:
+    """What the trial shows of the standards in a sentence, or that they are not for such a ship or such tests."""
+    rows = rows_of_indices(case)
+    if not rows:
+        return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
+    if not any(row.criterion for row in rows):
+        tests = len({row.place for row in rows})
+        return f"No test of IMO {RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
+    return headline_of_criteria(criteria_of(rows))
 
 
 def verdict_of(case: Case) -> str:
     """The result in one sentence, and one more of the speed at power where that was tried."""
-    rows, found = rows_of_indices(case), case.speed_power
+    found = case.speed_power
     if found is None:
-        return verdict(rows)
-    return " ".join([*([verdict(rows)] if rows else []), sentence(found)])
+        return criteria_headline(case)
+    return " ".join([*([criteria_headline(case)] if rows_of_indices(case) else []), sentence(found)])
 
 
 def index_line(row: IndexRow) -> dict[str, Any]:
@@ -119,8 +128,7 @@ def index_line(row: IndexRow) -> dict[str, Any]:
     A test without sides has its mean under ``""``.
     """
     unit = next(iter(row.sides.values())).index.unit
-    name = CRITERIA.get(row.name) or plain_name(row.name)
-    name += " from the order" * ("from_order" in row.name) + (f" [{unit}]" if unit else "")
+    name = f"{plain_name(row.name)} [{unit}]" if unit else plain_name(row.name)
     limit = index_cells(row.limit)[3].replace(f" {unit}", "") if row.limit is not None else ""
     return {
         "name": name,
@@ -146,11 +154,6 @@ def has_removed(rows: Sequence[IndexRow]) -> bool:
 def has_two_runs(rows: Sequence[IndexRow]) -> bool:
     """Whether a value is the mean of two runs."""
     return any(each.runs == 2 for row in rows for each in row.sides.values())
-
-
-def reasons(rows: Sequence[IndexRow]) -> list[str]:
-    """Why values are not judged, each reason once."""
-    return list(dict.fromkeys(row.why for row in rows if row.why))
 
 
 def pictured(products: Products, rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[Manoeuvre]:

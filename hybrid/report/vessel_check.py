@@ -13,7 +13,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from analysis.manoeuvres.indices import Index, as_imo_counts
+from analysis.manoeuvres.criteria import headline_of_criteria, shortfalls_of
+from analysis.manoeuvres.indices import Index, from_order
 from analysis.manoeuvres.measures import peak
 from analysis.manoeuvres.report import plain_name
 from analysis.report.figures import write_figure
@@ -26,10 +27,6 @@ from hybrid.simulation.vessel_check import StandardTest, VesselCheck
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
 HEADER = ("", "value", "lengths", "IMO limit", "")
 PICTURES = ("png", "svg", "pdf", "json")
-_FOR_INFORMATION = (
-    "IMO's limits (MSC.137(76)) are for ships of 100 m and more that steer by rudders: here they stand for "
-    "information"
-)
 
 
 def vessel_check_view(check: VesselCheck) -> Group:
@@ -38,16 +35,11 @@ def vessel_check_view(check: VesselCheck) -> Group:
     for title, justify in zip(HEADER, ("left", "right", "right", "right", "left"), strict=True):
         table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for test in check.tests:
-        table.add_row(title_of(test), style="bold")
+        table.add_row(test.name, style="bold")
         for row in index_rows(test):
             table.add_row(f"  {row[0]}", *row[1:])
     notes = "\n".join(f"{note[0].upper()}{note[1:]}." for note in notes_of(check))
     return Group(Text(f"{check.vessel}: {headline(check)}", style="bold"), table, Text(notes))
-
-
-def title_of(test: StandardTest) -> str:
-    """The test with its helm."""
-    return f"{test.name}, {abs(test.helm_deg):.0f} deg" if test.helm_deg and test.kind != "zigzag" else test.name
 
 
 def headline(check: VesselCheck) -> str:
@@ -70,12 +62,11 @@ def stability_text(check: VesselCheck) -> str:
 
 
 def index_rows(test: StandardTest) -> list[list[str]]:
-    """One row an index: what it is, value, in lengths, limit, and whether it is kept."""
+    """One row an index: its name, value, in lengths, limit, and the result."""
     return [
-        [plain_name(name), value_text(index), lengths_text(index),
-         _limit_text(index), _kept_text(index)]
+        [plain_name(name), value_text(index), lengths_text(index), _limit_text(index), _result_text(index)]
         for name, index in test.indices.items()
-    ]  # fmt: skip
+    ]
 
 
 def value_text(index: Index) -> str:
@@ -96,10 +87,8 @@ def _limit_text(index: Index) -> str:
     return f"{index.limit_lengths:.1f} L" if index.limit_lengths else f"{index.limit:.1f} {index.unit}"
 
 
-def _kept_text(index: Index) -> str:
-    if index.limit is None:
-        return ""
-    return "kept" if index.value <= index.limit else "exceeded"
+def _result_text(index: Index) -> str:
+    return index.result.replace("_", " ")
 
 
 def write_vessel_check(check: VesselCheck, path: Path) -> Path:
@@ -125,8 +114,11 @@ def notes_of(check: VesselCheck) -> list[str]:
     by_reason: dict[str, list[str]] = {}
     for name, why in check.left_out.items():
         by_reason.setdefault(why, []).append(name)
-    said = [stability_text(check), *(f"{join_words(names)} not made: {why}" for why, names in by_reason.items())]
-    return said if check.limits_apply else [*said, _FOR_INFORMATION]
+    made = {test.kind for test in check.tests} & {"turning_circle", "zigzag", "stopping"}
+    standards = [headline_of_criteria(check.criteria).rstrip(".")] if made else []
+    shortfalls = [f"{reason}: {names}" for reason, names in shortfalls_of(check.criteria)]
+    not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
+    return [stability_text(check), *standards, *shortfalls, *not_made]
 
 
 def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
@@ -136,13 +128,12 @@ def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
     )
     _draw_circles(panels["circles"], check)
     for axes, angle in ((panels["10"], 10.0), (panels["20"], 20.0)):
-        _draw_zigzag(axes, [each for each in check.of_kind("zigzag") if each.helm_deg == angle])
+        _draw_zigzag(axes, [test for test in check.of_kind("zigzag") if abs(test.helm_deg) == angle])
         axes.set_title(f"zigzag {angle:.0f}/{angle:.0f}", loc="left")
     _draw_speeds(panels["speeds"], check)
     _draw_pull_outs(panels["pull"], check)
     _draw_stop(panels["stop"], check)
-    note = "" if check.limits_apply else " · IMO's limits for information"
-    figure.suptitle(f"{check.vessel}: {headline(check)}{note}", x=0.01, ha="left", fontsize=11)
+    figure.suptitle(f"{check.vessel}: {headline(check)}", x=0.01, ha="left", fontsize=11)
 
 
 def _write(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
@@ -152,7 +143,7 @@ def _write(axes: Axes, test: StandardTest, names: tuple[str, ...]) -> None:
         if name in test.indices:
             index = test.indices[name]
             value = f"{lengths_text(index)} L" if index.lengths is not None else value_text(index)
-            limit = f"  (IMO {_limit_text(index)}, {_kept_text(index)})" if index.limit is not None else ""
+            limit = f"  (IMO {_limit_text(index)}, {_result_text(index)})" if index.limit is not None else ""
             lines.append(f"{plain_name(name)} {value}{limit}")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
     words = "\n".join(lines)
@@ -200,19 +191,22 @@ def _side(test: StandardTest) -> str:
 
 
 def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
-    """Heading and helm against time, overshoots marked."""
-    for test in tests:
+    """Heading off the approach and helm against time, overshoots marked, of the first of both sides."""
+    for test in tests[:1]:
         start, motion = float(test.executes_s[0]), test.motion
         shown = motion.between(start - 0.1 * (motion.time_s[-1] - start), motion.time_s[-1])
-        axes.plot(shown.time_s - start, shown.heading_deg, color=BLUE, label="heading")
+        course_deg = motion.at("heading_deg", start)
+        axes.plot(
+            shown.time_s - start, shown.heading_deg - course_deg, color=BLUE, label="heading off the approach"
+        )
         axes.plot(shown.time_s - start, -shown.helm_deg, color=ORANGE, label="helm, to starboard", linewidth=1.0)
-        side = 1.0
+        side = test.run.sign
         for execute, following in pairwise(test.executes_s[1:]):
-            time_s, top = peak(motion.time_s, side * motion.heading_deg, float(execute), float(following))
+            off = side * (motion.heading_deg - course_deg)
+            time_s, top = peak(motion.time_s, off, float(execute), float(following))
             axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
             side = -side
-        overshoots = (as_imo_counts(number, test.indices) for number in (1, 2))
-        _write(axes, test, (*overshoots, "initial_turning_m"))
+        _write(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
     axes.set(xlabel="time since the execute [s]", ylabel="[deg], starboard positive")

@@ -38,6 +38,8 @@ from hybrid.vessel.plant import Plant, bare_plant, pack
 from hybrid.vessel.sensors import acting_controls, measure
 from hybrid.vessel.simulate import Runs, combine_forces, range_error
 
+_ANTENNA = {"antenna_forward_m": 0.0, "antenna_starboard_m": 0.0}  # positions are those of the body axes' origin
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -155,8 +157,9 @@ def simulate_trial(
     recorded = add_noise(streams[3], sensors, reported, voyage.controls[every], voyage.wind[every], ship.actuators)
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
     table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
-    if said := as_text(ship.actuators):
-        table.attrs["trial"] = {"vessel": ship.name, "actuators": said}
+    actuators = as_text(ship.actuators)
+    ship_named = {"vessel": ship.name, "actuators": actuators} if actuators else {}
+    table.attrs["trial"] = {**ship_named, **_ANTENNA}
     truth = {
         "vessel": ship.name,
         "sea_state": asdict(sea),
@@ -237,6 +240,8 @@ def record_trial(
         origin_longitude_deg=longitude_deg,
         sea_state=truth["sea_state"]["name"],
         crew_notes=f"simulated {truth['manoeuvre']}",
+        antenna_forward_m=0.0,
+        antenna_starboard_m=0.0,
     )
     truth_path = path.with_suffix(".truth.json")
     with written_together(truth_path):

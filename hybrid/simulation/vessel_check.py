@@ -2,7 +2,9 @@
 
 Turning circles to both sides, zigzags 10/10 and 20/20, pull-outs, a crash stop, and the steady speed over the shaft
 speed (IMO MSC.137(76) and MSC/Circ.1053; ITTC 7.5-04-02-01). The measures are those of the manoeuvres found in
-recordings (:mod:`analysis.manoeuvres`), on the simulated track instead of a measured one.
+recordings (:mod:`analysis.manoeuvres`), on the simulated track instead of a measured one, and the criteria are
+judged by the same functions. An autopilot holds the approach, also against a moment that turns the ship by itself:
+what counts is the heading that it holds.
 
 The test speed is the one at 85 % of the propellers' highest power, taken as the cube of the shaft speed.
 """
@@ -17,24 +19,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from acquisition.config.conditions import Conditions
 from acquisition.core.actuators import control_names
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, ModelRangeError
 from acquisition.core.result import Result
-from analysis.manoeuvres.indices import (
-    ADVANCE_LENGTHS,
-    INITIAL_TURNING_LENGTHS,
-    TACTICAL_DIAMETER_LENGTHS,
-    TRACK_REACH_LENGTHS,
-    TURNING_HELM_DEG,
-    Index,
-    from_order,
-    index_of,
-    overshoot_limits,
-)
-from analysis.manoeuvres.measures import crossing_s
+from analysis.manoeuvres.criteria import CriterionResult, criteria_of, index_rows
+from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
+from analysis.manoeuvres.measures import approach_of
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.runs import stopping_indices
+from analysis.manoeuvres.standards import FULL_ASTERN, TURNING_HELM_DEG, add_limits
 from analysis.manoeuvres.turning_circle import circle_indices
 from analysis.manoeuvres.zigzag import zigzag_indices
 from hybrid.effects import vessel_plant
@@ -49,23 +44,23 @@ from hybrid.vessel.parameters import Vessel
 TEST_SHARE = 0.85 ** (1.0 / 3.0)
 """The shaft speed of the tests, of its limit."""
 
-SHORTEST_FOR_IMO_M = 100.0
 COURSE_STABLE_SHARE = 0.02
 """A rate of turn that is left with the helm amidships, of that of the turn before: less is none."""
 
 _STILL = SeaState(0.0, 0.0, 5.0, 0.0)
 _STEP_S = 0.05  # at R/V Gunnerus' pace
-_APPROACH_LENGTHS, _LEAST_APPROACH_S = 10.0, 15.0
+_APPROACH_LENGTHS, _LEAST_APPROACH_S = 20.0, 15.0
 _CIRCLE_LENGTHS, _ZIGZAG_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 120.0, 15.0, 60.0, 120.0
 _CIRCLE_DEG, _PULL_OUT_DEG, _HELM_STEP_DEG, _LEAST_HELM_DEG = 720.0, 20.0, 5.0, 5.0
 _SWINGS = 4
-_LEAST_MORE_DEG = 0.1  # what a table shows
 _SPEEDS = 10
+_STEADY_SHARE = 0.02  # of the rate of turn of a circle as wide as the ship is long, which a steady approach keeps
+_WIDEST_SWING_DEG = 150.0
+_DEEP_DRAUGHTS = 100.0
 _SHOWN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
                        "drift_angle_deg", "speed_loss"),
-    "zigzag": ("initial_turning_m", "overshoot_1_deg", "overshoot_2_deg", from_order(1), from_order(2),
-               "period_s"),
+    "zigzag": ("initial_turning_m", from_order(1), from_order(2), "period_s"),
     "pull_out": ("turning_yaw_rate_dps", "residual_yaw_rate_dps"),
     "stopping": ("track_reach_m", "head_reach_m", "lateral_deviation_m", "heading_change_deg", "stopping_time_s"),
 }  # fmt: skip
@@ -74,17 +69,31 @@ _SHOWN = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StandardTest:
-    """One simulated test: its motion, its executes [s] and its indices.
+    """One simulated test: the run with its indices, its motion, and the times of its orders and of its end [s]."""
 
-    At an execute the helm was half over; of a stop it is the order of the shafts.
-    """
-
-    kind: str
-    name: str
-    helm_deg: float
+    run: Manoeuvre
     motion: Motion
     executes_s: Floats
-    indices: Mapping[str, Index]
+
+    @property
+    def kind(self) -> str:
+        """The kind of manoeuvre."""
+        return self.run.kind
+
+    @property
+    def name(self) -> str:
+        """The test and its side."""
+        return self.run.sided_name
+
+    @property
+    def helm_deg(self) -> float:
+        """The helm, positive to starboard [deg]; 0 of a stop."""
+        return self.run.sign * abs(self.run.helm_deg or 0.0)
+
+    @property
+    def indices(self) -> Mapping[str, Index]:
+        """The indices by name; simulated without noise, they have no interval."""
+        return self.run.indices
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON, without the track."""
@@ -99,8 +108,7 @@ class VesselCheck(Result):
     """How a ship behaves by her vessel file.
 
     ``rpm`` and ``speed_mps`` are those of the tests, ``speeds`` [S, 2] steady speeds [m/s] over shaft speeds [rpm].
-    ``left_out`` says of tests that could not be made why. ``limits_apply`` is whether IMO's limits are for such a
-    ship: of 100 m and more, steered by rudders; beside another they stand for information.
+    ``left_out`` says of tests that could not be made why.
     """
 
     vessel: str
@@ -109,7 +117,6 @@ class VesselCheck(Result):
     speed_mps: float
     speeds: Floats
     tests: tuple[StandardTest, ...]
-    limits_apply: bool
     left_out: Mapping[str, str] = field(default_factory=dict)
     view: ClassVar[str] = "hybrid.report.vessel_check:vessel_check_view"
     drawing: ClassVar[str] = "hybrid.report.vessel_check:draw_vessel_check"
@@ -118,6 +125,11 @@ class VesselCheck(Result):
     def of_kind(self, kind: str) -> tuple[StandardTest, ...]:
         """The tests of a kind: ``turning_circle``, ``zigzag``, ``pull_out``, ``stopping``."""
         return tuple(each for each in self.tests if each.kind == kind)
+
+    @property
+    def criteria(self) -> list[CriterionResult]:
+        """What the ship shows of each criterion of IMO's standards by its model, to each side."""
+        return criteria_of(index_rows(test.run for test in self.tests))
 
     @property
     def course_stable(self) -> bool | None:
@@ -131,7 +143,7 @@ class VesselCheck(Result):
             "vessel": self.vessel, "length_m": self.length_m, "rpm": self.rpm, "speed_mps": self.speed_mps,
             "speeds": [{"rpm": rpm, "speed_mps": speed} for rpm, speed in self.speeds.tolist()],
             "tests": [each.as_dict() for each in self.tests], "course_stable": self.course_stable,
-            "limits_apply": self.limits_apply, "left_out": dict(self.left_out),
+            "criteria": [result.as_json() for result in self.criteria], "left_out": dict(self.left_out),
         }  # fmt: skip
 
 
@@ -146,18 +158,26 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     sides = (("starboard", 1.0), ("port", -1.0))
     trials: dict[str, Callable[[], StandardTest]] = {
         **{f"turning circle to {name}": partial(_turning_circle, vessel, test_rpm, side) for name, side in sides},
-        **{f"zigzag {angle:.0f}/{angle:.0f}": partial(_zigzag, vessel, test_rpm, angle) for angle in (10.0, 20.0)},
+        **{
+            f"zigzag {angle:.0f}/{angle:.0f} to {name}": partial(_zigzag, vessel, test_rpm, angle, side)
+            for angle in (10.0, 20.0)
+            for name, side in sides
+        },
         **{f"pull-out from {name}": partial(_pull_out, vessel, test_rpm, side) for name, side in sides},
         "crash stop": partial(_crash_stop, vessel, test_rpm),
     }
     speed_mps = _test_speed_mps(vessel, test_rpm)
     made, left_out = _made(trials)
     length_m = length_of(vessel)
-    by_rudder = any(each.kind == "rudder" for each in vessel.actuators)
-    return VesselCheck(
-        vessel.name, length_m, test_rpm, speed_mps, _speeds(vessel, limit), made,
-        by_rudder and length_m >= SHORTEST_FOR_IMO_M, left_out,
+    draught_m = vessel.dimensions.draught_m
+    conditions = Conditions(
+        length_m=length_m, draught_m=draught_m, full_load_draught_m=draught_m, trim_m=0.0, beaufort=0, sea_state=0,
+        water_depth_m=_DEEP_DRAUGHTS * draught_m,
+        speed_at_85_percent_mcr_mps=_test_speed_mps(vessel, limit * TEST_SHARE),
     )  # fmt: skip
+    judged = add_limits((test.run for test in made), conditions)
+    tests = tuple(replace(test, run=run) for test, run in zip(made, judged, strict=True))
+    return VesselCheck(vessel.name, length_m, test_rpm, speed_mps, _speeds(vessel, limit), tests, left_out)
 
 
 def _made(trials: Mapping[str, Callable[[], StandardTest]]) -> tuple[tuple[StandardTest, ...], dict[str, str]]:
@@ -165,7 +185,7 @@ def _made(trials: Mapping[str, Callable[[], StandardTest]]) -> tuple[tuple[Stand
     made, left_out = [], {}
     for name, make in trials.items():
         try:
-            made.append(replace(make(), name=name))
+            made.append(make())
         except (ModelRangeError, DataShortageError) as error:
             left_out[name] = f"{error.what}{': ' * bool(error.why)}{error.why}"
     return tuple(made), left_out
@@ -232,16 +252,27 @@ def _motion(vessel: Vessel, states: Floats, controls: Floats, dt_s: float) -> Mo
 
 
 def _test(
-    kind: str, helm_deg: float, motion: Motion, executes_s: Sequence[float], values: Mapping[str, float],
-    length_m: float, limits: Mapping[str, float | None] | None = None,
+    kind: str, name: str, side: float, motion: Motion, executes_s: Sequence[float], values: Mapping[str, float],
+    length_m: float, helm_deg: float = 0.0, **settings: float,
 ) -> StandardTest:  # fmt: skip
-    """A test with the indices that are shown of its kind; what was not reached is left out."""
-    known = limits or {}
+    """A test with the indices that are shown of its kind; what was not reached is left out.
+
+    Raises :class:`DataShortageError` where the approach was not steady.
+    """
+    approach = approach_of(motion, executes_s[0])
+    circling_dps = float(np.rad2deg(approach["approach_mps"] / max(length_m, 1e-3)))
+    if abs(approach["approach_yaw_rate_dps"]) > _STEADY_SHARE * circling_dps:
+        raise DataShortageError("the approach is not steady", why="the autopilot cannot keep the ship straight")
     indices = {
-        name: index_of(name, float(values[name]), nan, length_m, known.get(name))
+        name: index_of(name, float(values[name]), 0.0, length_m, kind)
         for name in _SHOWN[kind] if np.isfinite(values.get(name, nan))
     }  # fmt: skip
-    return StandardTest(kind, "", helm_deg, motion, np.array(executes_s), indices)
+    helm = {"rudder_deg": helm_deg} if helm_deg else {}
+    run = Manoeuvre(
+        kind, name, motion.utc(executes_s[0]), motion.utc(executes_s[-1]), side_of(side) if side else "",
+        {**helm, "approach_mps": approach["approach_mps"], **settings}, indices,
+    )  # fmt: skip
+    return StandardTest(run, motion, np.array(executes_s))
 
 
 def largest_helm_deg(vessel: Vessel) -> float:
@@ -264,56 +295,50 @@ def _within_range(helm_deg: float, sailed: Callable[[float], StandardTest]) -> S
 
 def _turning_circle(vessel: Vessel, rpm: float, side: float) -> StandardTest:
     length_m = length_of(vessel)
-    limits = {"advance_m": ADVANCE_LENGTHS * length_m, "tactical_diameter_m": TACTICAL_DIAMETER_LENGTHS * length_m}
 
     def sailed(helm_deg: float) -> StandardTest:
         motion, start = _sailed(vessel, (helm(-side * helm_deg, rpm),), _CIRCLE_LENGTHS)
-        turned = np.flatnonzero(side * motion.heading_deg >= _CIRCLE_DEG)
+        turned = np.flatnonzero(side * (motion.heading_deg - motion.at("heading_deg", start)) >= _CIRCLE_DEG)
         motion = motion.rows(0, int(turned[0]) + 1 if turned.size else motion.time_s.size)
-        half, end = _half_s(motion, start, 0.5 * helm_deg, 1.0), float(motion.time_s[-1])
-        return _test("turning_circle", side * helm_deg, motion, (start, half, end),
-                     circle_indices(motion, np.array([start, half, end])), length_m, limits)  # fmt: skip
+        end = float(motion.time_s[-1])
+        values = circle_indices(motion, np.array([start, end]))
+        if "tactical_diameter_m" not in values or values["tactical_diameter_m"] <= 0.0:
+            raise DataShortageError(f"the ship does not turn to {side_of(side)} by half a circle")
+        name = f"turning circle {helm_deg:.0f} deg"
+        return _test("turning_circle", name, side, motion, (start, end), values, length_m, helm_deg)
 
     return _within_range(largest_helm_deg(vessel), sailed)
 
 
-def _zigzag(vessel: Vessel, rpm: float, angle_deg: float) -> StandardTest:
+def _zigzag(vessel: Vessel, rpm: float, angle_deg: float, side: float) -> StandardTest:
+    """A zigzag about the heading that the autopilot holds in the approach, which need not be the one ordered."""
     length_m = length_of(vessel)
-    legs = [replace(each, at_most_s=inf) for each in zigzag(-angle_deg, -angle_deg, rpm, swings=_SWINGS)]
+    swung = zigzag(-side * angle_deg, -side * angle_deg, rpm, swings=_SWINGS)
+    ordered = [replace(leg, at_most_s=inf) for leg in swung]
+    approach, start = _sailed(vessel, ordered[:1], 0.0)
+    course_deg = approach.at("heading_deg", start)
+    if abs(course_deg) >= angle_deg:
+        raise DataShortageError(f"the autopilot holds the course only within {abs(course_deg):.0f} deg")
+    legs = [replace(leg, deviation_deg=leg.deviation_deg + course_deg) for leg in ordered]
     motion, start = _sailed(vessel, legs, _ZIGZAG_LENGTHS)
-    executes = _executes_s(motion, start, angle_deg)
+    executes = _executes_s(motion, start, angle_deg, side)
     motion = motion.between(0.0, executes[-1])
-    goals = [0.5 * angle_deg, *np.zeros(_SWINGS - 1)]
-    begun_s = list(executes[1:3])
-    ordered = zip(executes[:-1], goals, strict=True)
-    executes[:-1] = [_half_s(motion, each, goal, (-1.0) ** number) for number, (each, goal) in enumerate(ordered)]
-    values = zigzag_indices(motion, np.array([start, *executes]))
-    for number, begun in enumerate(begun_s, 1):
-        more = abs(motion.at("heading_deg", executes[number]) - motion.at("heading_deg", begun))
-        overshoot = values.get(f"overshoot_{number}_deg")
-        if overshoot is not None and more > _LEAST_MORE_DEG:
-            values[from_order(number)] = overshoot + more
-    limits = overshoot_limits(angle_deg, angle_deg, length_m, motion.at("surge_mps", start), values)
-    if angle_deg == 10.0:
-        limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m
-    else:
+    swings = np.abs(motion.heading_deg[motion.time_s >= start] - course_deg)
+    if swings.max() > _WIDEST_SWING_DEG:
+        raise DataShortageError(f"the heading swings by {swings.max():.0f} deg, which is no zigzag")
+    values = zigzag_indices(motion, np.array([executes, executes]))
+    if angle_deg != 10.0:
         values.pop("initial_turning_m", None)
-    return _test("zigzag", angle_deg, motion, executes, values, length_m, limits)
+    name = f"zigzag {angle_deg:.0f}/{angle_deg:.0f}"
+    return _test("zigzag", name, side, motion, executes, values, length_m, angle_deg, switch_deg=angle_deg)
 
 
-def _half_s(motion: Motion, order_s: float, goal_deg: float, side: float) -> float:
-    """When the helm, counted to the side it is first put over to, was half way after an order [s]; at once where a
-    ship has none."""
-    first = np.sign(motion.helm_deg[np.argmax(np.abs(motion.helm_deg) > 0.0)])
-    half_s = crossing_s(motion.time_s, side * first * motion.helm_deg, goal_deg, order_s, float(motion.time_s[-1]))
-    return half_s if np.isfinite(half_s) else order_s
-
-
-def _executes_s(motion: Motion, start: float, switch_deg: float) -> list[float]:
-    """The times at which the helm of a zigzag to starboard first was ordered [s]."""
-    executes, side = [start], 1.0
+def _executes_s(motion: Motion, start: float, switch_deg: float, first_side: float) -> list[float]:
+    """The times at which the helm of a zigzag was ordered, and of its end [s]."""
+    executes, side = [start], first_side
+    off = motion.heading_deg - motion.at("heading_deg", start)
     for _ in range(_SWINGS):
-        over = np.flatnonzero((side * motion.heading_deg >= switch_deg) & (motion.time_s > executes[-1]))
+        over = np.flatnonzero((side * off >= switch_deg) & (motion.time_s > executes[-1]))
         if not over.size:
             raise DataShortageError(f"the heading is not off by {switch_deg:g} deg after swing {len(executes)}")
         executes.append(float(motion.time_s[over[0]]))
@@ -334,7 +359,9 @@ def _pull_out(vessel: Vessel, rpm: float, side: float) -> StandardTest:
             "turning_yaw_rate_dps": motion.at("yaw_rate_dps", released),
             "residual_yaw_rate_dps": float(motion.between(end - 5.0 * pace.length_s, end).yaw_rate_dps.mean()),
         }
-        return _test("pull_out", side * helm_deg, motion, (start, released, end), values, 0.0)
+        name = f"pull-out from {helm_deg:.0f} deg"
+        executes = (start, released, end)
+        return _test("pull_out", name, side, motion, executes, values, length_of(vessel), helm_deg)
 
     return _within_range(min(_PULL_OUT_DEG, largest_helm_deg(vessel)), sailed)
 
@@ -346,6 +373,5 @@ def _crash_stop(vessel: Vessel, rpm: float) -> StandardTest:
     if not stopped.size:
         raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
     end = float(motion.time_s[stopped[0]])
-    limits = {"track_reach_m": TRACK_REACH_LENGTHS * length_m}
     values = stopping_indices(motion, np.array([start, end]))
-    return _test("stopping", 0.0, motion.between(0.0, end), (start, end), values, length_m, limits)
+    return _test("stopping", FULL_ASTERN, 0.0, motion.between(0.0, end), (start, end), values, length_m)

@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
+from acquisition.config.conditions import Conditions
 from acquisition.core.trial import Trial
-from analysis.speed_power.conditions import Conditions, recorded_conditions
+from analysis.conditions import recorded_conditions
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import HARMONICS, TABLE_SIZE
 

@@ -11,8 +11,9 @@ import pytest
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
+from analysis.conditions import BEAUFORT_MPS, beaufort
 from analysis.manoeuvres.indices import Current, Manoeuvre
-from analysis.report.pages import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
+from analysis.report.pages import UNKNOWN, Ship, events_of, run_sheet, wind_words
 from analysis.tables.resample import resample
 from analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table

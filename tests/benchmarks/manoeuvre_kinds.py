@@ -145,8 +145,8 @@ def truths(sailed: Sailed, motion: Motion) -> Iterator[tuple[int, str, float, di
             measure = acceleration_indices if each.kind == "acceleration" else stopping_indices
             yield place, each.kind, float(span[0]), measure(motion, span)
         if each.kind == "pull_out":
-            left, half = (_back_s(motion, begin, share) for share in (0.02, 0.5))
-            yield place, each.kind, half, pull_out_indices(motion, np.array([left, half, end]))
+            order_s = _back_s(motion, begin, 0.02)
+            yield place, each.kind, order_s, pull_out_indices(motion, np.array([order_s, end]))
         if each.kind == "spiral":
             legs = pairwise(sailed.begun_s[steps : steps + len(HELMS) + 1])
             spans = np.array([(start + _reached_s(motion, start, stop), stop) for start, stop in legs])

@@ -3,8 +3,8 @@
     python -m tests.benchmarks.manoeuvre_trials [--trials 60] [--first 0] [--pose-only]
 
 Each trial is a zigzag and a turning circle of a ship with a rudder or with azimuth thrusters, whose helm goes over
-at 0.5 to 20 deg/s, in current, recorded at 1 to 10 Hz with noise. The truth is read off the track without noise, at
-the moments at which the helm without noise was half way. A minute on one core.
+at 0.5 to 20 deg/s, in current, recorded at 1 to 10 Hz with noise. The truth is read off the track without noise,
+from the moments of the orders. A minute on one core.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _scaled(line: re.Match[str], scale: float) -> str:
 def sail(case: Case) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str, Floats]], float]:
     """What is recorded, the truth at 10 Hz, the true manoeuvres by kind with their times [s], the length [m].
 
-    The times are the first change of the helm, each execute and the end.
+    The times are those of the orders and the end, of a zigzag with those at which the helm was half over below.
     """
     vessel = vessel_of(case.ship, case.rate_dps)
     pace, rpm = pace_of(vessel), usual_rpm(vessel)
@@ -165,20 +165,20 @@ def _helm_to_starboard(exact: pd.DataFrame, vessel: Vessel) -> Floats:
 def _true_manoeuvres(
     case: Case, heading: Floats, helm_deg: Floats, straight_s: float
 ) -> tuple[list[tuple[str, Floats]], float]:
-    """The legs' own ends, found on the heading without noise, and where the helm without noise was half way."""
+    """The legs' own ends, found on the heading without noise, which are the next ones' orders."""
     angle, switch = case.zigzag_deg
-    begun, side, swings = 10 * straight_s, case.side, list[float]()
+    begun, side, orders, swings = 10 * straight_s, case.side, list[float](), list[float]()
     first = begun
     for _ in range(SWINGS):
         over = side * (heading[begun:] - heading[first]) >= switch
         goal = 0.0 if swings else 0.5 * (angle + side * helm_deg[begun])
+        orders.append(0.1 * begun)
         swings.append(0.1 * (begun + _crossing(side * helm_deg[begun:], goal)))
         begun, side = begun + int(np.flatnonzero(over)[0]), -side
-    zigzag_s = np.array([0.1 * first, *swings, 0.1 * begun])
+    zigzag_s = np.array([[*orders, 0.1 * begun], [*swings, 0.1 * begun]])
     begun += round(25.0 * straight_s)
-    half = begun + _crossing(-case.side * helm_deg[begun:], 0.5 * (case.circle_deg - case.side * helm_deg[begun]))
     end = begun + int(np.flatnonzero(np.abs(heading[begun:] - heading[begun]) >= case.turn_deg)[0])
-    return [("zigzag", zigzag_s), ("turning_circle", 0.1 * np.array([begun, half, end]))], 0.1 * end
+    return [("zigzag", zigzag_s), ("turning_circle", 0.1 * np.array([begun, end]))], 0.1 * end
 
 
 def _crossing(values: Floats, level: float) -> float:
@@ -197,21 +197,22 @@ def judge(case: Case, score: Score, *, pose_only: bool = False) -> list[str]:
     found, motion, wrong = list(find_manoeuvres(table, length_m)), motion_of(exact, length_m), list[str]()
     starts = [(each.start - table.index[0]).total_seconds() for each in found]
     within_s = 1.0 / case.rate_hz + 0.4 * max(1.0, 1.0 / case.rate_dps)
-    spans = [(times[0], times[-1]) for _, times in true]
+    spans = [(times.flat[0], times.flat[-1]) for _, times in true]
     for kind, times in true:
-        score.true, score.executes = score.true + 1, score.executes + times.size - 2
+        orders = np.atleast_2d(times)[0]
+        score.true, score.executes = score.true + 1, score.executes + orders.size - 1
         own = [each for each, start in zip(found, starts, strict=True) if each.kind == kind
-               and abs(start - times[1]) < within_s]  # fmt: skip
+               and abs(start - orders[0]) < within_s]  # fmt: skip
         if not own:
-            wrong.append(f"{kind} at {times[1]:.1f} s not found")
+            wrong.append(f"{kind} at {orders[0]:.1f} s not found")
             continue
         score.found += 1
         executes = [0.0, *((each - own[0].start).total_seconds() for each in own[0].executes)]
-        near = [min(abs(each - own_s) for own_s in executes) < within_s for each in times[1:-1] - times[1]]
+        near = [min(abs(each - own_s) for own_s in executes) < within_s for each in orders[:-1] - orders[0]]
         score.found_executes += sum(near)
         wrong += [] if all(near) and len(near) == len(executes) else [f"{kind}: executes {executes}"]
         values = (zigzag_indices if kind == "zigzag" else circle_indices)(
-            motion.between(0.0, times[-1] + 1.0), times
+            motion.between(0.0, orders[-1] + 1.0), times
         )
         for name, value in values.items():
             index = own[0].indices.get(name)

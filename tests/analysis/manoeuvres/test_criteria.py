@@ -10,78 +10,144 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.manoeuvres.criteria import Conditions, index_rows, mean_of, untested, verdict
-from analysis.manoeuvres.indices import Index, Manoeuvre, add_limits, index_of
+from acquisition.config.conditions import Conditions
+from analysis.manoeuvres.criteria import (
+    IndexRow,
+    criteria_of,
+    headline_of_criteria,
+    index_rows,
+    mean_of,
+    shortfalls_of,
+)
+from analysis.manoeuvres.indices import Index, Manoeuvre, index_of
+from analysis.manoeuvres.standards import add_limits
 
 START = pd.Timestamp("2026-05-01 10:00", tz="UTC")
-LARGE = Conditions(length_m=180.0, draught_m=9.0, water_depth_m=60.0, beaufort=3)
+LARGE = Conditions(
+    length_m=180.0,
+    draught_m=9.0,
+    full_load_draught_m=9.0,
+    trim_m=0.0,
+    water_depth_m=60.0,
+    beaufort=3,
+    sea_state=2,
+    speed_at_85_percent_mcr_mps=7.2,
+)
 
 
 def circle(
     side: str, diameter_m: float, within_m: float = 2.0, approach_mps: float = 7.0, **more: object
 ) -> Manoeuvre:
     """A turning circle with 35 deg of rudder of a ship of 180 m, whose limit is 5 lengths, 900 m."""
-    indices = {"tactical_diameter_m": index_of("tactical_diameter_m", diameter_m, within_m, 180.0)}
+    indices = {
+        "tactical_diameter_m": index_of("tactical_diameter_m", diameter_m, within_m, 180.0, "turning_circle")
+    }
     settings = {"rudder_deg": 35.0, "approach_mps": approach_mps}
     return Manoeuvre("turning_circle", "turning circle 35 deg", START, START, side, settings, indices, **more)  # type: ignore[arg-type]
 
 
-def rows_of(*runs: Manoeuvre, conditions: Conditions = LARGE) -> list:
-    return index_rows(add_limits(runs, conditions.length_m), conditions)
+def rows_of(*runs: Manoeuvre, conditions: Conditions = LARGE) -> list[IndexRow]:
+    return index_rows(add_limits(runs, conditions))
 
 
-def test_port_stands_beside_starboard_and_both_pass() -> None:
+def shown(*runs: Manoeuvre, conditions: Conditions = LARGE) -> dict[tuple[str, str], tuple[str, tuple[str, ...]]]:
+    results = criteria_of(rows_of(*runs, conditions=conditions))
+    return {(result.criterion.name, result.side): (result.result, result.missing) for result in results}
+
+
+def test_port_stands_beside_starboard_and_both_meet_the_criterion() -> None:
     (row,) = rows_of(circle("port", 600.0), circle("starboard", 640.0))
-    assert {side: each.index.value for side, each in row.sides.items()} == {"port": 600.0, "starboard": 640.0}
-    assert (row.result, row.why) == ("pass", "")
-    assert verdict([row]) == "The trial meets IMO MSC.137(76) in the one value judged."
-    assert "tactical diameter" not in untested([row])
-    assert "advance" in untested([row])
+    assert {side: mean.index.value for side, mean in row.sides.items()} == {"port": 600.0, "starboard": 640.0}
+    assert (row.result, row.missing) == ("met", ())
+    results = criteria_of([row])
+    assert headline_of_criteria(results) == (
+        "2 of 13 criteria of IMO MSC.137(76) are shown and met; 11 are not shown."
+    )
+    assert shortfalls_of(results)[0] != ("no such test", "initial turning to port and starboard")
+    assert shown(circle("port", 600.0))["advance", "port"] == ("not_shown", ("no such test",))
 
 
-def test_one_side_above_the_limit_fails_both() -> None:
+def test_one_side_only_leaves_the_other_not_shown() -> None:
+    results = shown(circle("port", 600.0))
+    assert results["tactical diameter", "port"] == ("met", ())
+    assert results["tactical diameter", "starboard"] == ("not_shown", ("no run to starboard",))
+
+
+def test_one_side_above_the_limit_is_not_met() -> None:
     (row,) = rows_of(circle("port", 600.0), circle("starboard", 950.0))
-    assert row.result == "fail"
-    assert "does not meet" in verdict([row])
-    assert "tactical diameter" in verdict([row])
+    assert row.result == "not_met"
+    assert "not met: tactical diameter to starboard;" in headline_of_criteria(criteria_of([row]))
 
 
-def test_an_interval_that_holds_the_limit_is_not_judged() -> None:
+def test_an_interval_that_holds_the_limit_cannot_be_said() -> None:
     (row,) = rows_of(circle("port", 899.0, 5.0), circle("starboard", 640.0))
-    assert (row.result, row.why) == ("not judged", "the interval of the value holds the limit")
+    assert row.result == "cannot_be_said"
+    assert "holds the limit: tactical diameter to port" in headline_of_criteria(criteria_of([row]))
 
 
 @pytest.mark.parametrize(
-    ("conditions", "why"),
+    ("conditions", "reason"),
     [
         (Conditions(), "length is not known"),
-        (Conditions(33.9), "33.9 m between perpendiculars"),
-        (Conditions(180.0, beaufort=6), "force 6"),
-        (Conditions(180.0, 10.0, 30.0), "3.0 draughts"),
+        (replace(LARGE, length_m=33.9), "33.9 m"),
+        (replace(LARGE, beaufort=6), "force 6"),
+        (replace(LARGE, water_depth_m=27.0), "3.0 draughts"),
     ],
 )
-def test_a_trial_that_the_standards_are_not_for_is_not_judged(conditions: Conditions, why: str) -> None:
-    (row,) = rows_of(circle("port", 600.0), conditions=conditions)
-    assert row.result == "not judged"
-    assert why in row.why
-    assert why in verdict([row])
+def test_a_trial_that_the_standards_are_not_for_shows_nothing(conditions: Conditions, reason: str) -> None:
+    results = shown(circle("port", 600.0), conditions=conditions)
+    result, missing = results["tactical diameter", "port"]
+    assert result == "not_shown"
+    assert any(reason in words for words in missing)
+    assert not any(result == "met" for result, _ in results.values())
 
 
-def test_an_unsteady_approach_is_not_judged() -> None:
+def test_a_value_above_the_limit_is_told_though_something_is_missing() -> None:
+    rows = rows_of(circle("port", 950.0), conditions=replace(LARGE, beaufort=6))
+    assert "above the limit lie: tactical diameter to port" in headline_of_criteria(criteria_of(rows))
+
+
+def test_an_unsteady_approach_shows_nothing() -> None:
     (row,) = rows_of(circle("port", 600.0, notes=("the approach was not steady",)))
-    assert (row.result, row.why) == ("not judged", "the approach was not steady")
+    assert (row.result, row.missing) == ("not_shown", ("the approach was not steady",))
 
 
 def test_runs_from_other_speeds_are_tests_of_their_own() -> None:
-    assert [row.place for row in rows_of(circle("port", 600.0), circle("starboard", 640.0, approach_mps=4.0))] == [
-        0,
-        1,
-    ]
+    rows = rows_of(circle("port", 600.0), circle("starboard", 640.0, approach_mps=4.0))
+    assert [row.place for row in rows] == [0, 1]
+    results = shown(circle("port", 600.0), circle("starboard", 640.0, approach_mps=4.0))
+    assert results["tactical diameter", "port"] == ("met", ())
+    assert results["tactical diameter", "starboard"][0] == "not_shown"
 
 
-def test_a_trial_without_manoeuvres_says_so() -> None:
+def test_only_a_trial_that_shows_and_meets_all_meets_the_standards() -> None:
+    def run(kind: str, name: str, side: str, helm_deg: float, *values: tuple[str, float]) -> Manoeuvre:
+        indices = {index: index_of(index, value, 1.0, 180.0, kind) for index, value in values}
+        settings = {"rudder_deg": helm_deg, "switch_deg": helm_deg, "approach_mps": 7.0}
+        return Manoeuvre(kind, name, START, START, side, settings, indices)
+
+    circles = ("advance_m", 600.0), ("tactical_diameter_m", 700.0)
+    ten = ("overshoot_1_from_order_deg", 9.0), ("overshoot_2_from_order_deg", 15.0), ("initial_turning_m", 300.0)
+    runs = [
+        run(*test)
+        for side in ("port", "starboard")
+        for test in (
+            ("turning_circle", "turning circle 35 deg", side, 35.0, *circles),
+            ("zigzag", "zigzag 10/10", side, 10.0, *ten),
+            ("zigzag", "zigzag 20/20", side, 20.0, ("overshoot_1_from_order_deg", 15.0)),
+        )
+    ]  # fmt: skip
+    stop = run("stopping", "stopping with thrust astern", "", 0.0, ("track_reach_m", 2000.0))
+    whole = criteria_of(rows_of(*runs, stop))
+    assert headline_of_criteria(whole) == "The trial meets IMO MSC.137(76): all 13 criteria are shown and met."
+    for left_out in range(len(runs)):
+        fewer = criteria_of(rows_of(*(each for place, each in enumerate(runs) if place != left_out), stop))
+        assert "The trial meets" not in headline_of_criteria(fewer)
+
+
+def test_a_trial_without_manoeuvres_shows_nothing() -> None:
     assert rows_of() == []
-    assert "No standard manoeuvre" in verdict([])
+    assert {result.result for result in criteria_of([])} == {"not_shown"}
 
 
 @given(st.lists(st.floats(1.0, 1000.0), min_size=1, max_size=6), st.floats(0.01, 50.0))
@@ -122,8 +188,8 @@ def test_means_hold_the_truth_in_95_percent_of_trials() -> None:
     assert 0.93 <= np.mean([each.low <= 100.0 <= each.high for each in means]) <= 0.97
 
 
-def test_an_overshoot_is_judged_from_the_order_where_the_helm_is_slow() -> None:
-    """As IMO counts it: 22 deg from half of the command may be 26 deg from the order, above the limit of 25."""
+def test_an_overshoot_is_judged_from_the_order() -> None:
+    """As IMO counts it: 22 deg from half of the command are 26 deg from the order here, above the limit of 25."""
     indices = {
         "overshoot_1_deg": Index(22.0, 21.8, 22.2, "deg"),
         "overshoot_1_from_order_deg": Index(26.0, 25.8, 26.2, "deg"),
@@ -131,11 +197,7 @@ def test_an_overshoot_is_judged_from_the_order_where_the_helm_is_slow() -> None:
     settings = {"rudder_deg": 20.0, "switch_deg": 20.0, "approach_mps": 7.0}
     (row,) = rows_of(Manoeuvre("zigzag", "zigzag 20/20", START, START, "port", settings, indices))
     assert row.sides["port"].index.value == 26.0
-    assert (row.result, verdict([row])) == (
-        "fail", "The trial does not meet IMO MSC.137(76) in first overshoot (Zigzag 20/20 at 7.00 m/s).",
-    )  # fmt: skip
-    assert "first overshoot" not in untested([row])
-    assert untested([row]).count("second overshoot") == 1
+    assert row.result == "not_met"
 
 
 def test_single_runs_of_one_name_are_told_apart_by_their_time() -> None:

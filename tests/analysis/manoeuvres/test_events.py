@@ -58,7 +58,7 @@ def test_a_zigzag_of_events_is_found_and_a_note_says_what_they_are(recorded: pd.
     found = zigzag_of(repaired(events) if mended else events)
     assert found.name == zigzag_of(recorded).name
     assert any("recorded as events" in note for note in found.notes)
-    assert found.indices["overshoot_1_deg"].limit == 25.0
+    assert found.indices["overshoot_1_from_order_deg"].limit == 25.0
 
 
 @pytest.mark.parametrize("mended", [False, True])
@@ -71,11 +71,15 @@ def test_what_events_say_agrees_with_what_was_measured(recorded: pd.DataFrame, m
         assert abs(values[0] - values[1]) < 3.0  # a second of this ship's fastest turn
 
 
-def test_a_circle_of_events_counts_its_advance_from_half_way(sail: Sail) -> None:
+def test_the_interval_of_a_circle_of_events_allows_for_the_moment_of_the_order(sail: Sail) -> None:
     table = sail("gunnerus_short", "calm", "turning_circle_30", 800.0).recorded
     both = []
     for each in (table, as_events(table)):
         both.append(next(found for found in find_manoeuvres(each) if found.kind == "turning_circle").indices)
     measured, events = both
+    assert events["advance_m"].low < measured["advance_m"].high
+    assert events["advance_m"].high > measured["advance_m"].low
+    widths = [advance.high - advance.low for advance in (events["advance_m"], measured["advance_m"])]
+    assert widths[0] > 1.5 * widths[1]
     assert abs(events["advance_m"].value - measured["advance_m"].value) < 5.0
     assert abs(events["tactical_diameter_m"].value - measured["tactical_diameter_m"].value) < 2.0

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
-from analysis.manoeuvres.indices import (
-    Manoeuvre,
+from acquisition.config.conditions import Conditions
+from analysis.manoeuvres.indices import Manoeuvre, index_of
+from analysis.manoeuvres.standards import (
+    CRITERIA,
     add_limits,
     first_overshoot_10_10_deg,
-    index_of,
     is_turning_test,
-    overshoot_limit_deg,
+    missing_of,
     second_overshoot_10_10_deg,
+)
+
+HUNDRED = Conditions(length_m=100.0)
+FULLY_KNOWN = Conditions(
+    length_m=100.0,
+    draught_m=8.0,
+    full_load_draught_m=8.0,
+    trim_m=0.0,
+    water_depth_m=60.0,
+    beaufort=3,
+    sea_state=2,
+    speed_at_85_percent_mcr_mps=5.2,
 )
 
 
@@ -23,26 +38,18 @@ def test_overshoots_of_the_10_10_test(ratio_s: float, first: float, second: floa
     assert second_overshoot_10_10_deg(ratio_s) == second
 
 
-def test_a_limit_holds_for_its_own_test_only() -> None:
-    assert overshoot_limit_deg(1, 20.3, 19.4, None, 5.0) == 25.0
-    assert overshoot_limit_deg(2, 20.3, 19.4, None, 5.0) is None
-    assert overshoot_limit_deg(1, 10.0, 20.0, 100.0, 5.0) is None
-    assert overshoot_limit_deg(1, 10.0, 10.0, None, 5.0) is None
-    assert overshoot_limit_deg(1, 10.0, 10.0, 100.0, 5.0) == 15.0
-    assert overshoot_limit_deg(2, 10.0, 10.0, 100.0, 5.0) == 32.5
-
-
 def manoeuvre(kind: str, helm_deg: float, switch_deg: float = 0.0) -> Manoeuvre:
-    names = ("overshoot_1_deg", "overshoot_2_deg", "initial_turning_m", "advance_m", "tactical_diameter_m")
+    overshoots = [f"overshoot_{number}{name}_deg" for number in (1, 2) for name in ("", "_from_order")]
+    names = (*overshoots, "initial_turning_m", "advance_m", "tactical_diameter_m")
     settings = {"azimuth_deg": helm_deg, "switch_deg": switch_deg, "approach_mps": 5.0}
-    indices = {name: index_of(name, 50.0, 1.0, 100.0) for name in names}
+    indices = {name: index_of(name, 50.0, 1.0, 100.0, kind) for name in names}
     noon = pd.Timestamp("2026-05-04T12:00Z")
     return Manoeuvre(kind, f"{kind} {helm_deg}", noon, noon, "port", settings, indices)
 
 
 def limits_by_name(*found: Manoeuvre) -> dict[str, dict[str, float]]:
     return {each.name: {name: index.limit for name, index in each.indices.items() if index.limit is not None}
-            for each in add_limits(found, 100.0)}  # fmt: skip
+            for each in add_limits(found, Conditions(length_m=100.0))}  # fmt: skip
 
 
 def test_a_circle_is_the_turning_test_at_the_largest_helm_only() -> None:
@@ -54,8 +61,8 @@ def test_a_circle_is_the_turning_test_at_the_largest_helm_only() -> None:
 
 
 def test_the_largest_helm_is_that_of_all_manoeuvres_and_a_note_says_it() -> None:
-    alone, beside = add_limits([manoeuvre("turning_circle", 28.0)], 100.0), add_limits(
-        [manoeuvre("turning_circle", 28.0), manoeuvre("course_change", -45.0)], 100.0)  # fmt: skip
+    alone, beside = add_limits([manoeuvre("turning_circle", 28.0)], HUNDRED), add_limits(
+        [manoeuvre("turning_circle", 28.0), manoeuvre("course_change", -45.0)], HUNDRED)  # fmt: skip
     assert alone[0].indices["advance_m"].limit == 450.0
     assert beside[0].indices["advance_m"].limit is None
     assert "the largest of this recording 45 deg" in beside[0].notes[-1]
@@ -72,13 +79,59 @@ def test_the_helm_of_another_test_is_nobodys_largest(helm_deg: float) -> None:
 def test_a_zigzag_has_the_limits_of_its_own_test() -> None:
     found = limits_by_name(manoeuvre("zigzag", 10.0, 10.0), manoeuvre("zigzag", 20.0, 20.0),
                            manoeuvre("zigzag", 5.0, 10.0))  # fmt: skip
-    assert found["zigzag 10.0"] == {"overshoot_1_deg": 15.0, "overshoot_2_deg": 32.5, "initial_turning_m": 250.0}
-    assert found["zigzag 20.0"] == {"overshoot_1_deg": 25.0}
+    assert found["zigzag 10.0"] == {
+        "overshoot_1_from_order_deg": 15.0, "overshoot_2_from_order_deg": 32.5, "initial_turning_m": 250.0,
+    }  # fmt: skip
+    assert found["zigzag 20.0"] == {"overshoot_1_from_order_deg": 25.0}
     assert found["zigzag 5.0"] == {}
 
 
+def test_no_value_from_half_of_the_helm_stands_beside_a_limit() -> None:
+    for angle_deg in (10.0, 20.0):
+        (run,) = add_limits([manoeuvre("zigzag", angle_deg, angle_deg)], FULLY_KNOWN)
+        limited = [index for index in run.indices.values() if index.limit is not None]
+        assert limited
+        assert all(index.counted_from == "order" for index in limited)
+        assert all(index.result in ("", "not_shown") or index.limit for index in run.indices.values())
+
+
+@pytest.mark.parametrize(("changed", "reason"), [
+    ({"length_m": None}, "the ship's length is not known"), ({"length_m": 99.0}, "for ships of 100 m"),
+    ({"draught_m": None}, "draught_m"), ({"full_load_draught_m": None}, "full_load_draught_m"),
+    ({"full_load_draught_m": 9.0}, "not fully loaded"), ({"trim_m": None}, "the trim is not known"),
+    ({"trim_m": -0.6}, "even keel"), ({"water_depth_m": None}, "depth"), ({"water_depth_m": 31.0}, "3.9 draughts"),
+    ({"beaufort": None}, "the wind is not known"), ({"beaufort": 6}, "force 6"),
+    ({"sea_state": None}, "the sea is not known"), ({"sea_state": 5}, "state 5"),
+    ({"speed_at_85_percent_mcr_mps": None}, "maximum output is not known"),
+    ({"speed_at_85_percent_mcr_mps": 5.6}, "at 89%"),
+])  # fmt: skip
+def test_a_criterion_is_shown_only_where_nothing_is_missing(changed: dict[str, float | None], reason: str) -> None:
+    run = manoeuvre("turning_circle", 35.0)
+    assert missing_of(run, FULLY_KNOWN) == ()
+    assert any(reason in missing for missing in missing_of(run, replace(FULLY_KNOWN, **changed)))
+
+
+def test_a_test_with_other_angles_does_not_show_the_criterion() -> None:
+    (run,) = add_limits([manoeuvre("zigzag", 11.5, 10.0)], FULLY_KNOWN)
+    index = run.indices["overshoot_1_from_order_deg"]
+    assert (index.result, index.missing) == ("not_shown", ("the helm was 11.5 deg, not 10 deg",))
+    (run,) = add_limits([manoeuvre("zigzag", 10.5, 9.5)], FULLY_KNOWN)
+    assert run.indices["overshoot_1_from_order_deg"].missing == ()
+
+
+def test_a_tanker_of_chemicals_may_be_of_any_length() -> None:
+    run = manoeuvre("turning_circle", 35.0)
+    assert missing_of(run, replace(FULLY_KNOWN, length_m=80.0, chemical_or_gas_tanker=True)) == ()
+
+
+def test_every_criterion_is_of_one_clause_and_counts_from_the_order() -> None:
+    assert [criterion.clause for criterion in CRITERIA] == sorted(criterion.clause for criterion in CRITERIA)
+    assert sum(len(criterion.sides) for criterion in CRITERIA) == 13
+    assert not any(criterion.index == "overshoot_1_deg" for criterion in CRITERIA)
+
+
 def test_without_a_length_no_limit_needs_one() -> None:
-    circle, twenty = add_limits([manoeuvre("turning_circle", 35.0), manoeuvre("zigzag", 20.0, 20.0)], None)
+    circle, twenty = add_limits([manoeuvre("turning_circle", 35.0), manoeuvre("zigzag", 20.0, 20.0)], Conditions())
     assert all(index.limit is None for index in circle.indices.values())
     assert circle.notes == ()
-    assert twenty.indices["overshoot_1_deg"].limit == 25.0
+    assert twenty.indices["overshoot_1_from_order_deg"].limit == 25.0

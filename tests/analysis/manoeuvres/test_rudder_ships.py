@@ -63,7 +63,7 @@ def test_a_turning_circle_by_rudder_has_the_sizes_of_its_track(name: str, angle:
     assert found.helm_deg == found.settings["rudder_deg"]
     exact = truth(ship, orders, duration_s)
     north, east, heading = (np.abs(exact[each].to_numpy()) for each in ("north_m", "east_m", "heading_deg"))
-    execute = 300 + int(np.flatnonzero(np.abs(exact.filter(like="rudder").iloc[300:, 0]) > 17.5)[0])
+    execute = 300  # the trial goes straight for 30 s
     at = np.interp([90.0, 180.0], heading[300:], np.arange(300.0, heading.size))
     rows = np.arange(heading.size)
     for name_of, size in {

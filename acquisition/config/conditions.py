@@ -1,18 +1,13 @@
-"""What the corrections ask of a ship and of the day of her trial."""
+"""A ship as she ran her trial, and the sea and the air of that day: the ``[conditions]`` of a trial."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, fields, replace
-from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-from pydantic import Field
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from acquisition.core.trial import Trial
+from pydantic import Field, TypeAdapter
 
 REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
 """The water that results are stated for, ISO 15016:2015."""
@@ -31,7 +26,10 @@ class Conditions:
     brakes, for a wind at ``wind_reference_height_m``; ``anemometer_height_m`` is where it was measured.
     ``propulsive_efficiency`` is towing power by the power that is measured at the shafts, and ``load_variation``
     (xi_P) its change by the relative change of resistance. ``form_factor`` is 1 + k. ``wave_from_deg`` is the
-    true direction that the waves come from.
+    true direction that the waves come from. ``trim_m`` is positive by the stern, ``full_load_draught_m`` that of
+    the summer load line; ``beaufort`` and ``sea_state`` (0 to 9) are the force of the wind and the state of the
+    sea. ``speed_at_85_percent_mcr_mps`` is that of the ship at 85 % of the maximum output of her engines. IMO's
+    standards for ship manoeuvrability are for a ``chemical_or_gas_tanker`` of any length.
     """
 
     length_m: Positive | None = None
@@ -52,6 +50,12 @@ class Conditions:
     load_variation: float = 0.0
     wave_height_m: Annotated[float, Field(ge=0.0)] | None = None
     wave_from_deg: float | None = None
+    trim_m: float | None = None
+    full_load_draught_m: Positive | None = None
+    speed_at_85_percent_mcr_mps: Positive | None = None
+    chemical_or_gas_tanker: bool = False
+    beaufort: Annotated[int, Field(ge=0, le=12)] | None = None
+    sea_state: Annotated[int, Field(ge=0, le=9)] | None = None
     water_depth_m: Positive | None = None
     water_temperature_degc: Annotated[float, Field(ge=-2.0, le=40.0)] | None = None
     water_density_kgpm3: Annotated[float, Field(ge=950.0, le=1100.0)] = REFERENCE_DENSITY_KGPM3
@@ -65,6 +69,13 @@ class Conditions:
     def lacks(self, *names: str) -> list[str]:
         """Which of these are not known."""
         return [name for name in names if getattr(self, name) in (None, ())]
+
+    def as_text(self) -> str:
+        """What is known of these, as a recording carries it: JSON, empty where nothing is."""
+        default = Conditions()
+        known = {field.name: value for field in fields(self)
+                 if (value := getattr(self, field.name)) != getattr(default, field.name)}  # fmt: skip
+        return json.dumps(known) if known else ""
 
     def with_known(self, other: Conditions) -> Conditions:
         """These with what they do not say taken from others."""
@@ -82,10 +93,6 @@ def load_conditions(path: Path | str) -> Conditions:
     return load_toml(path, Conditions)
 
 
-def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
-    """What a recording itself tells: depth and draught of its run sheet, the mean temperature of the water."""
-    warm = float(table["water_temperature_degc"].mean()) if "water_temperature_degc" in table else float("nan")
-    return Conditions(
-        water_depth_m=trial.water_depth_m, draught_m=trial.draught_m,
-        water_temperature_degc=warm if isfinite(warm) else None,
-    )  # fmt: skip
+def conditions_from_text(text: str) -> Conditions:
+    """The conditions that a recording carries; none are known of an empty text. Raises ValueError."""
+    return TypeAdapter(Conditions).validate_json(text) if text else Conditions()
