@@ -73,9 +73,8 @@ _NEUTRAL_PATH, _NEUTRAL_TURN = (np.eye(prior.size)[0] for prior in (_PATH_PRIOR,
 _OF_HEEL = [PATH_PARAMETERS.index(name) for name in ("heel_s2", "heel_lag_s3")]
 _FIXED = 1e-6
 _CLEAR = 4.0
-_LONGEST_STEP = 0.2
-_LONGEST_DELAY_STEP_S = 1.0
-"""Longest steps of parameters, as a share of the prior, and of delays by faster than slow motion: a small boat
+_LONGEST_STEP, _LONGEST_FAST_STEP = 0.2, 0.05
+"""Longest steps by the slow motion and by faster, as a share of the prior: of a delay 4 s and 1 s. A small boat
 swings in 10 s, and by steps of 4 s her delays settle a whole swing off."""
 _FARTHEST = 0.6
 _BLOCK_S = (40.0, 100.0)
@@ -369,9 +368,8 @@ class _Fit:
         band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
         residuals, by, *noise = (cosines(each, frame.starts, frame.length, most) for each in band)
         found = solve(residuals, by, (noise[0], noise[1]), self.prior)
-        bounds = _LONGEST_STEP * self.prior[:4]  # lever arms are linear
-        if limit_hz is not None:
-            bounds = np.minimum(bounds, _LONGEST_DELAY_STEP_S)  # no other is as long
+        longest = _LONGEST_STEP if limit_hz is None else _LONGEST_FAST_STEP
+        bounds = longest * self.prior[:4]  # lever arms are linear
         far = float(np.max(np.abs(found.parameters[:4]) / bounds))
         return replace(found, parameters=values + found.parameters / max(far, 1.0))
 
