@@ -306,9 +306,8 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
-    interval_s = max(interval_s, 1e-3)
-    _, off = off_the_turn(np.deg2rad(heading[rows]), turned, interval_s)
-    heading[rows[wild_headings(off, turned, interval_s)]] = np.nan
+    _, off = off_the_turn(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
+    heading[rows[wild_headings(off, turned)]] = np.nan
     return heading
 
 

@@ -33,8 +33,6 @@ STEP_S = 0.25
 _SPIKE = 8.0
 _LONGEST_GAP_S = 3.0
 _WILD_RAD = np.deg2rad(2.0)
-_LATEST_S = 3.0
-"""Headings that are late by no more are not wild."""
 _NEIGHBOURHOOD_S = 20.0
 _MOST_WILD = 0.2
 
@@ -192,7 +190,7 @@ def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
     turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
     turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
     slow, off = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
-    wild = wild_headings(off, turned, heading.interval_s)
+    wild = wild_headings(off, turned)
     if wild.mean() < _MOST_WILD:
         off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
     return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
@@ -208,18 +206,16 @@ def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> 
     return slow, np.angle(np.exp(1j * (apart - slow)))
 
 
-def wild_headings(off_rad: Floats, turned_rad: Floats, interval_s: float) -> Bools:
-    """Which headings are far off all that the yaw rate and the neighbours say of the seconds about them, as those
-    that were interpolated through north.
+def wild_headings(off_rad: Floats, turned_rad: Floats) -> Bools:
+    """Which headings are far off all that the yaw rate says of the time from the sample before to the one after, as
+    those that were interpolated through north.
 
-    A heading that is late, or a turn that begins between two samples, is off the integrated yaw rate of its own
-    time.
+    A turn that begins between two samples is off the integrated yaw rate at its own time.
     """
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-    size = 2 * int(np.ceil(max(_LATEST_S / interval_s, 1.0))) + 1
-    above = off_rad + turned_rad - maximum_filter1d(turned_rad, size)
-    below = minimum_filter1d(turned_rad, size) - turned_rad - off_rad
+    above = off_rad + turned_rad - maximum_filter1d(turned_rad, 3)
+    below = minimum_filter1d(turned_rad, 3) - turned_rad - off_rad
     usual = 1.4826 * float(np.median(np.abs(off_rad)))
     return np.asarray(np.maximum(above, below) > max(_SPIKE * usual, _WILD_RAD))
 
