@@ -345,7 +345,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     turned = integrate(np.deg2rad(yaw_rate), seconds)
     interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
     _, off = off_the_turn(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
-    heading[rows[wild_headings(off)]] = np.nan
+    heading[rows[wild_headings(off, turned)]] = np.nan
     return heading
 
 

@@ -3,8 +3,8 @@
 R/V Gunnerus' model in calm water, scaled by Froude to ships of 2 to 300 m, recorded at 0.5 to 10 Hz with positions
 that scatter by 0.01 to 2 m and one group of channels late by up to 3 s, or none. Speeds are a sensor's own, or come
 of course and ground speed and the recorded heading, or of the positions; with the latter two the yaw rate comes of
-the heading. Prints how often each interval held, what was found that is not there, and what a repair would have
-moved: ``make benchmark-quality``.
+the heading. Prints how often each interval held, by length and rate too, what was found that is not there, and what
+a repair would have moved: ``make benchmark-quality``.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,8 @@ from hybrid.simulation.trial import simulate_trial
 MANOEUVRES = ("zigzag_20_20", "zigzag_10_10", "turning_circle_20", "voyage", "programme")
 SPEEDS = ("of a sensor", "of course and ground speed", "of the positions")
 DELAYS = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s")
+RATES_HZ = (0.5, 1.0, 2.0, 5.0, 10.0)
+LENGTHS_M = (0.0, 5.0, 15.0, 50.0, 120.0, 300.0)
 _GUNNERUS_M = 31.25
 _MODEL_HZ = 10.0
 _LEAD_S = 5.0
@@ -72,7 +75,7 @@ def drawn(generator: np.random.Generator) -> Recorded:
     late_s[late : late + 1] = generator.uniform(0.0, 3.0) if late < late_s.size else []
     usual_s = 900.0 * max(np.sqrt(length_m / _GUNNERUS_M), 1.0)
     return Recorded(
-        length_m, float(generator.choice([0.5, 1.0, 2.0, 5.0, 10.0])), str(generator.choice(MANOEUVRES)),
+        length_m, float(generator.choice(RATES_HZ)), str(generator.choice(MANOEUVRES)),
         usual_s * generator.uniform(1.0, 4.0), str(generator.choice(SPEEDS)), by_factors(0.01, 2.0),
         by_factors(0.03, 0.5), by_factors(0.01, 0.1), by_factors(0.01, 0.1), late_s,
     )  # fmt: skip
@@ -127,7 +130,7 @@ def _sources(speeds: str) -> dict[str, list[str]]:
 class Outcome:
     """Whether the intervals of :data:`DELAYS` held, and what was found and would be repaired that is not there."""
 
-    speeds: str
+    recorded: Recorded
     held: tuple[bool, ...]
     wrong: tuple[str, ...]
     moved: int
@@ -149,7 +152,7 @@ def judged(number: int) -> Outcome:
         if finding.code == "channel_delay" and not _holds(finding, late[finding.channel])
     ]
     what = f"{number} {how}: {np.round(intervals, 3).tolist()}"
-    return Outcome(how.speeds, held, tuple(each.text for each in wrong), sum(each.certain for each in wrong), what)
+    return Outcome(how, held, tuple(each.text for each in wrong), sum(each.certain for each in wrong), what)
 
 
 def _holds(finding: Finding, late_s: float) -> bool:
@@ -164,12 +167,24 @@ def main(trials: int, first: int) -> None:
         if outcome.moved or not all(outcome.held):
             print(outcome.what, outcome.held, *(f"    {text}" for text in outcome.wrong), sep="\n")
     for speeds in SPEEDS:
-        held = np.array([each.held for each in outcomes if each.speeds == speeds])
+        held = np.array([each.held for each in outcomes if each.recorded.speeds == speeds])
         shares = ", ".join(f"{name} {share:.3f}" for name, share in zip(DELAYS, held.mean(axis=0), strict=True))
         print(f"speeds {speeds}: {len(held)} trials, intervals that held: {shares}")
-    independent = np.array([each.held for each in outcomes if each.speeds != SPEEDS[2]])
-    print(f"speeds recorded: {len(independent)} trials, {independent.mean():.3f} of the intervals held")
+    independent = [each for each in outcomes if each.recorded.speeds != SPEEDS[2]]
+    _print_held("speeds recorded", independent)
+    for shortest, longest in pairwise(LENGTHS_M):
+        group = [each for each in independent if shortest < each.recorded.length_m <= longest]
+        _print_held(f"{shortest:g} to {longest:g} m", group)
+        for rate_hz in RATES_HZ:
+            _print_held(f"    {rate_hz:g} Hz", [each for each in group if each.recorded.rate_hz == rate_hz])
     print(f"false repairs: {sum(each.moved for each in outcomes)} of {trials}")
+
+
+def _print_held(name: str, outcomes: list[Outcome]) -> None:
+    if outcomes:
+        print(
+            f"{name}: {len(outcomes)} trials, {np.mean([each.held for each in outcomes]):.3f} of the intervals held"
+        )
 
 
 if __name__ == "__main__":

@@ -190,7 +190,7 @@ def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
     turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
     turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
     slow, off = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
-    wild = wild_headings(off)
+    wild = wild_headings(off, turned)
     if wild.mean() < _MOST_WILD:
         off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
     return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
@@ -206,10 +206,18 @@ def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> 
     return slow, np.angle(np.exp(1j * (apart - slow)))
 
 
-def wild_headings(off_rad: Floats) -> Bools:
-    """Which headings are far off yaw rate and neighbours, as those that were interpolated through north."""
+def wild_headings(off_rad: Floats, turned_rad: Floats) -> Bools:
+    """Which headings are far off all that the yaw rate says of the time from the sample before to the one after, as
+    those that were interpolated through north.
+
+    A turn that begins between two samples is off the integrated yaw rate at its own time.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    above = off_rad + turned_rad - maximum_filter1d(turned_rad, 3)
+    below = minimum_filter1d(turned_rad, 3) - turned_rad - off_rad
     usual = 1.4826 * float(np.median(np.abs(off_rad)))
-    return np.asarray(np.abs(off_rad) > max(_SPIKE * usual, _WILD_RAD))
+    return np.asarray(np.maximum(above, below) > max(_SPIKE * usual, _WILD_RAD))
 
 
 def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
@@ -254,7 +262,7 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
     """
     heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
     first, last = motion.heading.time_s[[0, -1]]
-    width = max(_RATE_WIDTH_S, motion.heading.interval_s)
+    width = max(_RATE_WIDTH_S, motion.step_s)
 
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, offset, _, heading_late_s, forward, starboard, heel, heel_lag = values

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.angles import difference
+from acquisition.core.arrays import Floats
 from analysis.quality.findings import Finding
 from analysis.quality.motion.checks import check_motion, independent_groups
 from analysis.quality.motion.kinematics import fit_kinematics
+from analysis.quality.motion.series import motion_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, sailed
 from tests.benchmarks.delay_trials import DELAYS, SPEEDS, Recorded, recorded
 
@@ -33,6 +38,11 @@ def large_ship(position_m: float, speeds: str = SPEEDS[0], late_s: float = 0.1) 
     )
 
 
+def small_boat(manoeuvre: str, rate_hz: float, speeds: str, late_s: Floats) -> Recorded:
+    """A boat of 4 m for forty minutes, with little noise."""
+    return Recorded(4.0, rate_hz, manoeuvre, 2400.0, speeds, 0.05, 0.05, 0.01, 0.02, late_s)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_positions_of_a_large_ship_that_scatter_make_no_delay(seed: int) -> None:
     how = large_ship(0.5)
@@ -51,6 +61,36 @@ def test_noise_of_positions_alone_does_not_move_the_estimate() -> None:
     first, second = fit_kinematics(quiet), fit_kinematics(noisy)
     for name in DELAYS:
         assert abs(first.value(name) - second.value(name)) < 0.2
+
+
+def test_turns_that_begin_between_two_samples_make_no_delay() -> None:
+    """A boat of 4 m turns by 15 deg in 2 s: her headings are right, though the yaw rate tells of it too late."""
+    how = small_boat("turning_circle_20", 0.5, SPEEDS[1], np.zeros(4))
+    table = recorded(how, 1, np.random.default_rng(1))
+    heading = motion_of(table).heading.levels[:, 0]
+    assert np.abs(difference(np.rad2deg(heading), table["heading_deg"].to_numpy())).max() < 0.01
+    fit = fit_kinematics(table)
+    assert abs(fit.value("position_delay_s")) < 0.1
+    assert abs(fit.value("heading_delay_s")) < 0.15
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_late_channels_of_a_boat_that_swings_fast_do_not_settle_a_swing_off(late: int) -> None:
+    how = small_boat("zigzag_20_20", 5.0, SPEEDS[0], np.where(np.arange(4) == late, 2.5, 0.0))
+    fit = fit_kinematics(recorded(how, 2, np.random.default_rng(2)))
+    for name, true in zip(DELAYS, how.delays_s, strict=True):
+        low, high = fit.interval(name)
+        assert low <= true <= high
+        assert abs(fit.value(name) - true) < 1.0
+
+
+def test_noise_of_the_heading_does_not_look_like_heel() -> None:
+    """The path and the centripetal acceleration have the noise of the same headings."""
+    how = replace(large_ship(0.15), manoeuvre="zigzag_10_10", heading_deg=0.47)
+    fit = fit_kinematics(recorded(how, 3, np.random.default_rng(3)))
+    low, high = fit.interval("heel_s2")
+    assert low <= 0.0 <= high
+    assert not delays_found(recorded(how, 3, np.random.default_rng(3)))
 
 
 def test_a_delay_is_taken_off_only_beyond_two_samples() -> None:
