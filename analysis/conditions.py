@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from bisect import bisect_right
 from math import isfinite
@@ -9,12 +10,15 @@ from math import isfinite
 import pandas as pd
 
 from acquisition.config.conditions import Conditions, conditions_from_text
+from acquisition.core.text import printable
 from acquisition.core.trial import Trial
 from analysis.kinematics import mean_wind
 from analysis.quality.samples import ASSUMED
 
 BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
 """The mean speeds from which the force of the wind is one more, by the World Meteorological Organization."""
+
+LOG = logging.getLogger("seatrial")
 
 _WIND = ["wind_speed_mps", "wind_direction_deg"]
 _SEA_WORDS = {
@@ -56,4 +60,12 @@ def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
         sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,
         water_temperature_degc=warm if isfinite(warm) else None,
     )  # fmt: skip
-    return conditions_from_text(trial.conditions).with_known(measured)
+    return _carried_conditions(trial).with_known(measured)
+
+
+def _carried_conditions(trial: Trial) -> Conditions:
+    try:
+        return conditions_from_text(trial.conditions)
+    except ValueError:
+        LOG.warning("%s: its conditions cannot be read, none of them is taken", printable(trial.name))
+        return Conditions()

@@ -21,9 +21,9 @@ from markupsafe import Markup, escape
 
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_unit, find_channel
-from acquisition.core.trial import software_version
+from acquisition.core.trial import Trial, software_version
 from acquisition.core.units import KNOT_MPS
-from analysis.conditions import beaufort
+from analysis.conditions import beaufort, recorded_conditions
 from analysis.kinematics import mean_wind
 from analysis.manoeuvres.criteria import mean_of
 from analysis.manoeuvres.indices import index_of
@@ -160,6 +160,9 @@ def circumstances(
 ) -> list[tuple[str, str]]:
     """The ship, her loading, time, place and weather, as :func:`run_sheet` has them."""
     trial, manoeuvres = recording.trial, tuple(manoeuvres)
+    stated = recorded_conditions(trial, pd.DataFrame())
+    state_of_sea = UNKNOWN if stated.sea_state is None else f"state {stated.sea_state}"
+    draught_m = stated.draught_m or (ship.draught_m if ship else None)
     return [
         ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
         *_form(ship, one_hz, manoeuvres),
@@ -169,11 +172,14 @@ def circumstances(
         ("place", trial.place or UNKNOWN),
         ("origin of north and east", _origin_text(trial.origin)),
         ("loading", trial.loading or UNKNOWN),
-        ("draught", _metres(trial.draught_m)),
-        ("trim by the stern", _metres(trial.trim_m)),
-        ("water depth", _depth(trial.water_depth_m, trial.draught_m or (ship.draught_m if ship else None))),
-        ("wind", _wind(recording, one_hz)),
-        ("sea state", trial.sea_state or UNKNOWN),
+        ("draught", _metres(stated.draught_m)),
+        ("full load draught", _metres(stated.full_load_draught_m)),
+        ("trim by the stern", _metres(stated.trim_m)),
+        ("water depth", _depth(stated.water_depth_m, draught_m)),
+        ("wind", _wind(recording, one_hz, stated.beaufort)),
+        ("sea state", trial.sea_state or state_of_sea),
+        ("speed at 85 % of the maximum output", _speed_text(stated.speed_at_85_percent_mcr_mps)),
+        ("antenna from midship", _place_text(trial)),
         ("current", _current(manoeuvres)),
         ("crew notes", trial.crew_notes or UNKNOWN),
     ]
@@ -239,9 +245,21 @@ def _depth(depth_m: float | None, draught_m: float | None) -> str:
     return f"{depth_m:g} m, {depth_m / draught_m:.1f} draughts"
 
 
-def _wind(recording: Recording, one_hz: pd.DataFrame) -> str:
-    """The wind as it was measured; one that an import assumed is none."""
+def _speed_text(speed_mps: float | None) -> str:
+    return UNKNOWN if speed_mps is None else f"{speed_mps:.2f} m/s ({speed_mps / KNOT_MPS:.1f} kn)"
+
+
+def _place_text(trial: Trial) -> str:
+    if trial.antenna_forward_m is None:
+        return UNKNOWN
+    return f"{trial.antenna_forward_m:g} m forward, {trial.antenna_starboard_m or 0.0:g} m to starboard"
+
+
+def _wind(recording: Recording, one_hz: pd.DataFrame, stated_beaufort: int | None) -> str:
+    """The wind as it was measured; one that an import assumed is none. Else its force as it was stated."""
     series = recording.series.get("wind_speed_mps")
+    if stated_beaufort is not None and series is None:
+        return f"Beaufort {stated_beaufort}, as stated"
     return f"{UNKNOWN}, calm assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
 
 

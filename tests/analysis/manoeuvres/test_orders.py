@@ -95,6 +95,12 @@ def test_the_configuration_gives_conditions_and_the_antennas_place() -> None:
         parse_config(text + "\n[conditions]\nfull_load_draft_m = 8.0\n", Path("trial.toml"))
 
 
+@pytest.mark.parametrize("text", ["no JSON", "[]", '{"trim_m": "deep"}', '{"draught_m": -1.0}', '{"nobody": 1}'])
+def test_conditions_that_are_none_are_reported_and_not_taken(text: str, caplog: pytest.LogCaptureFixture) -> None:
+    assert recorded_conditions(Trial(name="x", conditions=text, trim_m=0.1), pd.DataFrame()).trim_m == 0.1
+    assert "x: its conditions cannot be read" in caplog.text
+
+
 @pytest.mark.parametrize(("words", "state"), [
     ("3", 3), ("sea state 4", 4), ("Douglas 2", 2), ("slight", 3), ("Very rough sea", 6), ("calm to slight", None),
     ("", None), ("swell from NW", None), ("12", None),
