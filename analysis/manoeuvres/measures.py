@@ -117,9 +117,10 @@ def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int,
     """The execute from a level of the helm to a plateau. The order is the one recorded; else the helm moves from
     the order on. Where orders were recorded as events it lies before half of the change."""
     begun_s, half_s = execute_s(motion.time_s, motion.helm_deg, plateau, before_deg, earliest)
+    begun_s = min(begun_s, half_s)
     within_s = _execute_within_s(motion, plateau.level - before_deg)
     wander_s = np.sqrt(3.0) * _wander_s(motion, begun_s) if is_first else 0.0
-    half_within_s = float(np.hypot(within_s, 0.5 * wander_s))
+    half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
     if (ordered_s := _recorded_order_s(motion, begun_s, half_s)) is not None:

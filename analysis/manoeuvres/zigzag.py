@@ -37,6 +37,7 @@ from analysis.manoeuvres.measures import (
 from analysis.manoeuvres.motion import Motion
 
 FEWEST_SWINGS = 3
+_SHORTEST_SWING_S = 1.0
 _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
@@ -141,6 +142,8 @@ def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
 def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
     executes, end = executes_of(motion, chain), float(motion.time_s[chain[-1].end - 1])
+    while len(executes) > 2 and executes[1].order_s < executes[0].order_s + _SHORTEST_SWING_S:
+        chain, executes = chain[1:], executes[1:]  # the helm only passed there on its way to the other side
     times = np.array([[*moments, end] for moments in zip(*(each[:2] for each in executes), strict=True)])
     within_s = np.array([[*widths, 0.0] for widths in zip(*(each[2:] for each in executes), strict=True)])
     orders = times[0]
@@ -179,9 +182,10 @@ def _switch_deg(heading: Floats) -> float:
     )
 
 
-def _first_side(motion: Motion, executes: Floats) -> float:
-    """1 where the first swing turns the ship to starboard, -1 to port."""
-    return 1.0 if motion.at("heading_deg", executes[1]) > motion.at("heading_deg", executes[0]) else -1.0
+def _first_side(motion: Motion, orders: Floats) -> float:
+    """1 where the first swing turns the ship to starboard, -1 to port, by all swings that end in an order."""
+    turned = np.diff(np.interp(orders[:-1], motion.time_s, motion.heading_deg))
+    return 1.0 if float(turned @ (-1.0) ** np.arange(turned.size)) > 0.0 else -1.0
 
 
 def zigzag_indices(motion: Motion, times: Floats) -> dict[str, float]:

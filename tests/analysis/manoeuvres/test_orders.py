@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
 from analysis.conditions import recorded_conditions, sea_state_of
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from hybrid.simulation.trial import simulate_trial
 from tests.acquisition.conftest import config_text, free_port
 from tests.benchmarks.yard_ship import YardShip
 from tests.benchmarks.yard_trials import Recorder, Score, judge, judge_near_limit, record, sail
@@ -115,3 +117,19 @@ def test_a_wind_that_an_import_assumed_is_not_known() -> None:
     assert recorded_conditions(Trial(), table).beaufort == 4
     table.attrs["sources"] = {"wind_speed_mps": ["assumed"]}
     assert recorded_conditions(Trial(), table).beaufort is None
+
+
+def test_a_helm_that_only_passes_on_its_way_is_no_swing(sail_programme: pd.DataFrame) -> None:
+    """A course is steered hard to port when the zigzag to starboard is ordered: the orders stay in their order."""
+    for run in find_manoeuvres(sail_programme, 28.9):
+        orders = [run.start, *run.executes]
+        assert all(later > earlier for earlier, later in pairwise(orders)), run.name
+        for name, index in run.indices.items():
+            if "overshoot" in name and np.isfinite(index.low):
+                assert index.value < 10.0, (run.name, name)
+
+
+@pytest.fixture(scope="module")
+def sail_programme() -> pd.DataFrame:
+    table, _ = simulate_trial("gunnerus_short", "gentle", "programme", 1100.0, 10.0, 2)
+    return table.iloc[::10]
