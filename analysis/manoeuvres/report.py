@@ -20,6 +20,7 @@ from acquisition.core.trial import software_version
 from analysis.manoeuvres.criteria import criteria_of, headline_of_criteria, index_rows, shortfalls_of
 from analysis.manoeuvres.find import manoeuvres_and_left_out
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
+from analysis.manoeuvres.standards import NOT_FOR_SHIP
 from analysis.manoeuvres.turning_circle import REMOVED
 from analysis.tables.table import provenance_of
 
@@ -195,6 +196,8 @@ def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
     if not any(row.criterion for row in rows):
         return []
     results = criteria_of(rows)
+    if any(reason.startswith(NOT_FOR_SHIP) for result in results for reason in result.missing):
+        return [headline_of_criteria(results)]
     missing = (f"Missing: {reason} ({names})." for reason, names in shortfalls_of(results))
     return [headline_of_criteria(results), *missing]
 

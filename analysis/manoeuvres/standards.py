@@ -134,9 +134,15 @@ def criterion_of(run: Manoeuvre, index: str, largest_deg: float) -> Criterion | 
 
 
 def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
-    """What is missing for a run to show a criterion, in the order of the standard; empty where it shows it."""
+    """What is missing for a run to show a criterion, in the order of the standard; empty where it shows it.
+
+    For a ship that the standards are not for, it is that alone.
+    """
+    length_shortfall = _length_shortfall(conditions)
+    if length_shortfall.startswith(NOT_FOR_SHIP):
+        return (length_shortfall,)
     shortfalls = (
-        _length_shortfall(conditions), _loading_shortfall(conditions), _trim_shortfall(conditions),
+        length_shortfall, _loading_shortfall(conditions), _trim_shortfall(conditions),
         _depth_shortfall(conditions),
         _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
@@ -242,7 +248,7 @@ def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> M
         criterion = criterion_of(run, name, largest_deg)
         limit = criterion.limit(conditions.length_m, speed_mps) if criterion else None
         if criterion is not None and limit is not None:
-            shortfalls = (*_test_shortfalls(run, criterion), *missing)
+            shortfalls = (*missing, *_test_shortfalls(run, criterion))
             result = result_of(index, limit, shortfalls)
             indices[name] = replace(index, limit=limit, result=result, missing=shortfalls)
     return replace(run, indices=indices, notes=(*run.notes, *_helm_notes(run, conditions, largest_deg)))
