@@ -22,7 +22,7 @@ from analysis.manoeuvres.find import manoeuvres_and_left_out
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
 from analysis.manoeuvres.standards import NOT_FOR_SHIP
 from analysis.manoeuvres.turning_circle import REMOVED
-from analysis.tables.table import provenance_of
+from analysis.tables.table import provenance_of, trial_of
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -62,9 +62,8 @@ def manoeuvres_of(
 
 def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
-    rows = index_rows(run for recording in found for run in recording.manoeuvres)
     return {
-        "criteria": [result.as_json() for result in criteria_of(rows)],
+        "criteria": _criteria_of_ships(found),
         "recordings": [
             {
                 "recording": each.recording,
@@ -76,6 +75,18 @@ def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None)
         "length_m": length_m,
         "software_version": software_version(),
     }
+
+
+def _criteria_of_ships(found: Sequence[RecordingManoeuvres]) -> list[dict[str, Any]]:
+    """The criteria of each ship that the recordings name: runs of one are no runs of another."""
+    runs: dict[str, list[Manoeuvre]] = {}
+    for recording in found:
+        runs.setdefault(trial_of(recording.table).vessel, []).extend(recording.manoeuvres)
+    return [
+        {"vessel": vessel, **result.as_json()}
+        for vessel, trial in runs.items()
+        for result in criteria_of(index_rows(trial))
+    ]
 
 
 def plain_name(name: str) -> str:

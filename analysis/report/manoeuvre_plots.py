@@ -121,7 +121,7 @@ def _rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> N
     panels[1].plot(time_s, motion.speed_mps, color=PURPLE)
     panels[1].set_ylim(bottom=0.0)
     panels[1].set_ylabel("speed\n[m/s]")
-    panels[1].set_xlabel("time since the execute [s]")
+    panels[1].set_xlabel("time since the order [s]")
 
 
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
@@ -140,11 +140,11 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
               label="current removed" if current else "track")  # fmt: skip
     _outlines(left, main, start, ahead_deg)
     _dimensions(left, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
-    left.plot(0.0, 0.0, "o", color=RED, markersize=5, label="execute")
+    left.plot(0.0, 0.0, "o", color=RED, markersize=5, label="order")
     left.margins(0.12)  # room for what is written beside the track
     left.set_aspect("equal", adjustable="datalim")
     left.set_xlabel("to starboard of the approach [m]")
-    left.set_ylabel("ahead of the execute [m]")
+    left.set_ylabel("ahead of the order [m]")
     left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     time_s = motion.time_s - start
     _helm(beside[0], motion, time_s)
@@ -244,10 +244,10 @@ def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]])
         below.plot(part.time_s - start, part.speed_mps, **style)
     left.set_aspect("equal", adjustable="datalim")
     left.set_xlabel("to starboard of the approach [m]")
-    left.set_ylabel("ahead of the execute [m]")
+    left.set_ylabel("ahead of the order [m]")
     above.set_ylabel("heading off the approach [deg]")
     below.set_ylabel("speed over ground [m/s]")
-    below.set_xlabel("time since the execute [s]")
+    below.set_xlabel("time since the order [s]")
     if len(runs) <= _MOST_IN_LEGEND:
         figure.legend(*left.get_legend_handles_labels(), loc="outside lower left", ncols=2, fontsize=8)
 

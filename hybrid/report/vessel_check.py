@@ -169,7 +169,7 @@ def _draw_circles(axes: Axes, check: VesselCheck) -> None:
         _write(axes, tests[0], names)
         axes.legend(loc="upper right", fontsize=8)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the execute [L]")
+    axes.set(xlabel="to starboard of the approach [L]", ylabel="ahead of the order [L]")
 
 
 def _limit_lines(axes: Axes, test: StandardTest) -> None:
@@ -209,7 +209,7 @@ def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
         _write(axes, test, (from_order(1), from_order(2), "initial_turning_m"))
         axes.margins(y=0.3)
         axes.legend(loc="upper right", ncols=2, fontsize=8)
-    axes.set(xlabel="time since the execute [s]", ylabel="[deg], starboard positive")
+    axes.set(xlabel="time since the order [s]", ylabel="[deg], starboard positive")
 
 
 def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
