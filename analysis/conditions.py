@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from bisect import bisect_right
+from dataclasses import replace
 from math import isfinite
 
 import pandas as pd
@@ -60,7 +61,13 @@ def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
         sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,
         water_temperature_degc=warm if isfinite(warm) else None,
     )  # fmt: skip
-    return _carried_conditions(trial).with_known(measured)
+    return with_stronger_wind(_carried_conditions(trial).with_known(measured), measured)
+
+
+def with_stronger_wind(stated: Conditions, measured: Conditions) -> Conditions:
+    """Stated conditions, with the wind that was measured where that was stronger."""
+    forces = [force for force in (stated.beaufort, measured.beaufort) if force is not None]
+    return replace(stated, beaufort=max(forces, default=None))
 
 
 def _carried_conditions(trial: Trial) -> Conditions:

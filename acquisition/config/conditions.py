@@ -12,7 +12,8 @@ from pydantic import Field, TypeAdapter
 REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
 """The water that results are stated for, ISO 15016:2015."""
 
-Positive = Annotated[float, Field(gt=0.0)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,8 +29,9 @@ class Conditions:
     (xi_P) its change by the relative change of resistance. ``form_factor`` is 1 + k. ``wave_from_deg`` is the
     true direction that the waves come from. ``trim_m`` is positive by the stern, ``full_load_draught_m`` that of
     the summer load line; ``beaufort`` and ``sea_state`` (0 to 9) are the force of the wind and the state of the
-    sea. ``speed_at_85_percent_mcr_mps`` is that of the ship at 85 % of the maximum output of her engines. IMO's
-    standards for ship manoeuvrability are for a ``chemical_or_gas_tanker`` of any length.
+    sea, ``current_mps`` the speed of the current. ``speed_at_85_percent_mcr_mps`` is that of the ship at 85 % of
+    the maximum output of her engines. IMO's standards for ship manoeuvrability are for a ``chemical_or_gas_tanker``
+    of any length.
     """
 
     length_m: Positive | None = None
@@ -50,10 +52,11 @@ class Conditions:
     load_variation: float = 0.0
     wave_height_m: Annotated[float, Field(ge=0.0)] | None = None
     wave_from_deg: float | None = None
-    trim_m: float | None = None
+    trim_m: Finite | None = None
     full_load_draught_m: Positive | None = None
     speed_at_85_percent_mcr_mps: Positive | None = None
     chemical_or_gas_tanker: bool = False
+    current_mps: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
     beaufort: Annotated[int, Field(ge=0, le=12)] | None = None
     sea_state: Annotated[int, Field(ge=0, le=9)] | None = None
     water_depth_m: Positive | None = None

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import ne
 from typing import Any
 
 import numpy as np
 
-from analysis.manoeuvres.indices import Index, Manoeuvre, from_order
+from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, nominal_deg
 from analysis.manoeuvres.standards import (
     CANNOT_BE_SAID,
     CRITERIA,
@@ -43,7 +44,7 @@ _MAIN = {
 """The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
 _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
-_SPEED_SHARE = 0.2
+_SPEED_SHARE = _NEAR_SHARE = 0.2
 _FEW_RUNS = 2  # of which no interval is made
 
 
@@ -135,7 +136,8 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     limits = [run.limit for run in runs if run.limit is not None]
     missing = tuple(dict.fromkeys(reason for run in runs for reason in run.missing))
     mean_lengths = float(np.mean(lengths)) if len(lengths) == count else None
-    index = replace(runs[0], value=value, low=low, high=high, lengths=mean_lengths, limit=min(limits, default=None))
+    limit = min(limits) if len(limits) == count else None
+    index = replace(runs[0], value=value, low=low, high=high, lengths=mean_lengths, limit=limit)
     result = "" if index.limit is None else result_of(index, index.limit, missing)
     return Mean(replace(index, result=result, missing=missing), count)
 
@@ -145,7 +147,7 @@ def _range(runs: Sequence[Index]) -> tuple[float, float]:
     if len(runs) == 1:
         return runs[0].low, runs[0].high
     ends = np.array([(each.value, each.low, each.high) for each in runs])
-    return float(np.nanmin(ends)), float(np.nanmax(ends))
+    return float(ends.min()), float(ends.max())
 
 
 def _interval(runs: Sequence[Index]) -> tuple[float, float]:
@@ -155,7 +157,7 @@ def _interval(runs: Sequence[Index]) -> tuple[float, float]:
     count, values = len(runs), np.array([each.value for each in runs])
     within = np.array([0.5 * (each.high - each.low) for each in runs])
     scatter = t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)
-    half = float(np.nanmax([np.sqrt(np.sum(within**2)) / count, scatter]))
+    half = float(np.max([np.sqrt(np.sum(within**2)) / count, scatter]))
     return float(values.mean()) - half, float(values.mean()) + half
 
 
@@ -183,8 +185,15 @@ def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:
 def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
     if (one.kind, one.name) != (other.kind, other.name) or one.kind in _SINGLE:
         return False
+    if any(map(ne, _angles_of(one), _angles_of(other))):  # the crew may have given two tests one name
+        return False
     speeds = [each.settings.get("approach_mps", 0.0) for each in (one, other)]
     return abs(speeds[0] - speeds[1]) <= _SPEED_SHARE * max(map(abs, speeds))
+
+
+def _angles_of(run: Manoeuvre) -> tuple[float, float]:
+    """The nominal helm and switching angle of a run [deg]."""
+    return nominal_deg(run.helm_deg or 0.0), nominal_deg(run.settings.get("switch_deg", 0.0), _NEAR_SHARE)
 
 
 def test_name(test: Sequence[Manoeuvre]) -> str:
@@ -242,17 +251,17 @@ def _criterion_result(criterion: Criterion, side: str, rows: Sequence[IndexRow])
         mean = min(shown, key=lambda mean: (_ORDER_OF_RESULTS.index(mean.index.result), len(mean.index.missing)))
         return CriterionResult(criterion, side, mean, mean.index.result, mean.index.missing)
     if means:
-        return CriterionResult(criterion, side, means[0], NOT_SHOWN, (NO_LENGTH,))
+        return CriterionResult(criterion, side, means[0], NOT_SHOWN, means[0].index.missing or (NO_LENGTH,))
     other = any(row.criterion is criterion for row in rows)
     return CriterionResult(criterion, side, None, NOT_SHOWN, (f"no run to {side}" if other else "no such test",))
 
 
-def headline_of_criteria(results: Sequence[CriterionResult]) -> str:
+def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The trial") -> str:
     """What a trial shows of the standards in one sentence; it meets them only where all is shown and met."""
     by_result = {name: [entry for entry in results if entry.result == name] for name in _ORDER_OF_RESULTS}
     total = len(results)
     if len(by_result[MET]) == total:
-        return f"The trial meets IMO {RESOLUTION}: all {total} criteria are shown and met."
+        return f"{subject} meets IMO {RESOLUTION}: all {total} criteria are shown and met."
     not_for_her = next((why for entry in results for why in entry.missing if why.startswith(NOT_FOR_SHIP)), "")
     parts = [f"{len(by_result[MET])} of {total} criteria of IMO {RESOLUTION} are shown and met"]
     parts = [f"IMO {RESOLUTION}: {not_for_her}; its limits stand for information"] if not_for_her else parts

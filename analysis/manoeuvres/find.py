@@ -18,8 +18,9 @@ import pandas as pd
 
 from acquisition.config.conditions import Conditions
 from acquisition.core.arrays import Bools, Floats
+from acquisition.core.errors import InputError
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
-from analysis.conditions import recorded_conditions
+from analysis.conditions import recorded_conditions, with_stronger_wind
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from analysis.manoeuvres.measures import (
     WIDEST_S,
@@ -115,8 +116,11 @@ def manoeuvres_and_left_out(
     ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
     from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
-    known = (conditions or Conditions()).with_known(recorded_conditions(trial_of(table), table))
+    recorded = recorded_conditions(trial_of(table), table)
+    known = with_stronger_wind((conditions or Conditions()).with_known(recorded), recorded)
     known = known if length_m is None else replace(known, length_m=length_m)
+    if known.length_m is not None and not known.length_m > 0.0:
+        raise InputError("the ship's length is not positive", why=f"it is {known.length_m} m")
     motion, in_time = motion_of(table, known.length_m), attrgetter("start")
     bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
     if motion.time_s.size * motion.step_s < _SHORTEST_S:

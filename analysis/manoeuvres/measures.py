@@ -13,7 +13,7 @@ the level just above.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -36,7 +36,7 @@ _LONGEST_CHANGE_S, _BEFORE_S = 15.0, 4.0
 _AHEAD = 1.15  # of the distance back to the start of a change; noise bends the line by less
 _SLOWER = 1.5  # factor by which a single change may be slower than usual
 _LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: less is course-keeping
-_LONGEST_ORDER_LAG_S = 5.0  # from an order to the first movement of the steering gear
+_LONGEST_ORDER_LAG_S = 20.0  # from an order to the first movement of the steering gear
 _EXTRAPOLATED = 2.0  # the start of a change is known so much worse than its middle, by the line through both
 
 
@@ -87,12 +87,16 @@ def helm_change_s(motion: Motion, change_deg: float) -> float:
 
 
 class Execute(NamedTuple):
-    """When a helm was ordered and when it was half over [s], each with half of what it is known within [s]."""
+    """When a helm was ordered and when it was half over [s], each with half of what it is known within [s].
+
+    ``contradicts`` says that orders are recorded, but none that the helm could have followed.
+    """
 
     order_s: float
     half_s: float
     order_within_s: float
     half_within_s: float
+    contradicts: bool = False
 
     @property
     def half_command_s(self) -> float:
@@ -123,19 +127,22 @@ def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int,
     half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
-    if (ordered_s := _recorded_order_s(motion, begun_s, half_s)) is not None:
-        return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
+    contradicts = False
+    if motion.helm_order_deg is not None:
+        earliest_s = max(float(motion.time_s[earliest]), begun_s - _LONGEST_ORDER_LAG_S)
+        ordered_s = _recorded_order_s(motion, earliest_s, half_s)
+        if ordered_s is not None and ordered_s <= begun_s + max(motion.step_s, _EXTRAPOLATED * within_s):
+            return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
+        contradicts = True
     noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, noise_s, 0.5 * motion.step_s, 1.5 * wander_s]
     order_within_s = float(np.linalg.norm(parts_s))  # calibrated by tests/benchmarks/yard_trials.py
-    return Execute(begun_s, half_s, order_within_s, half_within_s)
+    return Execute(begun_s, half_s, order_within_s, half_within_s, contradicts)
 
 
-def _recorded_order_s(motion: Motion, begun_s: float, half_s: float) -> float | None:
-    """When the recorded order changed that the helm followed [s], None where none was recorded."""
-    if motion.helm_order_deg is None:
-        return None
-    near = motion.between(begun_s - _LONGEST_ORDER_LAG_S, half_s)
+def _recorded_order_s(motion: Motion, earliest_s: float, half_s: float) -> float | None:
+    """When the recorded order changed between two times [s], None where it did not."""
+    near = motion.between(earliest_s, half_s)
     if near.helm_order_deg is None or near.time_s.size < 2:
         return None
     first, last = near.helm_order_deg[[0, -1]]
@@ -573,12 +580,14 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def count_notes(motion: Motion) -> tuple[str, ...]:
+def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, ...]:
     """What the indices count from where it was not recorded: the moment of the order, and midship."""
     notes = []
     if motion.orders_are_events:
         notes.append("orders were recorded as events: each was given before half of the recorded change, which the "
                      "intervals allow for")  # fmt: skip
+    elif any(execute.contradicts for execute in executes):
+        notes.append("the recorded orders do not precede the helm: each is taken from the helm's movement")
     elif motion.helm_order_deg is None:
         notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
     if not motion.is_midship and motion.length_m:

@@ -258,7 +258,7 @@ def write_report(
         entry |= {"recording": provenance["recording"], "provenance": provenance}
     page = render(
         "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
-        subtitle="Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information",
+        subtitle="Indices after ITTC 7.5-04-02-01; criteria of IMO MSC.137(76)",
     )  # fmt: skip
     plain = folder / "manoeuvres.json"
     with written_together(plain):

@@ -293,7 +293,8 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
              "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
-    return manoeuvre_of(motion, kind, names[kind], span, "", settings, found)
+    notes = ("the order is taken from the beginning of the shaft's change",)
+    return manoeuvre_of(motion, kind, names[kind], span, "", settings, found, notes=notes)
 
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:

@@ -29,13 +29,16 @@ NOT_FOR_SHIP = "the standards are for ships of 100 m and more"
 TURNING_HELM_DEG, INITIAL_TURNING_HELM_DEG = 35.0, 10.0
 _LARGEST_ZIGZAG_HELM_DEG = 20.0
 _NEAR_SHARE, _SAME_HELM_SHARE = 0.2, 0.1  # a run is called by an angle that it is near
+_TURNING_ANGLE_SHARE = 0.05  # by which a helm of 35 deg may differ
 _TEST_ANGLE_SHARE = 0.1  # by which the angles of a test may differ and still show its criterion
 _LEAST_LENGTH_M = 100.0
 _DEEP_DRAUGHTS = 4.0
 _LARGEST_BEAUFORT, _LARGEST_SEA_STATE = 5, 4
 _DRAUGHT_SHARE = 0.05  # of the full load draught, by which a trial's may differ (MSC/Circ.1053, 2.2.1.2.2)
 _TEST_SPEED_SHARE = 0.9
-_UNSTEADY = re.compile(r"not steady|gathering way")
+_STEADY_TURN_DEG = 2.0  # of heading in the time of one ship length: as much as noise shows of a steady approach
+_STEADY_SHARE = 0.05  # of the speed in that time
+_CONTRADICTS = re.compile(r"not steady|gathering way|orders do not precede")
 
 
 def first_overshoot_10_10_deg(length_per_speed_s: float) -> float:
@@ -97,7 +100,7 @@ def _is_zigzag(nominal_deg: float) -> Callable[[Manoeuvre, float], bool]:
 
 
 def _is_full_astern(run: Manoeuvre, largest_deg: float) -> bool:
-    return run.kind == "stopping" and run.name == FULL_ASTERN
+    return run.kind == "stopping" and run.settings.get("thrust_rpm", 0.0) < 0.0
 
 
 def _in_lengths(lengths: float) -> Callable[[float | None, float], float | None]:
@@ -146,7 +149,8 @@ def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
         _depth_shortfall(conditions),
         _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
-        _approach_shortfall(run), _speed_shortfall(run, conditions),
+        "" if _is_known(conditions.current_mps) else "the current is not known",
+        _approach_shortfall(run, conditions), _speed_shortfall(run, conditions),
     )  # fmt: skip
     return tuple(shortfall for shortfall in shortfalls if shortfall)
 
@@ -156,11 +160,21 @@ def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
     angles = {"helm": abs(run.helm_deg or 0.0)}
     if run.kind == "zigzag" and criterion.index != "initial_turning_m":
         angles["switching angle"] = run.settings["switch_deg"]
+    if criterion.helm_deg is None and run.kind == "turning_circle":
+        over = angles["helm"] / TURNING_HELM_DEG - 1.0
+        if over > _TURNING_ANGLE_SHARE:
+            return (f"the helm was {angles['helm']:.1f} deg, more than {TURNING_HELM_DEG:.0f} deg",)
+        if over < -_TURNING_ANGLE_SHARE:
+            return (f"whether {angles['helm']:.1f} deg is the largest helm at the test speed is not known",)
     return tuple(
         f"the {name} was {angle:.1f} deg, not {criterion.helm_deg:.0f} deg"
         for name, angle in angles.items()
         if criterion.helm_deg is not None and abs(angle / criterion.helm_deg - 1.0) > _TEST_ANGLE_SHARE
     )
+
+
+def _is_known(value: float | None) -> bool:
+    return value is not None and bool(np.isfinite(value))
 
 
 def _length_shortfall(conditions: Conditions) -> str:
@@ -172,8 +186,8 @@ def _length_shortfall(conditions: Conditions) -> str:
 
 
 def _loading_shortfall(conditions: Conditions) -> str:
-    if conditions.draught_m is None or conditions.full_load_draught_m is None:
-        lacking = [name for name in ("draught_m", "full_load_draught_m") if getattr(conditions, name) is None]
+    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(getattr(conditions, name))]
+    if lacking or conditions.draught_m is None or conditions.full_load_draught_m is None:
         return f"the loading is not known: {' and '.join(lacking)}"
     if abs(conditions.draught_m / conditions.full_load_draught_m - 1.0) > _DRAUGHT_SHARE:
         return f"not fully loaded: {conditions.draught_m:g} m of {conditions.full_load_draught_m:g} m of draught"
@@ -181,7 +195,7 @@ def _loading_shortfall(conditions: Conditions) -> str:
 
 
 def _trim_shortfall(conditions: Conditions) -> str:
-    if conditions.trim_m is None:
+    if conditions.trim_m is None or not _is_known(conditions.trim_m):
         return "the trim is not known"
     if conditions.draught_m and abs(conditions.trim_m) > _DRAUGHT_SHARE * conditions.draught_m:
         return f"not on even keel: {conditions.trim_m:g} m of trim"
@@ -192,27 +206,42 @@ def _depth_shortfall(conditions: Conditions) -> str:
     if conditions.water_depth_m is None or conditions.draught_m is None:
         return "the depth of the water in draughts is not known"
     draughts = conditions.water_depth_m / conditions.draught_m
-    if draughts < _DEEP_DRAUGHTS:
+    if not draughts >= _DEEP_DRAUGHTS:
         return f"the water was {draughts:.1f} draughts deep, less than {_DEEP_DRAUGHTS:.0f}"
     return ""
 
 
 def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -> str:
-    if value is None:
+    if value is None or not _is_known(value):
         return f"{what} is not known"
     return f"{what} was of {scale} {value}, above {largest}" if value > largest else ""
 
 
-def _approach_shortfall(run: Manoeuvre) -> str:
-    return next((note for note in run.notes if _UNSTEADY.search(note)), "")
+def _approach_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
+    """Whether the approach was not steady, or the orders contradict the helm. In the time of one ship length
+    neither heading nor speed may change by more than what noise shows of them."""
+    noted = next((note for note in run.notes if _CONTRADICTS.search(note)), "")
+    speed_mps = run.settings.get("approach_mps", 0.0)
+    if noted or not conditions.length_m or not speed_mps > 0.0:
+        return noted
+    length_s = conditions.length_m / speed_mps
+    turned_deg, gained = (abs(run.settings.get(name, 0.0)) * length_s
+                          for name in ("approach_yaw_rate_dps", "approach_acceleration_mps2"))  # fmt: skip
+    if turned_deg > _STEADY_TURN_DEG:
+        return f"the approach was not steady: the heading turned by {turned_deg:.1f} deg a ship length"
+    if gained > _STEADY_SHARE * speed_mps:
+        return f"the approach was not steady: the speed changed by {gained / speed_mps:.0%} a ship length"
+    return ""
 
 
 def _speed_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
-    speed_mps = run.settings.get("approach_mps")
-    if speed_mps is None or conditions.speed_at_85_percent_mcr_mps is None:
+    """Whether the speed through the water may have been less than that of the test: the one over ground less the
+    current, which may have come from astern."""
+    speed_mps, wanted_mps = run.settings.get("approach_mps"), conditions.speed_at_85_percent_mcr_mps
+    if speed_mps is None or wanted_mps is None or not _is_known(wanted_mps):
         return "the speed at 85 % of the maximum output is not known"
-    fraction = speed_mps / conditions.speed_at_85_percent_mcr_mps
-    if fraction < _TEST_SPEED_SHARE:
+    fraction = (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps
+    if not fraction >= _TEST_SPEED_SHARE:
         return f"the approach was at {fraction:.0%} of the speed at 85 % of the maximum output, less than 90 %"
     return ""
 
@@ -223,7 +252,7 @@ def result_of(index: Index, limit: float, missing: Sequence[str]) -> str:
         return NOT_SHOWN
     if index.low > limit:
         return NOT_MET
-    return MET if index.high <= limit else CANNOT_BE_SAID
+    return MET if 0.0 < index.value <= index.high <= limit else CANNOT_BE_SAID
 
 
 def add_limits(runs: Iterable[Manoeuvre], conditions: Conditions) -> tuple[Manoeuvre, ...]:
@@ -233,6 +262,9 @@ def add_limits(runs: Iterable[Manoeuvre], conditions: Conditions) -> tuple[Manoe
     """
     trial = tuple(runs)
     largest_deg = largest_helm_deg(trial)
+    drifts = [float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in trial if run.current]
+    if conditions.current_mps is None and drifts:
+        conditions = replace(conditions, current_mps=max(drifts))
     return tuple(_add_limits(run, conditions, largest_deg) for run in trial)
 
 
@@ -242,15 +274,20 @@ def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
 
 
 def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> Manoeuvre:
-    speed_mps = run.settings.get("approach_mps", 0.0)
+    current_mps = conditions.current_mps or 0.0
+    fastest_mps = run.settings.get("approach_mps", 0.0) + current_mps  # the limits of 10/10 fall with the speed
     indices, missing = dict(run.indices), missing_of(run, conditions)
     for name, index in run.indices.items():
         criterion = criterion_of(run, name, largest_deg)
-        limit = criterion.limit(conditions.length_m, speed_mps) if criterion else None
-        if criterion is not None and limit is not None:
-            shortfalls = (*missing, *_test_shortfalls(run, criterion))
-            result = result_of(index, limit, shortfalls)
-            indices[name] = replace(index, limit=limit, result=result, missing=shortfalls)
+        if criterion is None:
+            continue
+        limit = criterion.limit(conditions.length_m, fastest_mps)
+        other_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
+        shortfalls = missing if other_ship else (*missing, *_test_shortfalls(run, criterion))
+        carried_m = current_mps * (run.end - run.start).total_seconds() if run.kind == "stopping" else 0.0
+        judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
+        result = "" if limit is None else result_of(judged, limit, shortfalls)
+        indices[name] = replace(judged, limit=limit, result=result, missing=shortfalls)
     return replace(run, indices=indices, notes=(*run.notes, *_helm_notes(run, conditions, largest_deg)))
 
 

@@ -80,7 +80,7 @@ def turning_circle(motion: Motion, each: Plateau) -> Manoeuvre:
     )
     return manoeuvre_of(
         motion, kind, f"{word} {nominal_deg(each.level):.0f} deg", times, side_of(turned), settings, found,
-        current=current, notes=count_notes(motion),
+        current=current, notes=count_notes(motion, [execute]),
     )  # fmt: skip
 
 

@@ -144,8 +144,8 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     executes, end = executes_of(motion, chain), float(motion.time_s[chain[-1].end - 1])
     while len(executes) > 2 and executes[1].order_s < executes[0].order_s + _SHORTEST_SWING_S:
         chain, executes = chain[1:], executes[1:]  # the helm only passed there on its way to the other side
-    times = np.array([[*moments, end] for moments in zip(*(each[:2] for each in executes), strict=True)])
-    within_s = np.array([[*widths, 0.0] for widths in zip(*(each[2:] for each in executes), strict=True)])
+    times = np.array([[*moments, end] for moments in zip(*(execute[:2] for execute in executes), strict=True)])
+    within_s = np.array([[*widths, 0.0] for widths in zip(*(execute[2:4] for execute in executes), strict=True)])
     orders = times[0]
     part = motion.around(orders[0], end, _MARGIN_S)
     swing_s = float(np.median(np.diff(orders[:-1])))
@@ -156,9 +156,10 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     if steady == () and "speed_loss" not in found:
         steady = ("the ship was still gathering way at the execute",)
     name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}"
+    notes = (*steady, *count_notes(motion, executes))
     return manoeuvre_of(
         motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, found,
-        executes=tuple(motion.utc(order) for order in orders[1:-1]), notes=(*steady, *count_notes(motion)),
+        executes=tuple(motion.utc(order) for order in orders[1:-1]), notes=notes,
     )  # fmt: skip
 
 

@@ -283,6 +283,7 @@ def _secured(response: Response) -> Response:
 
 _RUN_COLUMNS = [
     "recording", "started [UTC]", "kind", "manoeuvre", "index", "value", "low", "high", "unit", "lengths", "limit",
+    "counted_from", "result", "missing",
 ]  # fmt: skip
 
 
@@ -334,7 +335,8 @@ def index_table(runs: Iterable[Run]) -> pd.DataFrame:
     """A row each index of each run, for a workbook: value, 95 % interval, unit, IMO's limit."""
     rows = [
         {"recording": run.recording, "started [UTC]": run.manoeuvre.start.tz_localize(None),
-         "kind": run.manoeuvre.kind, "manoeuvre": run.manoeuvre.sided_name, "index": name, **index.as_json()}
+         "kind": run.manoeuvre.kind, "manoeuvre": run.manoeuvre.sided_name, "index": name, **index.as_json(),
+         "missing": "; ".join(index.missing)}
         for run in runs for name, index in run.manoeuvre.indices.items()
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=_RUN_COLUMNS)

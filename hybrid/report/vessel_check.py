@@ -115,7 +115,9 @@ def notes_of(check: VesselCheck) -> list[str]:
     for name, why in check.left_out.items():
         by_reason.setdefault(why, []).append(name)
     made = {test.kind for test in check.tests} & {"turning_circle", "zigzag", "stopping"}
-    standards = [headline_of_criteria(check.criteria).rstrip(".")] if made else []
+    assumed = "with the draught of the vessel file as that of full load, on even keel"
+    headline_words = headline_of_criteria(check.criteria, "The model").rstrip(".")
+    standards = [f"{headline_words} ({assumed})"] if made else []
     shortfalls = [f"{reason}: {names}" for reason, names in shortfalls_of(check.criteria)]
     not_made = [f"{join_words(names)} not made: {why}" for why, names in by_reason.items()]
     return [stability_text(check), *standards, *shortfalls, *not_made]

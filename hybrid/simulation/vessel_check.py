@@ -170,9 +170,11 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     made, left_out = _made(trials)
     length_m = length_of(vessel)
     draught_m = vessel.dimensions.draught_m
+    depth_m = vessel.effects.get("shallow_water", {}).get("depth_m", _DEEP_DRAUGHTS * draught_m)
+    current_mps = vessel.effects.get("ocean_current", {}).get("speed_mps", 0.0)
     conditions = Conditions(
         length_m=length_m, draught_m=draught_m, full_load_draught_m=draught_m, trim_m=0.0, beaufort=0, sea_state=0,
-        water_depth_m=_DEEP_DRAUGHTS * draught_m,
+        water_depth_m=depth_m, current_mps=current_mps,
         speed_at_85_percent_mcr_mps=_test_speed_mps(vessel, limit * TEST_SHARE),
     )  # fmt: skip
     judged = add_limits((test.run for test in made), conditions)
@@ -374,4 +376,5 @@ def _crash_stop(vessel: Vessel, rpm: float) -> StandardTest:
         raise DataShortageError(f"the ship does not stop within {_STOP_LENGTHS:g} lengths' time")
     end = float(motion.time_s[stopped[0]])
     values = stopping_indices(motion, np.array([start, end]))
-    return _test("stopping", FULL_ASTERN, 0.0, motion.between(0.0, end), (start, end), values, length_m)
+    stop = motion.between(0.0, end)
+    return _test("stopping", FULL_ASTERN, 0.0, stop, (start, end), values, length_m, thrust_rpm=-rpm)

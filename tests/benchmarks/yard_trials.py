@@ -96,7 +96,7 @@ def ship_of(number: int) -> tuple[YardShip, Recorder, float]:
 def sail(ship: YardShip, test: str, side: float) -> tuple[Sailed, Truth]:
     """A test after a steady approach, with its truth."""
     pace_s = ship.length_m / ship.speed_mps
-    start_s, orders_s = round(40.0 * pace_s) + 0.5 * (hash(test) % 2), list[float]()
+    start_s, orders_s = round(40.0 * pace_s) + 0.5 * (TESTS.index(test) % 2), list[float]()
     angle = {"turning_circle": 35.0, "zigzag_20_20": 20.0, "zigzag_10_10": 10.0}.get(test, 0.0)
     state = {"side": side, "base": 0.0}
 
@@ -250,7 +250,8 @@ def judge_near_limit(number: int) -> tuple[str, float, str] | None:
     length_m = truth.indices[name] / (lengths * ratio)
     known = Conditions(
         length_m=length_m, draught_m=8.0, full_load_draught_m=8.0, trim_m=0.0, water_depth_m=80.0, beaufort=3,
-        sea_state=2, speed_at_85_percent_mcr_mps=ship.speed_mps, chemical_or_gas_tanker=True,
+        sea_state=2, current_mps=0.0 if test == "stopping" else ship.current_mps,
+        speed_at_85_percent_mcr_mps=0.85 * ship.speed_mps, chemical_or_gas_tanker=True,
     )  # fmt: skip
     runs = find_manoeuvres(record(ship, sailed, how, number), conditions=known)
     results = [run.indices[name].result for run in runs if name in run.indices and run.indices[name].result]

@@ -31,6 +31,7 @@ LARGE = Conditions(
     water_depth_m=60.0,
     beaufort=3,
     sea_state=2,
+    current_mps=0.0,
     speed_at_85_percent_mcr_mps=7.2,
 )
 
@@ -137,7 +138,8 @@ def test_only_a_trial_that_shows_and_meets_all_meets_the_standards() -> None:
             ("zigzag", "zigzag 20/20", side, 20.0, ("overshoot_1_from_order_deg", 15.0)),
         )
     ]  # fmt: skip
-    stop = run("stopping", "stopping with thrust astern", "", 0.0, ("track_reach_m", 2000.0))
+    stop = run("stopping", "crash stop", "", 0.0, ("track_reach_m", 2000.0))
+    stop = replace(stop, settings={**stop.settings, "thrust_rpm": -80.0})
     whole = criteria_of(rows_of(*runs, stop))
     assert headline_of_criteria(whole) == "The trial meets IMO MSC.137(76): all 13 criteria are shown and met."
     for left_out in range(len(runs)):
@@ -207,3 +209,63 @@ def test_single_runs_of_one_name_are_told_apart_by_their_time() -> None:
         for start in (START, START + pd.Timedelta(minutes=5))
     ]
     assert [row.test for row in rows_of(*runs)] == ["Tunnel thruster, 10:00:00", "Tunnel thruster, 10:05:00"]
+
+
+def test_an_interval_that_is_not_known_is_never_met() -> None:
+    bare = [replace(circle(side, 600.0), indices={"tactical_diameter_m": Index(600.0, np.nan, np.nan, "m")})
+            for side in ("port", "port", "port", "starboard")]  # fmt: skip
+    for runs in (bare[:1], bare[:2], bare[:3], bare):
+        assert shown(*runs)["tactical diameter", "port"][0] == "cannot_be_said"
+
+
+def test_a_run_of_other_conditions_does_not_hide_behind_one_that_shows_all() -> None:
+    known, bad = rows_of(circle("port", 600.0)), replace(LARGE, length_m=None, sea_state=7)
+    assert known[0].result == "met"
+    both = [*add_limits([circle("port", 600.0)], LARGE), *add_limits([circle("port", 610.0)], bad)]
+    (result,) = (each for each in criteria_of(index_rows(both)) if each.mean)
+    assert result.result == "not_shown"
+    assert any("state 7" in reason for reason in result.missing)
+
+
+@pytest.mark.parametrize(("setting", "value"), [
+    ("approach_yaw_rate_dps", 0.1), ("approach_yaw_rate_dps", -0.1), ("approach_acceleration_mps2", 0.028),
+])  # fmt: skip
+def test_an_approach_that_turns_or_gathers_way_shows_nothing(setting: str, value: float) -> None:
+    run = circle("port", 600.0)
+    run = replace(run, settings={**run.settings, setting: value})
+    result, missing = shown(run)["tactical diameter", "port"]
+    assert result == "not_shown"
+    assert "the approach was not steady" in missing[0]
+
+
+@pytest.mark.parametrize(
+    ("helm_deg", "words"), [(38.4, "more than 35 deg"), (25.0, "largest helm at the test speed")]
+)
+def test_a_turn_with_another_helm_than_35_deg_shows_nothing(helm_deg: float, words: str) -> None:
+    run = circle("port", 600.0)
+    run = replace(run, settings={**run.settings, "rudder_deg": helm_deg})
+    result, missing = shown(run)["tactical diameter", "port"]
+    assert (result, any(words in reason for reason in missing)) == ("not_shown", True)
+
+
+def test_tests_that_the_crew_gave_one_name_are_judged_apart() -> None:
+    indices = {"overshoot_1_from_order_deg": Index(9.0, 8.9, 9.1, "deg", counted_from="order")}
+    ten, twenty = (
+        Manoeuvre("zigzag", "zigzag", START, START, "port", {"rudder_deg": angle, "switch_deg": angle,
+                  "approach_mps": 7.0}, indices) for angle in (10.0, 20.0)
+    )  # fmt: skip
+    assert [len(row.sides) for row in rows_of(ten, twenty)] == [1, 1]
+    results = shown(ten, twenty)
+    assert results["first overshoot of 10/10", "port"][0] == results["first overshoot of 20/20", "port"][0] == "met"
+
+
+def test_a_current_widens_the_way_of_a_stop() -> None:
+    stop = Manoeuvre(
+        "stopping", "stop", START, START + pd.Timedelta(minutes=10), "",
+        {"thrust_rpm": -80.0, "approach_mps": 7.2},
+        {"track_reach_m": index_of("track_reach_m", 2600.0, 10.0, 180.0, "stopping")},
+    )  # fmt: skip
+    assert shown(stop)["track reach", ""][0] == "met"
+    carried = replace(LARGE, current_mps=0.5, speed_at_85_percent_mcr_mps=7.0)
+    assert shown(stop, conditions=carried)["track reach", ""][0] == "cannot_be_said"
+    assert shown(stop, conditions=replace(LARGE, current_mps=None))["track reach", ""][0] == "not_shown"

@@ -27,6 +27,7 @@ FULLY_KNOWN = Conditions(
     water_depth_m=60.0,
     beaufort=3,
     sea_state=2,
+    current_mps=0.0,
     speed_at_85_percent_mcr_mps=5.2,
 )
 
@@ -101,7 +102,10 @@ def test_no_value_from_half_of_the_helm_stands_beside_a_limit() -> None:
     ({"full_load_draught_m": 9.0}, "not fully loaded"), ({"trim_m": None}, "the trim is not known"),
     ({"trim_m": -0.6}, "even keel"), ({"water_depth_m": None}, "depth"), ({"water_depth_m": 31.0}, "3.9 draughts"),
     ({"beaufort": None}, "the wind is not known"), ({"beaufort": 6}, "force 6"),
-    ({"sea_state": None}, "the sea is not known"), ({"sea_state": 5}, "state 5"),
+    ({"current_mps": None}, "the current is not known"), ({"current_mps": 0.6}, "at 85%"),
+    ({"sea_state": None}, "the sea is not known"), ({"trim_m": float("nan")}, "the trim is not known"),
+    ({"draught_m": float("nan")}, "loading"), ({"water_depth_m": float("nan")}, "draughts"),
+    ({"sea_state": 5}, "state 5"),
     ({"speed_at_85_percent_mcr_mps": None}, "maximum output is not known"),
     ({"speed_at_85_percent_mcr_mps": 5.6}, "at 89%"),
 ])  # fmt: skip

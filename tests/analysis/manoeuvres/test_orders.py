@@ -47,7 +47,7 @@ def test_no_criterion_is_met_that_is_not() -> None:
         assert result != "not_met" or ratio > 1.0
 
 
-@pytest.mark.parametrize("dead_time_s", [0.0, 2.0, 4.0])
+@pytest.mark.parametrize("dead_time_s", [0.0, 4.0, 9.0])
 def test_a_recorded_order_counts_however_late_the_helm_follows(dead_time_s: float) -> None:
     sailed, truth = sail(SHIP, "turning_circle", 1.0)
     rows = round(10.0 * dead_time_s)
@@ -133,3 +133,18 @@ def test_a_helm_that_only_passes_on_its_way_is_no_swing(sail_programme: pd.DataF
 def sail_programme() -> pd.DataFrame:
     table, _ = simulate_trial("gunnerus_short", "gentle", "programme", 1100.0, 10.0, 2)
     return table.iloc[::10]
+
+
+@pytest.mark.parametrize("late_s", [-6.0, None])
+def test_recorded_orders_that_do_not_precede_the_helm_show_nothing(late_s: float | None) -> None:
+    """A channel that is late, or constant: the order is taken from the helm, and that is reported."""
+    sailed, truth = sail(SHIP, "turning_circle", 1.0)
+    late = np.zeros_like(sailed.helm_order_deg)
+    if late_s is not None:
+        rows = round(-10.0 * late_s)
+        late = np.append(np.zeros(rows), sailed.helm_order_deg[:-rows])
+    table = record(SHIP, replace(sailed, helm_order_deg=late), replace(QUIET, orders=True), seed=1)
+    (found,) = (run for run in find_manoeuvres(table, 180.0) if run.kind == "turning_circle")
+    assert found.indices["advance_m"].value == pytest.approx(truth.indices["advance_m"], abs=6.0)
+    assert any("do not precede" in note for note in found.notes)
+    assert any("do not precede" in reason for reason in found.indices["advance_m"].missing)
