@@ -139,6 +139,8 @@ def mean_of(runs: Sequence[Index]) -> Mean:
     limit = min(limits) if len(limits) == count else None
     index = replace(runs[0], value=value, low=low, high=high, lengths=mean_lengths, limit=limit)
     result = "" if index.limit is None else result_of(index, index.limit, missing)
+    if result == MET and {run.result for run in runs} & {NOT_MET, CANNOT_BE_SAID}:
+        result = CANNOT_BE_SAID  # a mean does not meet what one of its runs does not
     return Mean(replace(index, result=result, missing=missing), count)
 
 

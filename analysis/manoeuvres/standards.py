@@ -274,19 +274,21 @@ def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
 
 
 def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> Manoeuvre:
-    current_mps = conditions.current_mps or 0.0
-    fastest_mps = run.settings.get("approach_mps", 0.0) + current_mps  # the limits of 10/10 fall with the speed
+    # The speed through the water, by which two limits go, is that over ground to within the current.
+    current_mps, speed_mps = conditions.current_mps or 0.0, run.settings.get("approach_mps", 0.0)
     indices, missing = dict(run.indices), missing_of(run, conditions)
     for name, index in run.indices.items():
         criterion = criterion_of(run, name, largest_deg)
         if criterion is None:
             continue
-        limit = criterion.limit(conditions.length_m, fastest_mps)
+        limit = criterion.limit(conditions.length_m, speed_mps)
         other_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
         shortfalls = missing if other_ship else (*missing, *_test_shortfalls(run, criterion))
         carried_m = current_mps * (run.end - run.start).total_seconds() if run.kind == "stopping" else 0.0
         judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
-        result = "" if limit is None else result_of(judged, limit, shortfalls)
+        ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
+        results = {result_of(judged, end, shortfalls) for end in ends if end is not None}
+        result = "" if limit is None else results.pop() if len(results) == 1 else CANNOT_BE_SAID
         indices[name] = replace(judged, limit=limit, result=result, missing=shortfalls)
     return replace(run, indices=indices, notes=(*run.notes, *_helm_notes(run, conditions, largest_deg)))
 
