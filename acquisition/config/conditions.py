@@ -9,10 +9,11 @@ from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
+from acquisition.config.declarations import Finite
+
 REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
 """The water that results are stated for, ISO 15016:2015."""
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 

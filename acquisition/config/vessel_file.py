@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.config.toml_file import parse_toml, read_text
-from acquisition.core.actuators import VESSELS, Actuator, Actuators, check_actuators
+from acquisition.core.actuators import SHIPPED, VESSELS, Actuator, Actuators, check_actuators
 from acquisition.core.errors import ConfigurationError
 
 Tree = dict[str, Any]
@@ -18,7 +18,7 @@ Tree = dict[str, Any]
 
 def vessel_names() -> list[str]:
     """The names of the vessels that come with Seatrial."""
-    return sorted(path.stem for path in VESSELS.glob("*.toml"))
+    return sorted(SHIPPED)
 
 
 def find_vessel(name_or_file: str | Path, folder: Path | None = None) -> Path:

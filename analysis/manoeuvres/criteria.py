@@ -30,6 +30,7 @@ from analysis.manoeuvres.standards import (
     result_of,
 )
 from analysis.manoeuvres.turning_circle import REMOVED
+from analysis.manoeuvres.zigzag import SWITCH_SHARE
 
 _MAIN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"),
@@ -44,7 +45,7 @@ _MAIN = {
 """The indices of a kind that stand on the page of indices; of kinds that are not here the first three."""
 _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
-_SPEED_SHARE = _NEAR_SHARE = 0.2
+_SPEED_SHARE = 0.2
 _FEW_RUNS = 2  # of which no interval is made
 
 
@@ -195,7 +196,7 @@ def _alike(one: Manoeuvre, other: Manoeuvre) -> bool:
 
 def _angles_of(run: Manoeuvre) -> tuple[float, float]:
     """The nominal helm and switching angle of a run [deg]."""
-    return nominal_deg(run.helm_deg or 0.0), nominal_deg(run.settings.get("switch_deg", 0.0), _NEAR_SHARE)
+    return nominal_deg(run.helm_deg or 0.0), nominal_deg(run.settings.get("switch_deg", 0.0), SWITCH_SHARE)
 
 
 def test_name(test: Sequence[Manoeuvre]) -> str:

@@ -117,11 +117,11 @@ def manoeuvres_and_left_out(
     from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
     recorded = recorded_conditions(trial_of(table), table)
-    known = with_stronger_wind((conditions or Conditions()).with_known(recorded), recorded)
-    known = known if length_m is None else replace(known, length_m=length_m)
-    if known.length_m is not None and not known.length_m > 0.0:
-        raise InputError("the ship's length is not positive", why=f"it is {known.length_m} m")
-    motion, in_time = motion_of(table, known.length_m), attrgetter("start")
+    conditions = with_stronger_wind((conditions or Conditions()).with_known(recorded), recorded)
+    conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
+    if conditions.length_m is not None and not conditions.length_m > 0.0:
+        raise InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
+    motion, in_time = motion_of(table, conditions.length_m), attrgetter("start")
     bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
@@ -137,7 +137,7 @@ def manoeuvres_and_left_out(
     judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
     named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
     added = [each for name in own for each in _found_by(name, motion)]
-    every = sorted([*add_limits(named, known), *added], key=in_time)
+    every = sorted([*add_limits(named, conditions), *added], key=in_time)
     no_helm = [] if motion.steering else [LeftOut("turn or zigzag", *bounds, _NO_HELM)]
     return tuple(every), (*no_helm, *(each for each in judged if isinstance(each, LeftOut)))
 

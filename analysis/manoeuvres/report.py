@@ -53,11 +53,11 @@ def manoeuvres_of(
 
     recording = read_together(files)
     table = table_of(recording)
-    given = conditions or Conditions()
-    known = given if length_m is None else replace(given, length_m=length_m)
-    known = known.with_known(Conditions(length_m=length_of_ship(recording.trial.vessel, recording.path.parent)))
-    found = manoeuvres_and_left_out(table, None, recording.events, own, known)
-    return RecordingManoeuvres(str(recording.path), table, *found)
+    conditions = conditions or Conditions()
+    conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
+    of_ship = Conditions(length_m=length_of_ship(recording.trial.vessel, recording.path.parent))
+    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, own, conditions.with_known(of_ship))
+    return RecordingManoeuvres(str(recording.path), table, runs, left_out)
 
 
 def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:

@@ -149,7 +149,7 @@ def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
         _depth_shortfall(conditions),
         _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
         _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
-        "" if _is_known(conditions.current_mps) else "the current is not known",
+        "" if _is_known(conditions, "current_mps") else "the current is not known",
         _approach_shortfall(run, conditions), _speed_shortfall(run, conditions),
     )  # fmt: skip
     return tuple(shortfall for shortfall in shortfalls if shortfall)
@@ -173,8 +173,8 @@ def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:
     )
 
 
-def _is_known(value: float | None) -> bool:
-    return value is not None and bool(np.isfinite(value))
+def _is_known(conditions: Conditions, name: str) -> bool:
+    return bool(np.isfinite(conditions.number(name)))
 
 
 def _length_shortfall(conditions: Conditions) -> str:
@@ -186,7 +186,7 @@ def _length_shortfall(conditions: Conditions) -> str:
 
 
 def _loading_shortfall(conditions: Conditions) -> str:
-    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(getattr(conditions, name))]
+    lacking = [name for name in ("draught_m", "full_load_draught_m") if not _is_known(conditions, name)]
     if lacking or conditions.draught_m is None or conditions.full_load_draught_m is None:
         return f"the loading is not known: {' and '.join(lacking)}"
     if abs(conditions.draught_m / conditions.full_load_draught_m - 1.0) > _DRAUGHT_SHARE:
@@ -195,7 +195,7 @@ def _loading_shortfall(conditions: Conditions) -> str:
 
 
 def _trim_shortfall(conditions: Conditions) -> str:
-    if conditions.trim_m is None or not _is_known(conditions.trim_m):
+    if conditions.trim_m is None or not _is_known(conditions, "trim_m"):
         return "the trim is not known"
     if conditions.draught_m and abs(conditions.trim_m) > _DRAUGHT_SHARE * conditions.draught_m:
         return f"not on even keel: {conditions.trim_m:g} m of trim"
@@ -212,7 +212,7 @@ def _depth_shortfall(conditions: Conditions) -> str:
 
 
 def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -> str:
-    if value is None or not _is_known(value):
+    if value is None or not np.isfinite(value):
         return f"{what} is not known"
     return f"{what} was of {scale} {value}, above {largest}" if value > largest else ""
 
@@ -238,7 +238,7 @@ def _speed_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
     """Whether the speed through the water may have been less than that of the test: the one over ground less the
     current, which may have come from astern."""
     speed_mps, wanted_mps = run.settings.get("approach_mps"), conditions.speed_at_85_percent_mcr_mps
-    if speed_mps is None or wanted_mps is None or not _is_known(wanted_mps):
+    if speed_mps is None or wanted_mps is None or not np.isfinite(wanted_mps):
         return "the speed at 85 % of the maximum output is not known"
     fraction = (speed_mps - (conditions.current_mps or 0.0)) / wanted_mps
     if not fraction >= _TEST_SPEED_SHARE:

@@ -45,7 +45,7 @@ _STEADY_SHARE = 0.2
 _CUT_SHORT_S, _CUT_SHORT_DEG = 4.0, 2.0  # a helm reversed on its way stops for and moves by no more
 _FIRST_TURN_SHARE = 0.5  # of the switching angle
 _SAME_LEVEL_DEG, _LEVEL_RANGES = 1.0, 3.0  # deviation of a helm from the others, and in their ranges
-_SWITCH_SHARE = 0.16  # helms are switched early or late
+SWITCH_SHARE = 0.16  # helms are switched early or late
 _INITIAL_TURN_DEG = 10.0
 _GATHERED_WAY = 0.2  # of the approach speed: no ship gains speed in a zigzag
 
@@ -155,7 +155,7 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     steady = () if "reach_s" in found else ("the approach was not steady",)
     if steady == () and "speed_loss" not in found:
         steady = ("the ship was still gathering way at the execute",)
-    name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}"
+    name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}"
     notes = (*steady, *count_notes(motion, executes))
     return manoeuvre_of(
         motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, found,
