@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from bisect import bisect_right
 from dataclasses import replace
@@ -10,16 +9,14 @@ from math import isfinite
 
 import pandas as pd
 
-from acquisition.config.conditions import Conditions, conditions_from_text
-from acquisition.core.text import printable
+from acquisition.config.conditions import Conditions
+from acquisition.config.run_sheet import conditions_of
 from acquisition.core.trial import Trial
 from analysis.kinematics import mean_wind
 from analysis.quality.samples import ASSUMED
 
 BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
 """The mean speeds from which the force of the wind is one more, by the World Meteorological Organization."""
-
-LOG = logging.getLogger("seatrial")
 
 _WIND = ["wind_speed_mps", "wind_direction_deg"]
 _SEA_WORDS = {
@@ -61,18 +58,10 @@ def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
         sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,
         water_temperature_degc=warm if isfinite(warm) else None,
     )  # fmt: skip
-    return with_stronger_wind(_carried_conditions(trial).with_known(measured), measured)
+    return with_stronger_wind(conditions_of(trial).with_known(measured), measured)
 
 
 def with_stronger_wind(stated: Conditions, measured: Conditions) -> Conditions:
     """Stated conditions, with the wind that was measured where that was stronger."""
     forces = [force for force in (stated.beaufort, measured.beaufort) if force is not None]
     return replace(stated, beaufort=max(forces, default=None))
-
-
-def _carried_conditions(trial: Trial) -> Conditions:
-    try:
-        return conditions_from_text(trial.conditions)
-    except ValueError:
-        LOG.warning("%s: its conditions cannot be read, none of them is taken", printable(trial.name))
-        return Conditions()

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pandas as pd
 
+from acquisition.config.run_sheet import statement_from_text
 from acquisition.core.errors import SeatrialError, unexpected
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import read_parts
@@ -31,7 +32,8 @@ class Options:
     ``repair`` applies the repairs that are certain, ``smooth`` gives the motion its standard deviations,
     ``pictures`` go on the page (the two that take time); windows cover ``horizon_s`` [s] and are tried every
     ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths; ``rebuild_positions``, with the
-    repairs, takes the path that speeds and heading give for the positions.
+    repairs, takes the path that speeds and heading give for the positions. ``statement`` is what a person states of
+    the trials besides their recordings (:func:`acquisition.config.run_sheet.statement_from_text`).
     """
 
     repair: bool = True
@@ -41,6 +43,7 @@ class Options:
     stride_s: int = 5
     length_m: float | None = None
     rebuild_positions: bool | None = False
+    statement: str = ""
 
 
 @dataclass(slots=True)
@@ -82,6 +85,7 @@ class Products:
 def analyse(paths: Sequence[Path], options: Options, name: str = "") -> Products:
     """The analysis of one recording, the file or its parts; what its channels do not allow is left out and said."""
     recording, name = read_parts(paths), name or printable_name(paths[0].stem)
+    recording = replace(recording, trial=statement_from_text(options.statement).added_to(recording.trial))
     raw = table_of(recording)
     raw.attrs["recording"] = name  # not its path, which differs from place to place
     quality = check_recording(recording, raw)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, TypeAdapter
+from pydantic import Field
 
 from acquisition.config.declarations import Finite
 
@@ -28,11 +28,11 @@ class Conditions:
     brakes, for a wind at ``wind_reference_height_m``; ``anemometer_height_m`` is where it was measured.
     ``propulsive_efficiency`` is towing power by the power that is measured at the shafts, and ``load_variation``
     (xi_P) its change by the relative change of resistance. ``form_factor`` is 1 + k. ``wave_from_deg`` is the
-    true direction that the waves come from. ``trim_m`` is positive by the stern, ``full_load_draught_m`` that of
-    the summer load line; ``beaufort`` and ``sea_state`` (0 to 9) are the force of the wind and the state of the
-    sea, ``current_mps`` the speed of the current. ``speed_at_85_percent_mcr_mps`` is that of the ship at 85 % of
-    the maximum output of her engines. IMO's standards for ship manoeuvrability are for a ``chemical_or_gas_tanker``
-    of any length.
+    true direction that the waves come from. ``trim_m`` is positive by the stern, ``gm_m`` the metacentric height,
+    ``full_load_draught_m`` that of the summer load line; ``beaufort`` and ``sea_state`` (0 to 9) are the force of
+    the wind and the state of the sea, ``current_mps`` the speed of the current. ``speed_at_85_percent_mcr_mps`` is
+    that of the ship at 85 % of the maximum output of her engines. IMO's standards for ship manoeuvrability are for
+    a ``chemical_or_gas_tanker`` of any length.
     """
 
     length_m: Positive | None = None
@@ -54,6 +54,7 @@ class Conditions:
     wave_height_m: Annotated[float, Field(ge=0.0)] | None = None
     wave_from_deg: float | None = None
     trim_m: Finite | None = None
+    gm_m: Finite | None = None
     full_load_draught_m: Positive | None = None
     speed_at_85_percent_mcr_mps: Positive | None = None
     chemical_or_gas_tanker: bool = False
@@ -95,8 +96,3 @@ def load_conditions(path: Path | str) -> Conditions:
     from acquisition.config.toml_file import load_toml
 
     return load_toml(path, Conditions)
-
-
-def conditions_from_text(text: str) -> Conditions:
-    """The conditions that a recording carries; none are known of an empty text. Raises ValueError."""
-    return TypeAdapter(Conditions).validate_json(text) if text else Conditions()

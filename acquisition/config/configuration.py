@@ -22,6 +22,7 @@ from acquisition.config.declarations import (
     SentenceField,
     Transducer,
 )
+from acquisition.config.run_sheet import InstrumentsSection, Particulars
 from acquisition.config.sections import (
     FILE_SOURCES,
     PAIRS,
@@ -33,7 +34,6 @@ from acquisition.config.sections import (
     Carried,
     CopiesSection,
     FileSource,
-    InstrumentsSection,
     LineSource,
     LiveSection,
     MarkKeys,
@@ -99,6 +99,7 @@ class _File:
     marks: MarkKeys = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
     instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
+    particulars: Particulars = field(default_factory=Particulars)
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     listed = {name for source in file.source for name in source.channels}
     declared = [each.channel for each in ship.declared if each.channel.group == "declared"]
     channels = declared_as_text(each for each in declared if each.name in listed)
-    trial = file.trial.as_trial(file.conditions, file.instruments)
+    trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
     actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
     return TrialConfig(
         trial=replace(trial, actuators=actuators, channels=channels),

@@ -29,7 +29,6 @@ from pydantic import (
 )
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.conditions import Conditions
 from acquisition.config.declarations import (
     GIVE_CONFIG,
     STRICT,
@@ -42,6 +41,7 @@ from acquisition.config.declarations import (
     declarations_of,
     read_packs,
 )
+from acquisition.config.run_sheet import RunSheet
 from acquisition.config.toml_file import line_of, parse_toml, validate
 from acquisition.config.vessel_file import actuators_of_ship
 from acquisition.core.actuators import (
@@ -59,7 +59,6 @@ from acquisition.core.declared import Declared
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.named_code import absolute
 from acquisition.core.times import Order
-from acquisition.core.trial import Trial
 from acquisition.core.units import DEGREES_AND_MINUTES, Linear
 
 _MOST_LETTERS = 10  # in the name of a MAVLink named value
@@ -719,58 +718,6 @@ class AlarmSection:
 
 MarkKeys = dict[Annotated[str, Field(min_length=1, max_length=1)], Annotated[str, Field(min_length=1)]]
 """Keys of the display, and the event mark that each sets."""
-
-
-@dataclass(frozen=True, config=STRICT)
-class Origin:
-    """The origin of the trial's tangent plane, WGS 84."""
-
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
-    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
-
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class RunSheet:
-    """A person's description of a trial, in a configuration or a column map.
-
-    The fields from ``summary`` on are those that data centres ask for, with their names in ACDD-1.3.
-    """
-
-    name: str = ""
-    vessel: str = ""
-    place: str = ""
-    origin: Origin | None = None
-    water_depth_m: Finite | None = None
-    draught_m: Finite | None = None
-    trim_m: Finite | None = None
-    loading: str = ""
-    sea_state: str = ""
-    crew_notes: str = ""
-    summary: str = ""
-    keywords: str = ""
-    creator_name: str = ""
-    creator_email: str = ""
-    institution: str = ""
-    project: str = ""
-    license: str = ""
-
-    def as_trial(self, conditions: Conditions, instruments: InstrumentsSection) -> Trial:
-        """The run sheet in the form that a recording stores."""
-        said: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(RunSheet)}
-        origin = said.pop("origin")
-        place = (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
-        return Trial(
-            **said, origin_latitude_deg=place[0], origin_longitude_deg=place[1], conditions=conditions.as_text(),
-            antenna_forward_m=instruments.antenna_forward_m, antenna_starboard_m=instruments.antenna_starboard_m,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, config=STRICT, kw_only=True)
-class InstrumentsSection:
-    """The places of the instruments, from midship: of the antenna whose positions are recorded."""
-
-    antenna_forward_m: Finite | None = None
-    antenna_starboard_m: Finite | None = None
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

@@ -169,6 +169,15 @@ def name_of_order(control: str) -> str:
     return f"{control.removesuffix(ending)}{_ORDER}{ending}"
 
 
+def is_order(name: str) -> bool:
+    """Whether a channel is the order to a control channel.
+
+    >>> is_order("rudder_order_angle_deg"), is_order("rudder_angle_deg")
+    (True, False)
+    """
+    return any(name.removesuffix(ending).endswith(_ORDER) for ending in _ENDINGS if name.endswith(ending))
+
+
 def channel_by_rule(name: str) -> Channel | None:
     """The control or order channel, of any ship, that a name denotes by its ending; None if it is no such name."""
     for ending in _ENDINGS:

@@ -21,7 +21,8 @@ from pydantic.dataclasses import dataclass
 
 from acquisition.config.conditions import Conditions
 from acquisition.config.declarations import ChannelSection, Conversion, PackSection
-from acquisition.config.sections import ActuatorSection, InstrumentsSection, RunSheet, check_channel, parse_for_ship
+from acquisition.config.run_sheet import InstrumentsSection, Particulars, RunSheet
+from acquisition.config.sections import ActuatorSection, check_channel, parse_for_ship
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
@@ -166,6 +167,7 @@ class ColumnMap:
     trial: RunSheet = field(default_factory=RunSheet)
     conditions: Conditions = field(default_factory=Conditions)
     instruments: InstrumentsSection = field(default_factory=InstrumentsSection)
+    particulars: Particulars = field(default_factory=Particulars)
     absent: tuple[AnyChannel, ...] = ()
     derive: tuple[Annotated[str, AfterValidator(_derivable)], ...] = ()
 
@@ -287,7 +289,7 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     if drops:
         index, dropped = asked.drop_unreadable(timed, columns)
     dropped |= {"twice of one variable and time": twice} if twice else {}
-    trial = columns.trial.as_trial(columns.conditions, columns.instruments)
+    trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
     trial, known = replace(trial, channels=as_text(declared)), with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import is_order
 from acquisition.core.angles import is_other_convention, is_possible
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
@@ -277,9 +278,9 @@ def channel_faults(
     """Every check of one channel. Values that the decoder flagged bad may be out of range, and are no others.
 
     ``rate`` is how fast related channels say that it changes, ``bounds_ns`` the recording's start and end.
-    An assumed constant and a state are neither stuck nor quantised, and have no spikes.
+    An assumed constant, a state and an order are neither stuck nor quantised, and have no spikes.
     """
-    times, steady = samples.measured_ns, assumed or channel.state
+    times, steady = samples.measured_ns, assumed or channel.state or is_order(channel.name)
     outside = find_out_of_range(samples, channel)
     sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
     behind, steps_back = find_backwards(samples)

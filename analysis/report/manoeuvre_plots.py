@@ -45,7 +45,7 @@ def _course_deg(motion: Motion, manoeuvre: Manoeuvre) -> float:
     return approach_of(motion, begun)["approach_unwrapped_deg"]
 
 
-def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
+def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, *, titled: bool = True) -> None:
     """The picture of a manoeuvre, as its kind has it."""
     start, end = seconds_of(motion, manoeuvre)
     part = motion.around(start, end, _MARGIN_S)
@@ -53,7 +53,13 @@ def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
     figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
     drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre)
-    figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=10, fontweight="bold")
+    if titled:
+        figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=10, fontweight="bold")
+
+
+def draw_untitled(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
+    """The picture of a manoeuvre below a heading that names it."""
+    draw(figure, motion, manoeuvre, titled=False)
 
 
 def title_of(manoeuvre: Manoeuvre) -> str:
@@ -62,8 +68,9 @@ def title_of(manoeuvre: Manoeuvre) -> str:
 
 
 def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
-    """Heading and helm with the overshoots, over yaw rate and speed, against the time from the execute."""
-    above, *below = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1, 1), gridspec_kw=_MARGINS)
+    """Heading and helm with the overshoots, over yaw rate, speed and shafts, against the time from the execute, and
+    the track."""
+    above, *below = _panels_over_track(figure, (2.4, 1, 1, 1))
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     base = _course_deg(motion, manoeuvre)
@@ -73,8 +80,12 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     _mark_overshoots(above, motion, manoeuvre, heading)
     above.set_ylabel("to starboard\n[deg]")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
-    _rate_and_speed(below, motion, time_s)
+    _rate_and_speed(below[:2], motion, time_s)
+    _shafts(below[2], motion, time_s)
     above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
+    _time_axis([above, *below])
+    _track_ahead(figure, motion, manoeuvre)
+    figure.align_ylabels()
 
 
 def _helm(axes: Axes, motion: Motion, time_s: Floats) -> None:
@@ -121,13 +132,66 @@ def _rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> N
     panels[1].plot(time_s, motion.speed_mps, color=PURPLE)
     panels[1].set_ylim(bottom=0.0)
     panels[1].set_ylabel("speed\n[m/s]")
-    panels[1].set_xlabel("time since the order [s]")
+
+
+def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
+    """The shafts that run, each by its name where there are several."""
+    running = {name: rpm for name, rpm in {**motion.drives, **motion.tunnels}.items() if np.abs(rpm).max() > 0.0}
+    for number, (name, rpm) in enumerate(running.items()):
+        broad = 2.4 if number == 0 and len(running) > 1 else 1.1  # a rim where another lies on it
+        axes.plot(time_s, rpm, color=PALETTE[number % len(PALETTE)], linewidth=broad, label=plain_name(name))
+    if any(rpm.min() < 0.0 < rpm.max() for rpm in running.values()):
+        axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    elif running:
+        axes.set_ylim(
+            *sorted(
+                (
+                    0.0,
+                    1.15 * max((float(rpm.min()), float(rpm.max())), key=abs)
+                    if len(running) == 1
+                    else 1.15 * max(float(rpm.max()) for rpm in running.values()),
+                )
+            )
+        )
+    axes.set_ylabel("shaft\n[rpm]")
+
+
+def _time_axis(panels: Sequence[Axes]) -> None:
+    """The time below the last of panels above each other."""
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+    panels[-1].set_xlabel("time since the order [s]")
+
+
+def _panels_over_track(figure: Figure, heights: Sequence[float]) -> list[Axes]:
+    """Panels above each other over one time axis, with room for the track below them."""
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights, **{**_MARGINS, "bottom": 0.36, "top": 0.93})
+    first = figure.add_subplot(grid[0])
+    return [first, *(figure.add_subplot(grid[row], sharex=first) for row in range(1, len(heights)))]
+
+
+def _track_ahead(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
+    """The track to scale from left to right below other panels, with the ship on it; starboard is below."""
+    axes = figure.add_subplot(figure.add_gridspec(1, 1, **{**_MARGINS, "bottom": 0.09, "top": 0.25})[0])
+    start, end = seconds_of(motion, manoeuvre)
+    course_deg, shown = _course_deg(motion, manoeuvre), motion.between(motion.time_s[0], end)
+    across, ahead = _across_ahead(shown, start, course_deg)
+    axes.plot(ahead, across, color=BLUE, linewidth=1.4)
+    if motion.length_m:
+        rows = slice(int(np.searchsorted(shown.time_s, start)), None)
+        headings = np.pi / 2.0 - np.deg2rad(shown.heading_deg[rows] - course_deg)
+        outlines(axes, ahead[rows], across[rows], headings, motion.length_m)
+    axes.plot(0.0, 0.0, "o", color=RED, markersize=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.invert_yaxis()
+    axes.set_xlabel("ahead of the order [m]")
+    axes.set_ylabel("to starboard\n[m]")
 
 
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.7, 1), **_MARGINS)
-    left, beside = figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(3)]
+    grid = figure.add_gridspec(5, 2, width_ratios=(1.7, 1), **_MARGINS)
+    left, beside = figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(5)]
     start, end = seconds_of(motion, manoeuvre)
     ahead_deg = _course_deg(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
@@ -147,12 +211,17 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     left.set_ylabel("ahead of the order [m]")
     left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     time_s = motion.time_s - start
-    _helm(beside[0], motion, time_s)
-    beside[0].set_ylabel(f"{motion.steering}\n[deg]")
-    _rate_and_speed(beside[1:], motion, time_s)
-    for each in beside:
-        each.axvline(0.0, color=FAINT, linewidth=0.8)
-        each.tick_params(labelbottom=each is beside[-1])
+    beside[0].plot(time_s, motion.heading_deg - ahead_deg, color=BLUE)
+    beside[0].set_ylabel("heading\n[deg]")
+    _helm(beside[1], motion, time_s)
+    beside[1].set_ylabel(f"{motion.steering}\n[deg]")
+    _rate_and_speed(beside[2:4], motion, time_s)
+    _shafts(beside[4], motion, time_s)
+    for axes in beside:
+        axes.axvline(0.0, color=FAINT, linewidth=0.8)
+        axes.set_xlim(time_s[0], time_s[-1])
+    _time_axis(beside)
+    figure.align_ylabels(beside)
 
 
 def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
@@ -200,33 +269,30 @@ Point = tuple[float, float]
 
 def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Speed, shafts, helm and heading against time, of what goes straight or is a test of a drive."""
-    above, middle, helm, below = figure.subplots(4, 1, sharex=True, gridspec_kw={**_MARGINS, "hspace": 0.35})
+    above, middle, helm, below = _panels_over_track(figure, (1, 1, 1, 1))
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     above.plot(time_s, motion.surge_mps, color=BLUE, label="surge")
     above.plot(time_s, motion.sway_mps, color=ORANGE, label="sway")
     above.set_ylabel("speed\n[m/s]")
-    running = {name: rpm for name, rpm in {**motion.drives, **motion.tunnels}.items() if np.abs(rpm).max() > 0.0}
-    for number, (name, rpm) in enumerate(running.items()):
-        broad = 2.4 if number == 0 and len(running) > 1 else 1.1  # a rim where another lies on it
-        middle.plot(time_s, rpm, color=PALETTE[number % len(PALETTE)], linewidth=broad, label=plain_name(name))
-    middle.set_ylabel("shafts\n[rpm]")
+    _shafts(middle, motion, time_s)
     _helm(helm, motion, time_s)
     helm.set_ylabel(f"{motion.steering or 'helm'}\n[deg]")
     below.plot(time_s, motion.heading_deg - motion.at("heading_deg", start), color=PURPLE)
     below.set_ylabel("heading off\nthe start [deg]")
-    below.set_xlabel("time since the start [s]")
     for axes in (above, middle, helm, below):
         axes.axvspan(0.0, end - start, color="#56B4E9", alpha=0.12, linewidth=0)
     for axes in (above, middle):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, borderpad=0.0)
+    _time_axis([above, middle, helm, below])
+    _track_ahead(figure, motion, manoeuvre)
     figure.align_ylabels()
 
 
 PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
 """Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
-SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (9.0, 3.9), "turning_circle": (9.0, 3.9)}
-_OTHER_INCH = (9.0, 4.2)
+SIZES_INCH: dict[str, tuple[float, float]] = {"turning_circle": (9.0, 4.4), "course_change": (9.0, 4.4)}
+_OTHER_INCH = (9.0, 5.1)
 
 
 def draw_together(figure: Figure, runs: Sequence[tuple[str, Motion, Manoeuvre]]) -> None:

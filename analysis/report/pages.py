@@ -1,43 +1,28 @@
 """Pages of a batch: one recording, with the run sheet of its trial, and the index of all.
 
 A recording's page says what it is, what it is worth, where the ship went, what she did, where it comes from. The
-run sheet is everything that a reader wants to know of a trial before its numbers, and what nobody wrote down:
-fields as in the form of MSC/Circ.1053, appendix 6; what the crew says comes from the recording's metadata, wind
-and times from its channels. The index has a row a recording, to sort, to filter and to click through, in one file
-without network.
+index has a row a recording, to sort, to filter and to click through, in one file without network.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
 
-from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_unit, find_channel
-from acquisition.core.trial import Trial, software_version
 from acquisition.core.units import KNOT_MPS
-from analysis.conditions import beaufort, recorded_conditions
-from analysis.kinematics import mean_wind
-from analysis.manoeuvres.criteria import mean_of
-from analysis.manoeuvres.indices import index_of
-from analysis.quality.samples import ASSUMED
 from analysis.report.quality_page import HEADER, channel_rows, finding_cells
 from analysis.report.rendering import Page, render
+from analysis.report.run_sheet import run_sheet
 from analysis.tables.export import SIGMA_SUFFIX
-from analysis.tables.table import sha256_of
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from acquisition.recording.reader import Recording
-    from analysis.manoeuvres import Manoeuvre
     from analysis.products import Products
 
 
@@ -127,193 +112,6 @@ def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
 
 _SHORT_WAY_M = 200.0  # of which two decimals of a nautical mile say little
 _NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
-UNKNOWN = "not recorded"
-
-
-@dataclass(frozen=True, slots=True)
-class Ship:
-    """Main dimensions [m], from a vessel file or a person; a person may know the length only.
-
-    ``title`` is what people call her, empty where only the file's ``name`` is known.
-    """
-
-    name: str
-    over_all_m: float
-    between_perpendiculars_m: float
-    beam_m: float | None = None
-    draught_m: float | None = None
-    title: str = ""
-
-
-def run_sheet(
-    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre] = (), ship: Ship | None = None
-) -> list[tuple[str, str]]:
-    """What and its value as text, in the order of a run sheet; what is not known says so.
-
-    ``one_hz`` is the recording once a second. ``manoeuvres`` whose turns show a current give it.
-    """
-    return [*circumstances(recording, one_hz, manoeuvres, ship), *file_rows(recording)]
-
-
-def circumstances(
-    recording: Recording, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre] = (), ship: Ship | None = None
-) -> list[tuple[str, str]]:
-    """The ship, her loading, time, place and weather, as :func:`run_sheet` has them."""
-    trial, manoeuvres = recording.trial, tuple(manoeuvres)
-    stated = recorded_conditions(trial, pd.DataFrame())
-    state_of_sea = UNKNOWN if stated.sea_state is None else f"state {stated.sea_state}"
-    draught_m = stated.draught_m or (ship.draught_m if ship else None)
-    return [
-        ("ship", (ship.title if ship else "") or trial.vessel or UNKNOWN),
-        *_form(ship, one_hz, manoeuvres),
-        *_actuators(trial.actuators),
-        ("trial", trial.name or UNKNOWN),
-        *_when(one_hz),
-        ("place", trial.place or UNKNOWN),
-        ("origin of north and east", _origin_text(trial.origin)),
-        ("loading", trial.loading or UNKNOWN),
-        ("draught", _metres(stated.draught_m)),
-        ("full load draught", _metres(stated.full_load_draught_m)),
-        ("trim by the stern", _metres(stated.trim_m)),
-        ("water depth", _depth(stated.water_depth_m, draught_m)),
-        ("wind", _wind(recording, one_hz, stated.beaufort)),
-        ("sea state", trial.sea_state or state_of_sea),
-        ("speed at 85 % of the maximum output", _speed_text(stated.speed_at_85_percent_mcr_mps)),
-        ("antenna from midship", _place_text(trial)),
-        ("current", _current(manoeuvres)),
-        ("crew notes", trial.crew_notes or UNKNOWN),
-    ]
-
-
-def file_rows(recording: Recording) -> list[tuple[str, str]]:
-    """The file behind a run sheet, and the software."""
-    return [
-        ("recording", _files_text(recording.paths)),
-        ("SHA-256", sha256_of(*recording.paths) or UNKNOWN),
-        ("closed properly", "yes" if recording.closed else "no: read as far as it goes"),
-        *([("clock", recording.clock)] if recording.clock else []),
-        ("this page by", software_version()),
-    ]
-
-
-def _files_text(paths: Sequence[Path]) -> str:
-    more = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
-    return f"{paths[0].name}{more}, {sum(path.stat().st_size for path in paths):,} bytes"
-
-
-def known_rows(rows: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """The rows of a run sheet whose value is known, and the others named in one."""
-    rows = list(rows)
-    unknown = [what for what, value in rows if value == UNKNOWN]
-    known = [(what, value) for what, value in rows if value != UNKNOWN]
-    return [*known, (UNKNOWN, ", ".join(unknown))] if unknown else known
-
-
-def _actuators(said: str) -> list[tuple[str, str]]:
-    """What drives and steers a ship, each with its kind where the name does not say it; nothing for the list that
-    recordings do not say."""
-    if not said:
-        return []
-    named = ((each.name.replace("_", " "), each.kind.replace("_", " ")) for each in from_text(said))
-    return [("actuators", ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in named))]
-
-
-def _when(one_hz: pd.DataFrame) -> list[tuple[str, str]]:
-    first, last = one_hz.index[0], one_hz.index[-1]
-    minutes = (last - first).total_seconds() / 60.0
-    until = f"{last:%H:%M:%S}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M:%S}"
-    return [("date", f"{first:%Y-%m-%d}"), ("time, UTC", f"{first:%H:%M:%S} to {until}, {minutes:.1f} min")]
-
-
-def _origin_text(origin: tuple[float, float] | None) -> str:
-    if origin is None:
-        return UNKNOWN
-    latitude, longitude = origin
-    return (
-        f"{abs(latitude):.5f}\u00b0 {'N' if latitude >= 0 else 'S'}, "
-        f"{abs(longitude):.5f}\u00b0 {'E' if longitude >= 0 else 'W'}"
-    )
-
-
-def _metres(value: float | None) -> str:
-    return UNKNOWN if value is None else f"{value:g} m"
-
-
-def _depth(depth_m: float | None, draught_m: float | None) -> str:
-    if depth_m is None or not draught_m:
-        return _metres(depth_m)
-    return f"{depth_m:g} m, {depth_m / draught_m:.1f} draughts"
-
-
-def _speed_text(speed_mps: float | None) -> str:
-    return UNKNOWN if speed_mps is None else f"{speed_mps:.2f} m/s ({speed_mps / KNOT_MPS:.1f} kn)"
-
-
-def _place_text(trial: Trial) -> str:
-    if trial.antenna_forward_m is None:
-        return UNKNOWN
-    return f"{trial.antenna_forward_m:g} m forward, {trial.antenna_starboard_m or 0.0:g} m to starboard"
-
-
-def _wind(recording: Recording, one_hz: pd.DataFrame, stated_beaufort: int | None) -> str:
-    """The wind as it was measured; one that an import assumed is none. Else its force as it was stated."""
-    series = recording.series.get("wind_speed_mps")
-    if stated_beaufort is not None and series is None:
-        return f"Beaufort {stated_beaufort}, as stated"
-    return f"{UNKNOWN}, calm assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
-
-
-def wind_words(table: pd.DataFrame) -> str:
-    """The mean wind, where it comes from, how it gusts, and its force."""
-    air = table.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
-    if air.empty:
-        return UNKNOWN
-    speed_mps, from_deg = mean_wind(air)
-    gust = float(np.quantile(air["wind_speed_mps"], 0.99))
-    return f"{speed_mps:.1f} m/s from {from_deg:.0f}\u00b0, gusts {gust:.1f} m/s, Beaufort {beaufort(speed_mps)}"
-
-
-def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
-    """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
-    of two turns half of their range.
-    """
-    found = [each.current for each in manoeuvres if each.current is not None]
-    if not found:
-        return "unknown: no turn of one and a half circles"
-    north, east = (
-        mean_of([index_of("", getattr(each, f"{name}_mps"), getattr(each, f"{name}_within_mps")) for each in found])
-        for name in ("north", "east")
-    )  # fmt: skip
-    speed = float(np.hypot(north.index.value, east.index.value))
-    towards = np.arctan2(east.index.value, north.index.value)
-    within = np.hypot(np.cos(towards) * north.half, np.sin(towards) * east.half)
-    turns = f"{len(found)} turn{'' if len(found) == 1 else 's'}"
-    interval = "the range of both" if len(found) == 2 else "95 % interval"
-    return (
-        f"{speed:.2f} \u00b1 {within:.2f} m/s towards {np.rad2deg(towards) % 360.0:.0f}\u00b0 ({interval}), "
-        f"from {turns}, wind drift included"
-    )
-
-
-def _form(ship: Ship | None, one_hz: pd.DataFrame, manoeuvres: Iterable[Manoeuvre]) -> list[tuple[str, str]]:
-    """Dimensions and the ratios that the IMO's form asks for; the speed is that of the fastest approach, or without
-    manoeuvres the median of what the ship made good."""
-    if ship is None:
-        return [("dimensions", "unknown: no vessel file for the ship that the recording names")]
-    both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
-    speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
-    approaches = [each.settings["approach_mps"] for each in manoeuvres if "approach_mps" in each.settings]
-    speed, whose = (max(approaches), "fastest approach") if approaches else (speed, "median speed")
-    length_m = ship.between_perpendiculars_m
-    per_speed = [f"L/V {length_m / speed:.1f} s at the {whose}, {speed:.2f} m/s"] if speed > 0.1 else []
-    words, ratios = f"{length_m:g} m between perpendiculars (L), given for this report", per_speed
-    if ship.beam_m and ship.draught_m:
-        words = (
-            f"{ship.over_all_m:g} m overall, {length_m:g} m between perpendiculars (L), beam {ship.beam_m:g} m, "
-            f"draught {ship.draught_m:g} m"
-        )
-        ratios = [f"L/B {length_m / ship.beam_m:.2f}", f"B/T {ship.beam_m / ship.draught_m:.2f}", *per_speed]
-    return [("dimensions", words), *([("ratios", ", ".join(ratios))] if ratios else [])]
 
 
 def events_of(recording: Recording) -> list[list[str]]:

@@ -88,6 +88,15 @@ def power_columns(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
     return {"": shafts[""]} if "" in shafts else shafts
 
 
+def mean_power_kw(table: pd.DataFrame) -> float | None:
+    """The mean power at all shafts over a table's rows [kW]; None where it was not recorded."""
+    powers = []
+    for name, speed in power_columns(table).values():
+        turning = table[speed].mean() * np.pi / 30.0 if speed else 1.0
+        powers.append(float(table[name].mean()) * _TO_KILO[name.rpartition("_")[2]] * turning)
+    return float(np.sum(powers)) if powers else None
+
+
 def power_runs(table: pd.DataFrame, events: Iterable[tuple[int, str]] = ()) -> tuple[list[PowerRun], list[LeftOut]]:
     """The speed runs in a table of samples that have power, and the stretches that are none, with the reason.
 

@@ -296,6 +296,13 @@ def report(
             "--interactive/--no-interactive", help="Also write an interactive page of track and channels."
         ),
     ] = True,
+    conditions: Annotated[
+        Path | None,
+        typer.Option(
+            help="A TOML file that states what the recordings do not: [conditions], [particulars], [instruments], "
+            "[trial]; default: conditions.toml beside the recordings."
+        ),
+    ] = None,
     pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write each page as PDF.")] = True,
     as_json: AsJson = False,
 ) -> None:
@@ -307,7 +314,8 @@ def report(
     from hybrid.report.folder import report as run
     from hybrid.report.sections import FAILED
 
-    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length, method)
+    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive, length, method,
+                      conditions)  # fmt: skip
     with locked_folder(report_folder(folder)), bar("report") as progress:
         pages = run(folder, choices, recordings, part_of(progress, 0, 2) if pdf else progress)
         printed, warnings = list[Path](), list[str]()

@@ -13,14 +13,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from acquisition.config.run_sheet import statement_from_text
 from acquisition.config.vessel_file import vessel_of_ship
 from acquisition.core.channels import MOTION
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from acquisition.core.result import ChosenModel
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_trial
+from analysis.conditions import recorded_conditions
 from analysis.estimation.smoother import smooth
+from analysis.manoeuvres import Manoeuvre
+from analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
 from analysis.products import Options, Products, analyse
-from analysis.report.pages import Ship
+from analysis.report.run_sheet import Ship
+from analysis.report.trial_form import NumberedRun, numbered_runs
 from analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
 from analysis.tables.resample import resample
 from analysis.tables.table import percent_of, refuse_duplicates, select
@@ -66,6 +72,7 @@ class Case:
     repair: bool = True
     allow_seen: bool = False
     length_m: float | None = None
+    statement: str = ""
 
     @cached_property
     def named_parts(self) -> dict[str, tuple[Path, ...]]:
@@ -94,17 +101,26 @@ class Case:
 
     def _products_of(self, parts: Sequence[Path], name: str) -> Products:
         """The analysis of one recording; channels of motion and wind that it lacks are there, and empty."""
-        ship = self._ship_of(read_trial(parts[0]).vessel, parts[0])
+        stated = statement_from_text(self.statement)
+        ship = self._ship_of(stated.added_to(read_trial(parts[0])), parts[0])
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
                           length_m=None if ship is None else ship.between_perpendiculars_m,
-                          rebuild_positions=None if self.repair else False)  # fmt: skip
+                          rebuild_positions=None if self.repair else False,
+                          statement=self.statement)  # fmt: skip
         products = analyse(parts, options, name)
         lacking = [each for each in MOTION if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
-    def _ship_of(self, name: str, recording: Path) -> Ship | None:
-        given_m = self.length_m
-        return ship_of(self._vessel_of(name, recording)) if given_m is None else Ship(name, given_m, given_m)
+    def _ship_of(self, trial: Trial, recording: Path) -> Ship | None:
+        """The ship of a trial: what was given or is stated of her dimensions stands above those of a file."""
+        stated = recorded_conditions(trial, pd.DataFrame())
+        of_file = ship_of(self._vessel_of(trial.vessel, recording))
+        length_m = self.length_m or stated.length_m
+        if of_file is None:
+            return Ship(trial.vessel, length_m, length_m, stated.beam_m, stated.draught_m) if length_m else None
+        if length_m and length_m != of_file.between_perpendiculars_m:
+            of_file = replace(of_file, over_all_m=length_m, between_perpendiculars_m=length_m)
+        return replace(of_file, beam_m=stated.beam_m or of_file.beam_m)
 
     def _vessel_of(self, name: str, recording: Path) -> Vessel | None:
         """The vessel file of the ship that a recording names, or of the model asked for where it names none."""
@@ -130,12 +146,32 @@ class Case:
 
         A length that was given stands above those of a file.
         """
-        return self._ship_of(self.products[name].recording.trial.vessel, self.named_paths[name])
+        return self._ship_of(self.products[name].recording.trial, self.named_paths[name])
 
     def length_of(self, name: str) -> float | None:
         """The length between perpendiculars of the ship of a recording [m], None where it is not known."""
         ship = self.ship(name)
         return None if ship is None else ship.between_perpendiculars_m
+
+    @cached_property
+    def runs(self) -> list[NumberedRun]:
+        """The manoeuvres of all recordings, numbered in the order of time."""
+        return numbered_runs(self.products)
+
+    @cached_property
+    def index_rows(self) -> dict[str, list[IndexRow]]:
+        """The indices of each ship, by the name that its recordings have for it: no means over several ships."""
+        by_vessel: dict[str, list[Manoeuvre]] = {}
+        for run in self.runs:
+            vessel = self.products[run.recording].recording.trial.vessel
+            by_vessel.setdefault(vessel, []).append(run.manoeuvre)
+        return {vessel: index_rows(manoeuvres) for vessel, manoeuvres in by_vessel.items()}
+
+    @cached_property
+    def criteria(self) -> dict[str, list[CriterionResult]]:
+        """What the trial shows of each criterion of the standards, by ship, of those with a test of one."""
+        return {vessel: criteria_of(rows) for vessel, rows in self.index_rows.items()
+                if any(row.criterion for row in rows)}  # fmt: skip
 
     @cached_property
     def speed_power(self) -> SpeedPower | None:
@@ -304,10 +340,12 @@ def load_case(
     allow_seen: bool = False,
     length_m: float | None = None,
     method: str | None = None,
+    statement: str = "",
 ) -> Case:
     """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
     each recording's time in percent; ``length_m`` is the ship's where no vessel file says it; ``method`` is the
-    code of a calibrator of your own, ``FILE.py:CLASS``.
+    code of a calibrator of your own, ``FILE.py:CLASS``; ``statement`` is what a person states of the trials
+    (:meth:`acquisition.config.run_sheet.Statement.as_text`).
 
     Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
@@ -319,4 +357,4 @@ def load_case(
     if trained is not None or vessel is not None:
         seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s
     return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen,
-                length_m=length_m)  # fmt: skip
+                length_m=length_m, statement=statement)  # fmt: skip

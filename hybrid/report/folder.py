@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
+from acquisition.config.run_sheet import statement_text
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from acquisition.core.files import make_folder, write_text, written_together
 from acquisition.core.progress import Progress, part_of
@@ -29,7 +30,18 @@ from hybrid.reproduction.page import is_reproduced, write_page
 
 Kind = Literal["diagnosis", "reproduction", "trial", "batch"]
 
-BLOCKS = ("cover", "indices", "speed_power", "figures", "model", "diagnosis", "data", "methods", "files")
+BLOCKS = (
+    "cover",
+    "criteria",
+    "indices",
+    "speed_power",
+    "figures",
+    "model",
+    "diagnosis",
+    "data",
+    "methods",
+    "files",
+)
 """The sections of a trial's report, in their order."""
 
 
@@ -38,7 +50,8 @@ class Choices:
     """What a trial's report is made with; without a calibrator that of the folder, if there is one in it.
 
     ``length_m`` is the ship's length between perpendiculars, where no vessel file says it; ``method`` is the code
-    of a calibrator of your own, ``FILE.py:CLASS``.
+    of a calibrator of your own, ``FILE.py:CLASS``; ``conditions`` is a file that states what the recordings do not,
+    without it ``conditions.toml`` beside them, if there is one.
     """
 
     calibrator: Path | None = None
@@ -50,6 +63,7 @@ class Choices:
     interactive: bool = True
     length_m: float | None = None
     method: str | None = None
+    conditions: Path | None = None
 
 
 def kind_of(folder: Path) -> Kind:
@@ -159,14 +173,15 @@ def trial_report(
     diagnosis: Path | None = None,
     remark: str = "",
 ) -> Path:
-    """``report.html`` in ``folder`` about recordings that belong together, and ``indices.json`` beside it.
+    """``report.html`` in ``folder`` about recordings that belong together, with ``indices.json`` and
+    ``criteria.json`` beside it.
 
     ``diagnosis`` is the folder of their diagnosis, ``remark`` something to say at the top.
     """
     case = load_case(
         recordings, choices.calibrator, choices.vessel, choices.horizon_s,
         part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
-        method=choices.method,
+        method=choices.method, statement=statement_text(choices.conditions, recordings[0]),
     )  # fmt: skip
     made = case.products  # what is wrong is said before anything is written
     make_folder(folder)
@@ -177,6 +192,9 @@ def trial_report(
         for number, block in enumerate(BLOCKS):
             parts.append(show(block).html)
             progress((number + 1) / len(BLOCKS))
+        criteria = [{"vessel": vessel, **result.as_json()}
+                    for vessel, results in case.criteria.items() for result in results]  # fmt: skip
+        write_text(folder / "criteria.json", json.dumps(criteria, indent=1) + "\n")
         indices = {name: as_json(each.manoeuvres) for name, each in made.items()}
         write_text(folder / "indices.json", json.dumps(indices, indent=1) + "\n")
         page = render(

@@ -51,7 +51,7 @@ def _note(text: str) -> Page:
 def templates() -> Environment:
     """The templates of this package, with what they call."""
     from analysis.manoeuvres.criteria import shortfalls_of
-    from analysis.report.pages import file_rows
+    from analysis.report import trial_form
     from analysis.speed_power import report as speed_power
     from hybrid.diagnosis.serialisation import read_diagnosis
     from hybrid.prediction.scores import FEW_LEGS
@@ -73,10 +73,10 @@ def templates() -> Environment:
     made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row,
                      "in_words": in_words, "reason_of": reason_of}  # fmt: skip
     made.globals |= {
-        "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
+        "trial": trial_sections, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
         "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": tables, "plans": plan_page,
-        "checks": vessel_check, "shortfalls_of": shortfalls_of, "file_rows": file_rows, "FEW_LEGS": FEW_LEGS,
+        "checks": vessel_check, "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS,
         "ENOUGH_S": ENOUGH_S,
     }  # fmt: skip
     return made

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
-from analysis.manoeuvres.criteria import (
-    CriterionResult,
-    IndexRow,
-    Mean,
-    criteria_of,
-    headline_of_criteria,
-    index_rows,
-)
+from analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
 from analysis.manoeuvres.standards import RESOLUTION
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
-from analysis.report.pages import circumstances, events_of, known_rows
+from analysis.report.pages import events_of
 from analysis.report.quality_page import counts_of
+from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, known_rows, ship_rows
+from analysis.report.trial_form import NumberedRun
 from analysis.report.words import in_words
 from analysis.speed_power.report import sentence
 from hybrid.prediction.scores import TWO_SIDED
@@ -88,30 +83,24 @@ def subtitle(case: Case) -> str:
     return ", ".join(each for each in (trial.name, trial.place, f"{start:%d %B %Y}".lstrip("0"), several) if each)
 
 
-def manoeuvres_of(case: Case) -> list[Manoeuvre]:
-    """All manoeuvres of all recordings."""
-    return [each for products in case.products.values() for each in products.manoeuvres]
-
-
-def rows_of_indices(case: Case) -> list[IndexRow]:
-    """The page of indices: means over like runs of all recordings."""
-    return index_rows(manoeuvres_of(case))
-
-
-def criteria_shown(case: Case) -> list[CriterionResult]:
-    """What the trial shows of each criterion of the standards, to each side."""
-    return criteria_of(rows_of_indices(case))
-
-
 def criteria_headline(case: Case) -> str:
     """What the trial shows of the standards in a sentence, or that they are not for such a ship or such tests."""
-    rows = rows_of_indices(case)
+    rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
     if not rows:
         return "No standard manoeuvre was found in this trial, so there are no indices of manoeuvrability."
-    if not any(row.criterion for row in rows):
+    if not case.criteria:
         tests = len({row.place for row in rows})
         return f"No test of IMO {RESOLUTION} was made; {tests} other test{'s' * (tests != 1)} measured."
-    return headline_of_criteria(criteria_of(rows))
+    sentences = {vessel: headline_of_criteria(results) for vessel, results in case.criteria.items()}
+    if len(sentences) == 1:
+        return next(iter(sentences.values()))
+    return " ".join(f"{vessel_title(case, vessel)}: {sentence}" for vessel, sentence in sentences.items())
+
+
+def vessel_title(case: Case, vessel: str) -> str:
+    """What people call a ship that recordings name."""
+    names = (name for name, products in case.products.items() if products.recording.trial.vessel == vessel)
+    return _title_of(case, next(names)) or "an unnamed ship"
 
 
 def verdict_of(case: Case) -> str:
@@ -119,21 +108,19 @@ def verdict_of(case: Case) -> str:
     found = case.speed_power
     if found is None:
         return criteria_headline(case)
-    return " ".join([*([criteria_headline(case)] if rows_of_indices(case) else []), sentence(found)])
+    return " ".join([*([criteria_headline(case)] if case.runs else []), sentence(found)])
 
 
 def index_line(row: IndexRow) -> dict[str, Any]:
-    """The cells of an index: its name with the unit, by side its mean and interval, and the limit.
+    """The cells of an index: its name with the unit, and by side its mean and interval.
 
     A test without sides has its mean under ``""``.
     """
     unit = next(iter(row.sides.values())).index.unit
     name = f"{plain_name(row.name)} [{unit}]" if unit else plain_name(row.name)
-    limit = index_cells(row.limit)[3].replace(f" {unit}", "") if row.limit is not None else ""
     return {
         "name": name,
         "judged": row.judged_side,
-        "limit": f"\u2264 {limit}" if limit else "",
         "sides": {side: _mean_cells(each) for side, each in row.sides.items()},
     }
 
@@ -156,12 +143,14 @@ def has_two_runs(rows: Sequence[IndexRow]) -> bool:
     return any(each.runs == 2 for row in rows for each in row.sides.values())
 
 
-def pictured(products: Products, rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[Manoeuvre]:
-    """The manoeuvres that have a picture: the first of each name and side, those with limits before others."""
-    limited = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
-    first = {(each.name, each.side): each for each in reversed(products.manoeuvres) if each.kind in PICTURED}
-    found = sorted(first.values(), key=lambda each: (each.name.lower() not in limited, each.start))
-    return sorted(found[:most], key=lambda each: each.start)
+def pictured(runs: Sequence[NumberedRun], rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[NumberedRun]:
+    """The runs that have a page: the first of each name and side, those with criteria before others."""
+    judged = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
+    first = {
+        (run.manoeuvre.name, run.manoeuvre.side): run for run in reversed(runs) if run.manoeuvre.kind in PICTURED
+    }
+    ordered = sorted(first.values(), key=lambda run: (run.manoeuvre.name.lower() not in judged, run.number))
+    return sorted(ordered[:most], key=lambda run: run.number)
 
 
 def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
@@ -184,13 +173,57 @@ def picture_caption(each: Manoeuvre, common: Sequence[str] = ()) -> str:
     return f"{words}." if words else ""
 
 
-def facts(case: Case, name: str) -> list[tuple[str, str]]:
-    """The ship, her loading, date, place and conditions of a recording; what is the same as in the first one is
-    left out of the others, and what nobody recorded stands in one row."""
-    rows = {each: known_rows(circumstances(made.recording, made.one_hz, made.manoeuvres, case.ship(each)))
-            for each, made in case.products.items()}  # fmt: skip
-    first = next(iter(rows))
-    return rows[name] if name == first else [row for row in rows[name] if row not in rows[first]]
+def ship_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
+    """The particulars of a ship and her loading, and in one row what nobody stated of them."""
+    return known_rows(_pooled(
+        ship_rows(made.recording.trial, made.one_hz, [run.manoeuvre for run in case.runs], case.ship(name))
+        for name, made in _of_vessel(case, vessel).items()
+    ))  # fmt: skip
+
+
+def condition_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
+    """When, where and in what weather a ship's trial was made, and in one row what nobody stated of that."""
+    return known_rows(_pooled(
+        condition_rows(made.recording, made.one_hz, made.manoeuvres, case.ship(name))
+        for name, made in _of_vessel(case, vessel).items()
+    ))  # fmt: skip
+
+
+def vessels_of(case: Case) -> list[str]:
+    """The ships that the recordings name."""
+    return list(dict.fromkeys(made.recording.trial.vessel for made in case.products.values()))
+
+
+def _of_vessel(case: Case, vessel: str) -> dict[str, Products]:
+    return {name: made for name, made in case.products.items() if made.recording.trial.vessel == vessel}
+
+
+_MOST_VALUES = 3  # of several recordings in one row
+
+
+def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
+    """The rows of several run sheets in one; what is not known of one is left to the others."""
+    values: dict[str, list[str]] = {}
+    for label, value in (row for sheet in sheets for row in sheet):
+        values.setdefault(label, []).append(value)
+    rows = []
+    for label, every in values.items():
+        distinct = list(dict.fromkeys(every))
+        stated = [value for value in distinct if value != UNKNOWN and not value.startswith("unknown")] or distinct[
+            :1
+        ]
+        rows.append((label, "; ".join(stated) if len(stated) <= _MOST_VALUES else "see the programme of tests"))
+    return rows
+
+
+def paired(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
+    """Rows of two cells as rows of four, the second half beside the first; a last one of its own where it is odd.
+
+    >>> paired([("a", "1"), ("b", "2"), ("c", "3")])
+    [['a', '1', 'c', '3'], ['b', '2', '', '']]
+    """
+    half = (len(rows) + 1) // 2
+    return [[*rows[row], *(rows[row + half] if row + half < len(rows) else ("", ""))] for row in range(half)]
 
 
 def headline(case: Case) -> dict[str, str]:
@@ -250,13 +283,22 @@ def model_words(case: Case) -> str:
     )
 
 
-def doubts_of(products: Products) -> str | None:
-    """What of the data is in doubt, in a line; None where nothing is."""
+def doubts_of(case: Case) -> list[str]:
+    """What of the data is in doubt, a line for the recordings of which it is the same."""
+    names: dict[str, list[str]] = {}
+    for name, products in case.products.items():
+        if doubt := _doubt_of(products):
+            names.setdefault(doubt, []).append(name)
+    several = len(case.products) > 1
+    return [f"{', '.join(recordings)}: {doubt}" if several else doubt for doubt, recordings in names.items()]
+
+
+def _doubt_of(products: Products) -> str:
     channels = products.quality.channels
     doubtful = [name for name in channels if channels[name].grade != "good"]
     if not doubtful:
-        return None
-    codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
+        return ""
+    codes = dict.fromkeys(finding.code.replace("_", " ") for finding in products.quality.findings)
     return (
         f"{len(doubtful)} of {len(channels)} channels have quality findings ({join_words(list(codes))}); "
         "see the appendix for findings and repairs."
@@ -276,6 +318,28 @@ def finding_rows(products: Products) -> list[list[str]]:
          "; ".join(repaired.get(code, [])[:2]) or "\u2013"]
         for code, alike in list(found.items())[:MOST_FINDINGS]
     ]  # fmt: skip
+
+
+def alike_in_quality(case: Case) -> list[tuple[list[str], Products]]:
+    """The recordings by what is to be said of their data: those in order together, the others one by one."""
+    groups: list[tuple[list[str], Products]] = []
+    sound: list[str] | None = None
+    for name, products in case.products.items():
+        is_sound = products.recording.closed and not (
+            finding_rows(products) or products.quality.missing or products.recording.health or event_rows(products)
+        )
+        if is_sound and sound is not None:
+            sound.append(name)
+            continue
+        groups.append(([name], products))
+        sound = groups[-1][0] if is_sound else sound
+    return groups
+
+
+def recording_rows(case: Case) -> list[list[str]]:
+    """The files that the report is made from."""
+    rows = (dict(file_rows(products.recording)) for products in case.products.values())
+    return [[row["recording"], row["SHA-256"], row["closed properly"]] for row in rows]
 
 
 CHANNEL_HEADER = ["channel", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",

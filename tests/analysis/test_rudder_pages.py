@@ -21,8 +21,8 @@ from analysis.manoeuvres.motion import motion_of
 from analysis.report.figures import fill_figure, numbers_of
 from analysis.report.interactive import interactive_page, page_data
 from analysis.report.manoeuvre_plots import draw
-from analysis.report.pages import run_sheet
 from analysis.report.plots import channels_figure, control_groups, label, track_figure
+from analysis.report.run_sheet import run_sheet
 from analysis.tables.export import export_table
 from analysis.tables.resample import resample
 from analysis.tables.table import table_actuators, table_of

@@ -13,7 +13,8 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from analysis.conditions import BEAUFORT_MPS, beaufort
 from analysis.manoeuvres.indices import Current, Manoeuvre
-from analysis.report.pages import UNKNOWN, Ship, events_of, run_sheet, wind_words
+from analysis.report.pages import events_of
+from analysis.report.run_sheet import UNKNOWN, Ship, run_sheet, wind_words
 from analysis.tables.resample import resample
 from analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.config.conditions import Conditions, conditions_from_text
+from acquisition.config.conditions import Conditions
 from acquisition.config.configuration import parse_config
+from acquisition.config.run_sheet import conditions_of
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
 from analysis.conditions import recorded_conditions, sea_state_of
@@ -81,9 +82,8 @@ def test_indices_are_those_of_midship_wherever_the_antenna_stands(place_m: tuple
     chemical_or_gas_tanker=st.booleans(),
 ))  # fmt: skip
 def test_conditions_survive_the_recording(conditions: Conditions) -> None:
-    assert conditions_from_text(conditions.as_text()) == conditions
     trial = Trial(conditions=conditions.as_text())
-    assert conditions_from_text(Trial.from_metadata(trial.as_metadata()).conditions) == conditions
+    assert conditions_of(Trial.from_metadata(trial.as_metadata())) == conditions
 
 
 def test_the_configuration_gives_conditions_and_the_antennas_place() -> None:

@@ -1,0 +1,288 @@
+"""What a surveyor reads of a trial: the programme, the criteria, and each test as a table of what was recorded.
+
+The criteria stand as in the form of MSC/Circ.1053, appendix 6; a test is tabulated at intervals of 20 s and less,
+as the circular asks for the recording of position, heading, speed, helm, shafts and wind.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from acquisition.config.run_sheet import accuracy_of
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import channel_unit
+from acquisition.core.units import KNOT_MPS
+from analysis.conditions import beaufort
+from analysis.kinematics import mean_wind, to_ship
+from analysis.manoeuvres.criteria import CriterionResult
+from analysis.manoeuvres.indices import Manoeuvre, unit_of
+from analysis.manoeuvres.motion import Motion, antenna_of, at_midship, motion_of
+from analysis.manoeuvres.report import index_cells
+from analysis.manoeuvres.standards import RESOLUTION
+from analysis.products import Products
+from analysis.report.words import in_words
+from analysis.speed_power.runs import mean_power_kw
+from analysis.tables.table import NANO, times_ns
+
+LONGEST_STEP_S = 20.0
+"""The longest interval between the rows of a test, by MSC/Circ.1053."""
+_STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LONGEST_STEP_S)
+_FEWEST_ROWS, _ROWS_ON_SHEET = 24, 48  # of a test's table: as many stand on a sheet under its picture
+_APPROACH_S = 30.0  # of which the output before the order is the mean
+_NOT_MEASURED = "\u2013"
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedRun:
+    """A manoeuvre of a trial with its number and the recording that it is in."""
+
+    number: int
+    recording: str
+    manoeuvre: Manoeuvre
+    table: pd.DataFrame
+
+    @property
+    def title(self) -> str:
+        run = self.manoeuvre
+        return f"Test {self.number}: {run.sided_name}, {run.start:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def numbered_runs(products: Mapping[str, Products]) -> list[NumberedRun]:
+    """The manoeuvres of all recordings, numbered in the order of time."""
+    runs = [(run, name, made.table) for name, made in products.items() for run in made.manoeuvres]
+    runs.sort(key=lambda entry: entry[0].start)
+    return [NumberedRun(number, name, run, table) for number, (run, name, table) in enumerate(runs, start=1)]
+
+
+PROGRAMME = (
+    "", "test", "recording", "order, UTC", "speed [kn]", "heading", "shaft [rpm]", "power [kW]", "wind [m/s]",
+    "from", "Beaufort", "drift [kn]",
+)  # fmt: skip
+
+
+def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
+    """One row a test: when it was ordered, the approach with the output of the engine, and the wind.
+
+    The date is left out where all are of one day, and the recording where there is but one.
+    """
+    is_one_day = len({test.manoeuvre.start.date() for test in tests}) == 1
+    is_one_recording = len({test.recording for test in tests}) == 1
+    return [
+        [f"{test.number}", test.manoeuvre.sided_name, "" if is_one_recording else test.recording,
+         f"{test.manoeuvre.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}", *_approach_cells(test)]
+        for test in tests
+    ]  # fmt: skip
+
+
+def _approach_cells(test: NumberedRun) -> list[str]:
+    run, before = test.manoeuvre, _before(test)
+    speed, heading = (run.settings.get(name) for name in ("approach_mps", "approach_heading_deg"))
+    shafts = [f"{before[name].mean():.0f}" for name in _shafts(before)]
+    power = mean_power_kw(before)
+    wind = before.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
+    air = mean_wind(wind) if len(wind) else None
+    drift = "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}"
+    return [
+        "" if speed is None else f"{speed / KNOT_MPS:.2f}",
+        "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
+        " / ".join(shafts), "" if power is None else f"{power:,.0f}",
+        *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
+        drift,
+    ]  # fmt: skip
+
+
+def _before(test: NumberedRun) -> pd.DataFrame:
+    """The rows of the approach; of a run that is steady itself its own."""
+    run = test.manoeuvre
+    if "approach_mps" not in run.settings:
+        return test.table.loc[run.start : run.end]
+    return test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
+
+
+def _shafts(table: pd.DataFrame) -> list[str]:
+    names = [name for name in map(str, table) if name.endswith("_rpm") and "order" not in name]
+    return [name for name in names if table[name].notna().any()]
+
+
+def criteria_rows(results: Sequence[CriterionResult]) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
+    """One row a criterion: its name with the clause, its limit, and of each side value, interval and result; of a
+    test without sides there is one."""
+    by_criterion: dict[str, list[CriterionResult]] = {}
+    for result in results:
+        by_criterion.setdefault(result.criterion.name, []).append(result)
+    return [_criterion_row(sides) for sides in by_criterion.values()]
+
+
+def _criterion_row(results: Sequence[CriterionResult]) -> tuple[str, str, list[tuple[str, str, str]]]:
+    criterion = results[0].criterion
+    limits = [result.mean.index for result in results if result.mean and result.mean.index.limit]
+    limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3] if limits else ""
+    unit = unit_of(criterion.index)
+    title = f"{criterion.name} [{unit}] ({criterion.clause})"
+    limit = f"\u2264 {limit.replace(f' {unit}', '')}" if limit else ""
+    return title, limit, [_result_cells(result) for result in results]
+
+
+def _result_cells(result: CriterionResult) -> tuple[str, str, str]:
+    words = result.result.replace("_", " ")
+    if result.mean is None:
+        return _NOT_MEASURED, "", words
+    value, interval, lengths, _ = index_cells(result.mean.index)
+    value = value.removesuffix(f" {result.mean.index.unit}")
+    return f"{value} ({lengths} L)" if lengths else value, interval, words
+
+
+def criteria_caption() -> str:
+    """What the table of criteria is."""
+    return (
+        f"The criteria of IMO {RESOLUTION} with their clauses, port beside starboard as in the form of "
+        "MSC/Circ.1053, appendix 6. Values count from the order, at midship; L is the length between "
+        "perpendiculars."
+    )
+
+
+def midship_motion(table: pd.DataFrame, length_m: float | None) -> Motion:
+    """The motion of midship, or of the antenna where its place is not known."""
+    return at_midship(motion_of(table, length_m), antenna_of(table))
+
+
+def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:
+    """A test at even intervals: header, rows, and the interval [s].
+
+    Position counts from that of the order, ahead and to starboard of the approach; a column of the wind follows
+    where it was recorded.
+    """
+    run = test.manoeuvre
+    start, end = ((time.value - motion.origin_ns) / NANO for time in (run.start, run.end))
+    step_s = _step_s(end - start)
+    time_s = np.arange(start, end + 1e-6, step_s)
+    columns = {
+        "time [s]": (time_s - start, 1 if step_s < 1.0 else 0),
+        "heading [deg]": (_sampled(motion, "heading_deg", time_s) % 360.0, 1),
+        "speed [kn]": (_sampled(motion, "speed_mps", time_s) / KNOT_MPS, 2),
+        "rate [deg/s]": (_sampled(motion, "yaw_rate_dps", time_s), 2),
+        **_command_columns(motion, time_s),
+        **_positions(motion, run, start, time_s),
+        **_wind_column(test.table, run, time_s - start),
+    }
+    cells = [[f"{value:.{digits}f}" for value in values.round(digits) + 0.0] for values, digits in columns.values()]
+    return list(columns), [list(row) for row in zip(*cells, strict=True)], step_s
+
+
+def history_caption(step_s: float, is_midship: bool) -> str:
+    """What the rows of a test are."""
+    where = "at midship" if is_midship else "of the antenna"
+    return f"Rows every {step_s:g} s from the order; position {where}, from that of the order, by the approach."
+
+
+Columns = dict[str, tuple[Floats, int]]
+
+
+def _sampled(motion: Motion, name: str, time_s: Floats) -> Floats:
+    return np.asarray(np.interp(time_s, motion.time_s, getattr(motion, name)))
+
+
+def _step_s(duration_s: float) -> float:
+    """The longest interval that the standard allows and that still shows the course of the test."""
+    fine = [step for step in _STEPS_S if duration_s / step >= _FEWEST_ROWS]
+    step_s = max(fine, default=_STEPS_S[0])
+    return step_s * max(1, int(np.ceil(duration_s / step_s / (2 * _ROWS_ON_SHEET))))
+
+
+def _command_columns(motion: Motion, time_s: Floats) -> Columns:
+    columns: Columns = {}
+    if motion.steering:
+        columns[f"{motion.steering} [deg]"] = _sampled(motion, "helm_deg", time_s), 1
+    if motion.helm_order_deg is not None:
+        last = np.searchsorted(motion.time_s, time_s + 1e-6, side="right") - 1  # an order holds until the next one
+        columns["ordered [deg]"] = motion.helm_order_deg[last], 1
+    for name, values in motion.drives.items():
+        words = motion.words.get(name, in_words(name))
+        columns["shaft [rpm]" if len(motion.drives) == 1 else f"{words} [rpm]"] = (
+            np.interp(time_s, motion.time_s, values), 0,
+        )  # fmt: skip
+    return columns
+
+
+def _positions(motion: Motion, run: Manoeuvre, start: float, time_s: Floats) -> Columns:
+    north, east = (_sampled(motion, name, time_s) - motion.at(name, start) for name in ("north_m", "east_m"))
+    course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
+    ahead, aside = to_ship(north, east, course)
+    digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
+    return {"ahead [m]": (ahead, digits), "to starboard [m]": (aside, digits)}
+
+
+def _wind_column(table: pd.DataFrame, run: Manoeuvre, elapsed_s: Floats) -> Columns:
+    wind = table["wind_speed_mps"].dropna() if "wind_speed_mps" in table else pd.Series(dtype=float)
+    if wind.empty:
+        return {}
+    times = (times_ns(wind.to_frame()) - run.start.value) / NANO
+    return {"wind [m/s]": (np.interp(elapsed_s, times, wind.to_numpy(dtype=float)), 1)}
+
+
+def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table of many rows with its second half beside the first.
+
+    >>> header, rows = on_one_sheet(["n"], [[str(number)] for number in range(49)])
+    >>> len(rows), header, rows[0], rows[-1]
+    (25, ['n', '', 'n'], ['0', '', '25'], ['24', '', ''])
+    """
+    if len(rows) <= _ROWS_ON_SHEET:
+        return list(header), list(rows)
+    middle = (len(rows) + 1) // 2
+    second = [*rows[middle:], [""] * len(header)]
+    return [*header, "", *header], [[*row, "", *other] for row, other in zip(rows[:middle], second, strict=False)]
+
+
+SIGNATURES = [
+    [party, "", "", ""] for party in ("the yard", "the owner", "the classification society", "the trial party")
+]
+"""Who signs a trial's report."""
+
+INSTRUMENTS = ("channel", "source", "samples a second", "noise, from sample to sample", "accuracy, as stated")
+
+
+def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
+    """One row a channel and source of all recordings: how often it comes, how it scatters, and how accurate its
+    maker says it is."""
+    intervals, scatters = (
+        defaultdict[tuple[str, str], list[float]](list),
+        defaultdict[tuple[str, str], list[float]](list),
+    )
+    accuracy: dict[str, float] = {}
+    for made in products.values():
+        accuracy |= accuracy_of(made.recording.trial)
+        for name, series in made.recording.series.items():
+            key = name, ", ".join(series.sources)
+            if name in made.table and series.measured_ns.size > 1:
+                intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
+                scatters[key].append(sample_scatter(series.value))
+    return [
+        [in_words(name), source, f"{1.0 / np.median(values):.3g}",
+         _with_unit(float(np.median(scatters[name, source])), name), _with_unit(accuracy.get(name, np.nan), name)]
+        for (name, source), values in intervals.items()
+    ]  # fmt: skip
+
+
+def _with_unit(value: float, name: str) -> str:
+    return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > 0.0 else ""
+
+
+def sample_scatter(values: Floats) -> float:
+    """The standard deviation of a channel's noise, by its third differences, in which a smooth motion vanishes.
+
+    Of white noise of variance s^2 they have the variance 20 s^2; their spread is the median absolute one, which
+    turns and steps do not move. NaN for few values.
+
+    >>> bool(abs(sample_scatter(np.random.default_rng(0).normal(0.0, 2.0, 4000)) - 2.0) < 0.1)
+    True
+    """
+    third = np.diff(values[np.isfinite(values)], n=3)
+    if third.size < _FEWEST_ROWS:
+        return float("nan")
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
