@@ -282,7 +282,8 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     below.set_ylabel("heading off\nthe start [deg]")
     for axes in (above, middle, helm, below):
         axes.axvspan(0.0, end - start, color="#56B4E9", alpha=0.12, linewidth=0)
-    for axes in (above, middle):
+    several = len(motion.drives) + len(motion.tunnels) > 1
+    for axes in (above, middle) if several else (above,):
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, borderpad=0.0)
     _time_axis([above, middle, helm, below])
     _track_ahead(figure, motion, manoeuvre)

@@ -21,7 +21,7 @@ from analysis.conditions import beaufort
 from analysis.kinematics import mean_wind, to_ship
 from analysis.manoeuvres.criteria import CriterionResult
 from analysis.manoeuvres.indices import Manoeuvre, unit_of
-from analysis.manoeuvres.motion import Motion, antenna_of, at_midship, motion_of
+from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells
 from analysis.manoeuvres.standards import RESOLUTION
 from analysis.products import Products
@@ -144,11 +144,6 @@ def criteria_caption() -> str:
         "MSC/Circ.1053, appendix 6. Values count from the order, at midship; L is the length between "
         "perpendiculars."
     )
-
-
-def midship_motion(table: pd.DataFrame, length_m: float | None) -> Motion:
-    """The motion of midship, or of the antenna where its place is not known."""
-    return at_midship(motion_of(table, length_m), antenna_of(table))
 
 
 def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:

@@ -100,7 +100,7 @@ def test_the_configuration_gives_conditions_and_the_antennas_place() -> None:
 @pytest.mark.parametrize("text", ["no JSON", "[]", '{"trim_m": "deep"}', '{"draught_m": -1.0}', '{"nobody": 1}'])
 def test_conditions_that_are_none_are_reported_and_not_taken(text: str, caplog: pytest.LogCaptureFixture) -> None:
     assert recorded_conditions(Trial(name="x", conditions=text, trim_m=0.1), pd.DataFrame()).trim_m == 0.1
-    assert "x: its conditions cannot be read" in caplog.text
+    assert "x: its metadata" in caplog.text
 
 
 @pytest.mark.parametrize(("words", "state"), [

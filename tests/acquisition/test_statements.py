@@ -1,0 +1,93 @@
+"""What people state of a trial: in a configuration, in a column map, or afterwards beside the recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.config.conditions import Conditions
+from acquisition.config.run_sheet import (
+    CONDITIONS_FILE,
+    InstrumentsSection,
+    Particulars,
+    RunSheet,
+    Statement,
+    accuracy_of,
+    conditions_of,
+    load_statement,
+    particulars_of,
+    statement_from_text,
+    statement_text,
+)
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.trial import Trial
+
+LENGTHS = st.none() | st.floats(1.0, 400.0)
+ACCURACIES = st.dictionaries(st.sampled_from(["heading_deg", "north_m"]), st.floats(0.01, 9.0))
+STATEMENTS = st.builds(
+    Statement,
+    trial=st.builds(RunSheet, vessel=st.sampled_from(["", "a ship"]), draught_m=st.none() | st.floats(1.0, 20.0)),
+    conditions=st.builds(Conditions, length_m=LENGTHS, gm_m=st.none() | st.floats(-1.0, 9.0)),
+    instruments=st.builds(InstrumentsSection, antenna_forward_m=LENGTHS, accuracy=ACCURACIES),
+    particulars=st.builds(Particulars, ship_type=st.sampled_from(["", "tanker"]), mcr_kw=LENGTHS,
+                          rudders=st.none() | st.integers(1, 4)),
+)  # fmt: skip
+
+
+@given(STATEMENTS)
+def test_statements_survive_text_and_recording(statement: Statement) -> None:
+    assert statement_from_text(statement.as_text()) == statement
+    recorded = Trial.from_metadata(statement.added_to(Trial("trial")).as_metadata())
+    assert conditions_of(recorded) == statement.conditions
+    assert particulars_of(recorded) == statement.particulars
+    assert accuracy_of(recorded) == statement.instruments.accuracy
+    assert recorded.vessel == statement.trial.vessel
+    assert recorded.antenna_forward_m == statement.instruments.antenna_forward_m
+
+
+@given(STATEMENTS, STATEMENTS)
+def test_later_statements_count_for_more(first: Statement, second: Statement) -> None:
+    trial = second.added_to(first.added_to(Trial("trial")))
+    assert conditions_of(trial) == second.conditions.with_known(first.conditions)
+    assert particulars_of(trial).stated() == {**first.particulars.stated(), **second.particulars.stated()}
+    assert trial.name == "trial"
+
+
+def test_file_of_conditions_alone_and_file_of_tables(tmp_path: Path) -> None:
+    alone, tables = tmp_path / "alone.toml", tmp_path / CONDITIONS_FILE
+    alone.write_text("length_m = 200.0\n")
+    tables.write_text('[conditions]\nlength_m = 200.0\n[particulars]\nrudder_type = "spade"\n')
+    assert load_statement(alone).conditions == load_statement(tables).conditions == Conditions(length_m=200.0)
+    assert load_statement(tables).particulars.rudder_type == "spade"
+    assert (
+        statement_text(None, tmp_path) == statement_text(None, tmp_path / "a.mcap") == statement_text(tables, alone)
+    )
+    assert statement_text(None, tmp_path / "elsewhere" / "a.mcap") == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[particulars]\nrudder_typ = 'spade'\n", "did you mean rudder_type"),
+        ("length = 200.0\n", "did you mean length_m"),
+        ("[particulars]\nmcr_kw = -3.0\n", "mcr_kw"),
+        ("[instruments.accuracy]\nheading_deg = 0.0\n", "heading_deg"),
+        ("[source]\ntype = 'udp'\n", "source"),
+    ],
+)
+def test_unknown_and_impossible_statements_are_errors(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / CONDITIONS_FILE
+    path.write_text(text)
+    with pytest.raises(ConfigurationError, match=words) as error:
+        load_statement(path)
+    assert f"{CONDITIONS_FILE}, line" in str(error.value)
+
+
+@pytest.mark.parametrize("damaged", ["{", "[1]", '{"length_m": "long"}', "[" * 5000])
+def test_unreadable_metadata_are_left_out_with_a_warning(damaged: str, caplog: pytest.LogCaptureFixture) -> None:
+    trial = Trial("trial", conditions=damaged, particulars=damaged, accuracy=damaged)
+    assert (conditions_of(trial), particulars_of(trial), accuracy_of(trial)) == (Conditions(), Particulars(), {})
+    assert len(caplog.records) == 3
