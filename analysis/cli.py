@@ -327,6 +327,13 @@ def batch(
             min=0.1, help="The ship's length between perpendiculars in metres, for distances in ship lengths."
         ),
     ] = None,
+    conditions: Annotated[
+        Path | None,
+        typer.Option(
+            help="A TOML file that states what the recordings do not: [conditions], [particulars], [instruments], "
+            "[trial]; default: conditions.toml in the folder."
+        ),
+    ] = None,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,
     rebuild_positions: RebuildPositions = False,
     no_smooth: Annotated[
@@ -342,6 +349,7 @@ def batch(
     """Analyse every recording in a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
+    from acquisition.config.run_sheet import statement_text
     from acquisition.core.process import Termination
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
@@ -349,7 +357,8 @@ def batch(
 
     if rebuild_positions and no_repair:
         raise typer.BadParameter("--rebuild-positions needs the repairs")
-    options = Options(not no_repair, not no_smooth, not no_pictures, horizon, stride, length, rebuild_positions)
+    options = Options(not no_repair, not no_smooth, not no_pictures, horizon, stride, length, rebuild_positions,
+                      statement_text(conditions, folder))  # fmt: skip
     try:
         with bar("batch") as progress:
             summary = run_batch(
@@ -400,12 +409,15 @@ def serve(
         import flask  # noqa: F401 - asked for before anything is begun
     except ImportError as error:
         raise ConfigurationError("serve needs the package flask", fix="pip install 'seatrial[serve]'") from error
+    from acquisition.config.run_sheet import statement_text
     from acquisition.core.process import interrupt_on_terminate
+    from analysis.products import Options
     from analysis.serve.app import make_app
     from analysis.serve.app import serve as run
     from analysis.serve.season import Season, results_folder
 
-    season = Season(folder, output or results_folder(folder), eager=not on_demand)
+    options = Options(statement=statement_text(None, folder))
+    season = Season(folder, output or results_folder(folder), options, eager=not on_demand)
     with interrupt_on_terminate(), suppress(KeyboardInterrupt), season:
         echo(f"results: {season.out}", err=True)
         run(make_app(season, upload_mb if upload else None), port, echo)

@@ -24,8 +24,10 @@ from acquisition.core.locks import LOCK
 from acquisition.core.progress import Progress
 from acquisition.core.text import printable_name
 from acquisition.recording.grouping import whole_recordings
-from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
+from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row, write_json
 from analysis.batch.workers import MARKS, Job, Task, attempt, batch_folder, check_address, run_jobs
+from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.report import criteria_by_vessel
 from analysis.products import Options
 from analysis.report.pages import index_page
 from analysis.tables.files import read_parquet, write_parquet
@@ -39,10 +41,12 @@ GONE = "gone"
 TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
 MEASURES = {"duration_s": "s", "distance_m": "m"}
 COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
-NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out")
+NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres", "left_out", "criteria")
 _LONGEST_NAME_BYTES, _DIGEST_LETTERS = 245, 12  # file systems take 255; ten are for underscores
 _NUMBER = re.compile(r"\d[\d,.]*\d|\d")
-_RESERVED = {"index.html", "index.parquet", MARKS, LOCK}
+CRITERIA = "criteria.json"
+"""What the recordings of each ship together show of the standards' criteria."""
+_RESERVED = {"index.html", "index.parquet", CRITERIA, MARKS, LOCK}
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +135,19 @@ def run_batch(
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = gone_rows(set(names), out)
         index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
+        write_json(out / CRITERIA, {"criteria": criteria_of_ships(rows, out)})
     done = sum(row["status"] == "done" for row in rows)
     return Summary(rows, done, reused, index, tuple(gone), dict(zip(names, found, strict=True)))
+
+
+def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
+    """The criteria of each ship from the manoeuvres of all her recordings, with the keys of ``manoeuvres``."""
+    runs: dict[str, list[Manoeuvre]] = {}
+    for row in rows:
+        if row["status"] == "done" and row.get("manoeuvres"):
+            said = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
+            runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, said["manoeuvres"]))
+    return criteria_by_vessel(runs)
 
 
 def process_job(job: Job) -> Row:

@@ -30,7 +30,9 @@ from acquisition.recording.grouping import read_parts
 from acquisition.recording.reader import Recording, recording_size
 from analysis.conditions import recorded_conditions
 from analysis.manoeuvres import Manoeuvre, as_json
+from analysis.manoeuvres.criteria import criteria_of, index_rows
 from analysis.manoeuvres.indices import from_order
+from analysis.manoeuvres.report import criteria_by_vessel
 from analysis.products import Options, Products, analyse
 from analysis.speed_power import power_columns, speed_power
 from analysis.tables.export import FLAG_MEANING, unit_of
@@ -147,7 +149,8 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     repairs = [asdict(each) for each in products.repairs]
     write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
     left_out = [each.as_json() for each in products.left_out]
-    found = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out}
+    criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
+    found = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
     write_json(folder / "manoeuvres.json", {**found, **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
@@ -182,6 +185,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "manoeuvres": dict(Counter(each.kind for each in products.manoeuvres)),
         "left_out": dict(Counter(each.kind for each in products.left_out)),
         "indices": key_indices(products.manoeuvres) | speed_at_power(products),
+        "criteria": _criteria_counts(products.manoeuvres),
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
@@ -190,6 +194,13 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "provenance": dict(provenance),
     }
     return dict(to_json(row))
+
+
+def _criteria_counts(runs: Sequence[Manoeuvre]) -> dict[str, int]:
+    """How many criteria of the standards have which result; none of a recording without a test of one."""
+    rows = index_rows(runs)
+    has_test = any(row.criterion for row in rows)
+    return dict(Counter(result.result for result in criteria_of(rows))) if has_test else {}
 
 
 def remarks_on(recording: Recording) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,10 +78,14 @@ def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None)
 
 
 def _criteria_of_ships(found: Sequence[RecordingManoeuvres]) -> list[dict[str, Any]]:
-    """The criteria of each ship that the recordings name: runs of one are no runs of another."""
     runs: dict[str, list[Manoeuvre]] = {}
     for recording in found:
         runs.setdefault(trial_of(recording.table).vessel, []).extend(recording.manoeuvres)
+    return criteria_by_vessel(runs)
+
+
+def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str, Any]]:
+    """The criteria of each ship, with the keys of the contract: runs of one are no runs of another."""
     return [
         {"vessel": vessel, **result.as_json()}
         for vessel, trial in runs.items()

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.config.run_sheet import accuracy_of
+from acquisition.core.actuators import is_order
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit
 from acquisition.core.units import KNOT_MPS
@@ -25,6 +26,7 @@ from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells
 from analysis.manoeuvres.standards import RESOLUTION
 from analysis.products import Products
+from analysis.quality.samples import ASSUMED
 from analysis.report.words import in_words
 from analysis.speed_power.runs import mean_power_kw
 from analysis.tables.table import NANO, times_ns
@@ -33,6 +35,7 @@ LONGEST_STEP_S = 20.0
 """The longest interval between the rows of a test, by MSC/Circ.1053."""
 _STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LONGEST_STEP_S)
 _FEWEST_ROWS, _ROWS_ON_SHEET = 24, 48  # of a test's table: as many stand on a sheet under its picture
+_LEAST_NOISE = 1e-6  # in any unit: less is left by arithmetic
 _APPROACH_S = 30.0  # of which the output before the order is the mean
 _NOT_MEASURED = "\u2013"
 
@@ -84,8 +87,8 @@ def _approach_cells(test: NumberedRun) -> list[str]:
     speed, heading = (run.settings.get(name) for name in ("approach_mps", "approach_heading_deg"))
     shafts = [f"{before[name].mean():.0f}" for name in _shafts(before)]
     power = mean_power_kw(before)
-    wind = before.reindex(columns=["wind_speed_mps", "wind_direction_deg"]).dropna()
-    air = mean_wind(wind) if len(wind) else None
+    wind = before.reindex(columns=measured(test.table, ["wind_speed_mps", "wind_direction_deg"])).dropna()
+    air = mean_wind(wind) if wind.shape[1] == 2 and len(wind) else None
     drift = "" if run.current is None else f"{run.current.as_json()['speed_mps'] / KNOT_MPS:.2f}"
     return [
         "" if speed is None else f"{speed / KNOT_MPS:.2f}",
@@ -104,9 +107,15 @@ def _before(test: NumberedRun) -> pd.DataFrame:
     return test.table.loc[run.start - pd.Timedelta(seconds=_APPROACH_S) : run.start]
 
 
+def measured(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
+    """Those of some channels that a table has values of, other than assumed ones."""
+    sources = table.attrs.get("sources", {})
+    return [name for name in names
+            if name in table and table[name].notna().any() and sources.get(name) != [ASSUMED]]  # fmt: skip
+
+
 def _shafts(table: pd.DataFrame) -> list[str]:
-    names = [name for name in map(str, table) if name.endswith("_rpm") and "order" not in name]
-    return [name for name in names if table[name].notna().any()]
+    return measured(table, [name for name in map(str, table) if name.endswith("_rpm") and not is_order(name)])
 
 
 def criteria_rows(results: Sequence[CriterionResult]) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
@@ -213,9 +222,9 @@ def _positions(motion: Motion, run: Manoeuvre, start: float, time_s: Floats) -> 
 
 
 def _wind_column(table: pd.DataFrame, run: Manoeuvre, elapsed_s: Floats) -> Columns:
-    wind = table["wind_speed_mps"].dropna() if "wind_speed_mps" in table else pd.Series(dtype=float)
-    if wind.empty:
+    if not measured(table, ["wind_speed_mps"]):
         return {}
+    wind = table["wind_speed_mps"].dropna()
     times = (times_ns(wind.to_frame()) - run.start.value) / NANO
     return {"wind [m/s]": (np.interp(elapsed_s, times, wind.to_numpy(dtype=float)), 1)}
 
@@ -254,7 +263,7 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
         accuracy |= accuracy_of(made.recording.trial)
         for name, series in made.recording.series.items():
             key = name, ", ".join(series.sources)
-            if name in made.table and series.measured_ns.size > 1:
+            if name in made.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
                 intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
                 scatters[key].append(sample_scatter(series.value))
     return [
@@ -265,7 +274,7 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
 
 
 def _with_unit(value: float, name: str) -> str:
-    return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > 0.0 else ""
+    return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > _LEAST_NOISE else ""
 
 
 def sample_scatter(values: Floats) -> float:
