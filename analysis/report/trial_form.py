@@ -34,7 +34,7 @@ from analysis.tables.table import NANO, times_ns
 LONGEST_STEP_S = 20.0
 """The longest interval between the rows of a test, by MSC/Circ.1053."""
 _STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LONGEST_STEP_S)
-_FEWEST_ROWS, _ROWS_ON_SHEET = 24, 48  # of a test's table: as many stand on a sheet under its picture
+_FEWEST_ROWS, _ROWS_ON_SHEET = 24, 44  # of a test's table: as many stand on a sheet under its picture
 _LEAST_NOISE = 1e-6  # in any unit: less is left by arithmetic
 _APPROACH_S = 30.0  # of which the output before the order is the mean
 _NOT_MEASURED = "\u2013"
@@ -232,9 +232,9 @@ def _wind_column(table: pd.DataFrame, run: Manoeuvre, elapsed_s: Floats) -> Colu
 def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
     """A table of many rows with its second half beside the first.
 
-    >>> header, rows = on_one_sheet(["n"], [[str(number)] for number in range(49)])
+    >>> header, rows = on_one_sheet(["n"], [[str(number)] for number in range(45)])
     >>> len(rows), header, rows[0], rows[-1]
-    (25, ['n', '', 'n'], ['0', '', '25'], ['24', '', ''])
+    (23, ['n', '', 'n'], ['0', '', '23'], ['22', '', ''])
     """
     if len(rows) <= _ROWS_ON_SHEET:
         return list(header), list(rows)

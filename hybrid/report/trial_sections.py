@@ -143,6 +143,12 @@ def has_two_runs(rows: Sequence[IndexRow]) -> bool:
     return any(each.runs == 2 for row in rows for each in row.sides.values())
 
 
+def unpictured(case: Case) -> dict[str, Products]:
+    """The recordings in which there is no manoeuvre to draw, and a single one: their channels are drawn."""
+    drawn = {run.recording for run in case.runs if run.manoeuvre.kind in PICTURED}
+    return {name: made for name, made in case.products.items() if len(case.products) == 1 or name not in drawn}
+
+
 def pictured(runs: Sequence[NumberedRun], rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[NumberedRun]:
     """The runs that have a page: the first of each name and side, those with criteria before others."""
     judged = {row.test.partition(" at ")[0].lower() for row in rows if row.result}
@@ -283,26 +289,21 @@ def model_words(case: Case) -> str:
     )
 
 
-def doubts_of(case: Case) -> list[str]:
-    """What of the data is in doubt, a line for the recordings of which it is the same."""
-    names: dict[str, list[str]] = {}
-    for name, products in case.products.items():
-        if doubt := _doubt_of(products):
-            names.setdefault(doubt, []).append(name)
-    several = len(case.products) > 1
-    return [f"{', '.join(recordings)}: {doubt}" if several else doubt for doubt, recordings in names.items()]
-
-
-def _doubt_of(products: Products) -> str:
-    channels = products.quality.channels
-    doubtful = [name for name in channels if channels[name].grade != "good"]
+def doubt_of(case: Case) -> str:
+    """What of the data is in doubt, in a sentence; empty where nothing is."""
+    doubtful = [products for products in case.products.values() if _doubtful_channels(products)]
     if not doubtful:
         return ""
-    codes = dict.fromkeys(finding.code.replace("_", " ") for finding in products.quality.findings)
-    return (
-        f"{len(doubtful)} of {len(channels)} channels have quality findings ({join_words(list(codes))}); "
-        "see the appendix for findings and repairs."
-    )
+    codes = dict.fromkeys(plain(finding.code) for products in doubtful for finding in products.quality.findings)
+    who = f"{len(doubtful)} of {len(case.products)} recordings have"
+    if len(case.products) == 1:
+        who = f"{len(_doubtful_channels(doubtful[0]))} of {len(doubtful[0].quality.channels)} channels have"
+    return f"{who} quality findings ({join_words(list(codes))}); see the appendix for findings and repairs."
+
+
+def _doubtful_channels(products: Products) -> list[str]:
+    channels = products.quality.channels
+    return [name for name in channels if channels[name].grade != "good"]
 
 
 def finding_rows(products: Products) -> list[list[str]]:
@@ -346,10 +347,13 @@ CHANNEL_HEADER = ["channel", "samples", "rate [Hz]", "gaps", "stuck", "spikes", 
                   "interval [s]", "longest [s]", "grade"]  # fmt: skip
 
 
-def channel_rows(products: Products) -> list[list[str]]:
-    """A row a channel: how many samples, how even their times, what was found in them."""
+def channel_rows(products: Products, *, every: bool = True) -> list[list[str]]:
+    """A row a channel, every one or those in doubt: how many samples, how even their times, what was found."""
     rows = []
+    doubtful = _doubtful_channels(products)
     for name, each in products.quality.channels.items():
+        if not every and name not in doubtful:
+            continue
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])
         spread = [f"{np.median(steps):.3f}", f"{steps.max():.2f}"] if steps.size else ["", ""]
