@@ -70,7 +70,8 @@ def title_of(manoeuvre: Manoeuvre) -> str:
 def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Heading and helm with the overshoots, over yaw rate, speed and shafts, against the time from the execute, and
     the track."""
-    above, *below = _panels_over_track(figure, (2.4, 1, 1, 1))
+    has_shafts = bool(_running_shafts(motion))
+    above, *below = _panels_over_track(figure, (2.4, 1, 1, *(1,) * has_shafts))
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     base = _course_deg(motion, manoeuvre)
@@ -81,7 +82,8 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     above.set_ylabel("to starboard\n[deg]")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
     _rate_and_speed(below[:2], motion, time_s)
-    _shafts(below[2], motion, time_s)
+    if has_shafts:
+        _shafts(below[2], motion, time_s)
     above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
     _time_axis([above, *below])
     _track_ahead(figure, motion, manoeuvre)
@@ -134,9 +136,13 @@ def _rate_and_speed(panels: Sequence[Axes], motion: Motion, time_s: Floats) -> N
     panels[1].set_ylabel("speed\n[m/s]")
 
 
+def _running_shafts(motion: Motion) -> dict[str, Floats]:
+    return {name: rpm for name, rpm in {**motion.drives, **motion.tunnels}.items() if np.abs(rpm).max() > 0.0}
+
+
 def _shafts(axes: Axes, motion: Motion, time_s: Floats) -> None:
     """The shafts that run, each by its name where there are several."""
-    running = {name: rpm for name, rpm in {**motion.drives, **motion.tunnels}.items() if np.abs(rpm).max() > 0.0}
+    running = _running_shafts(motion)
     for number, (name, rpm) in enumerate(running.items()):
         broad = 2.4 if number == 0 and len(running) > 1 else 1.1  # a rim where another lies on it
         axes.plot(time_s, rpm, color=PALETTE[number % len(PALETTE)], linewidth=broad, label=plain_name(name))
@@ -190,8 +196,9 @@ def _track_ahead(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
 
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
-    grid = figure.add_gridspec(5, 2, width_ratios=(1.7, 1), **_MARGINS)
-    left, beside = figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(5)]
+    panels = 4 + bool(_running_shafts(motion))
+    grid = figure.add_gridspec(panels, 2, width_ratios=(1.7, 1), **_MARGINS)
+    left, beside = figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(panels)]
     start, end = seconds_of(motion, manoeuvre)
     ahead_deg = _course_deg(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
@@ -216,7 +223,8 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     _helm(beside[1], motion, time_s)
     beside[1].set_ylabel(f"{motion.steering}\n[deg]")
     _rate_and_speed(beside[2:4], motion, time_s)
-    _shafts(beside[4], motion, time_s)
+    if panels > 4:
+        _shafts(beside[4], motion, time_s)
     for axes in beside:
         axes.axvline(0.0, color=FAINT, linewidth=0.8)
         axes.set_xlim(time_s[0], time_s[-1])

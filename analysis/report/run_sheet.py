@@ -210,8 +210,18 @@ def _actuators(said: str) -> list[tuple[str, str]]:
 def _when(one_hz: pd.DataFrame) -> list[tuple[str, str]]:
     first, last = one_hz.index[0], one_hz.index[-1]
     minutes = (last - first).total_seconds() / 60.0
+    if not has_date(first):
+        return [("date", UNKNOWN), ("duration", f"{minutes:.1f} min")]
     until = f"{last:%H:%M:%S}" if last.date() == first.date() else f"{last:%Y-%m-%d %H:%M:%S}"
     return [("date", f"{first:%Y-%m-%d}"), ("time, UTC", f"{first:%H:%M:%S} to {until}, {minutes:.1f} min")]
+
+
+def has_date(time: pd.Timestamp) -> bool:
+    """Whether a time has a date: those of an unknown start count from 1970."""
+    return time.year > _UNKNOWN_YEAR
+
+
+_UNKNOWN_YEAR = 1970
 
 
 def _origin_text(origin: tuple[float, float] | None) -> str:

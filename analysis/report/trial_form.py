@@ -35,7 +35,9 @@ LONGEST_STEP_S = 20.0
 """The longest interval between the rows of a test, by MSC/Circ.1053."""
 _STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LONGEST_STEP_S)
 _FEWEST_ROWS, _ROWS_ON_SHEET = 24, 44  # of a test's table: as many stand on a sheet under its picture
+_MOST_SHAFTS_TWICE = 1  # that two tables beside each other have room for
 _LEAST_NOISE = 1e-6  # in any unit: less is left by arithmetic
+_WHOLE_KW = 100.0
 _APPROACH_S = 30.0  # of which the output before the order is the mean
 _NOT_MEASURED = "\u2013"
 
@@ -93,10 +95,19 @@ def _approach_cells(test: NumberedRun) -> list[str]:
     return [
         "" if speed is None else f"{speed / KNOT_MPS:.2f}",
         "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
-        " / ".join(shafts), "" if power is None else f"{power:,.0f}",
+        " / ".join(shafts), "" if power is None else power_text(power),
         *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
         drift,
     ]  # fmt: skip
+
+
+def power_text(kilowatts: float) -> str:
+    """A power as people write it, in whole kilowatts from 100 on.
+
+    >>> power_text(10320.4), power_text(0.0374)
+    ('10,320', '0.0374')
+    """
+    return f"{kilowatts:,.0f}" if abs(kilowatts) >= _WHOLE_KW else f"{kilowatts:.3g}"
 
 
 def _before(test: NumberedRun) -> pd.DataFrame:
@@ -163,7 +174,7 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
     """
     run = test.manoeuvre
     start, end = ((time.value - motion.origin_ns) / NANO for time in (run.start, run.end))
-    step_s = _step_s(end - start)
+    step_s = _step_s(end - start, 2 if len(motion.drives) <= _MOST_SHAFTS_TWICE else 1)
     time_s = np.arange(start, end + 1e-6, step_s)
     columns = {
         "time [s]": (time_s - start, 1 if step_s < 1.0 else 0),
@@ -181,7 +192,10 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
 def history_caption(step_s: float, is_midship: bool) -> str:
     """What the rows of a test are."""
     where = "at midship" if is_midship else "of the antenna"
-    return f"Rows every {step_s:g} s from the order; position {where}, from that of the order, by the approach."
+    return (
+        f"Rows every {step_s:g} s from the order; position {where}, from that of the order: ahead, and across to "
+        "starboard, of the approach."
+    )
 
 
 Columns = dict[str, tuple[Floats, int]]
@@ -191,11 +205,12 @@ def _sampled(motion: Motion, name: str, time_s: Floats) -> Floats:
     return np.asarray(np.interp(time_s, motion.time_s, getattr(motion, name)))
 
 
-def _step_s(duration_s: float) -> float:
-    """The longest interval that the standard allows and that still shows the course of the test."""
+def _step_s(duration_s: float, columns: int) -> float:
+    """The longest interval that the standard allows and that still shows the course of the test; of a long test the
+    one by which it fills so many columns of a sheet."""
     fine = [step for step in _STEPS_S if duration_s / step >= _FEWEST_ROWS]
     step_s = max(fine, default=_STEPS_S[0])
-    return step_s * max(1, int(np.ceil(duration_s / step_s / (2 * _ROWS_ON_SHEET))))
+    return step_s * max(1, int(np.ceil(duration_s / step_s / (columns * (_ROWS_ON_SHEET - 1)))))
 
 
 def _command_columns(motion: Motion, time_s: Floats) -> Columns:
@@ -204,7 +219,7 @@ def _command_columns(motion: Motion, time_s: Floats) -> Columns:
         columns[f"{motion.steering} [deg]"] = _sampled(motion, "helm_deg", time_s), 1
     if motion.helm_order_deg is not None:
         last = np.searchsorted(motion.time_s, time_s + 1e-6, side="right") - 1  # an order holds until the next one
-        columns["ordered [deg]"] = motion.helm_order_deg[last], 1
+        columns["order [deg]"] = motion.helm_order_deg[last], 1
     for name, values in motion.drives.items():
         words = motion.words.get(name, in_words(name))
         columns["shaft [rpm]" if len(motion.drives) == 1 else f"{words} [rpm]"] = (
@@ -218,7 +233,7 @@ def _positions(motion: Motion, run: Manoeuvre, start: float, time_s: Floats) -> 
     course = np.deg2rad(run.settings.get("approach_heading_deg", motion.at("heading_deg", start)))
     ahead, aside = to_ship(north, east, course)
     digits = 1 if float(np.ptp(np.hypot(north, east))) < 300.0 else 0
-    return {"ahead [m]": (ahead, digits), "to starboard [m]": (aside, digits)}
+    return {"ahead [m]": (ahead, digits), "across [m]": (aside, digits)}
 
 
 def _wind_column(table: pd.DataFrame, run: Manoeuvre, elapsed_s: Floats) -> Columns:

@@ -17,7 +17,7 @@ from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import events_of
 from analysis.report.quality_page import counts_of
-from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, known_rows, ship_rows
+from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, known_rows, ship_rows
 from analysis.report.trial_form import NumberedRun
 from analysis.report.words import in_words
 from analysis.speed_power.report import sentence
@@ -80,7 +80,8 @@ def subtitle(case: Case) -> str:
     first = next(iter(case.products.values()))
     trial, start = first.recording.trial, first.one_hz.index[0]
     several = f"{len(case.products)} recordings" if len(case.products) > 1 else ""
-    return ", ".join(each for each in (trial.name, trial.place, f"{start:%d %B %Y}".lstrip("0"), several) if each)
+    date = f"{start:%d %B %Y}".lstrip("0") if has_date(start) else ""
+    return ", ".join(filter(None, (trial.name, trial.place, date, several)))
 
 
 def criteria_headline(case: Case) -> str:
