@@ -26,7 +26,6 @@ from analysis.manoeuvres import Manoeuvre
 from analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
 from analysis.products import Options, Products, analyse
 from analysis.report.run_sheet import Ship
-from analysis.report.trial_form import NumberedRun, numbered_runs
 from analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
 from analysis.tables.resample import resample
 from analysis.tables.table import percent_of, refuse_duplicates, select
@@ -50,6 +49,7 @@ from hybrid.report.errors import (
     predicted_motion,
     residuals_of,
 )
+from hybrid.report.trial_form import NumberedRun, numbered_runs
 from hybrid.vessel.files import load_vessel, locate_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant

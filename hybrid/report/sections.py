@@ -51,7 +51,6 @@ def _note(text: str) -> Page:
 def templates() -> Environment:
     """The templates of this package, with what they call."""
     from analysis.manoeuvres.criteria import shortfalls_of
-    from analysis.report import trial_form
     from analysis.speed_power import report as speed_power
     from hybrid.diagnosis.serialisation import read_diagnosis
     from hybrid.prediction.scores import FEW_LEGS
@@ -62,6 +61,7 @@ def templates() -> Environment:
         evaluation_page,
         plan_page,
         tables,
+        trial_form,
         trial_plots,
         trial_sections,
         vessel_check,

@@ -18,7 +18,6 @@ from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import events_of
 from analysis.report.quality_page import counts_of
 from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, known_rows, ship_rows
-from analysis.report.trial_form import NumberedRun
 from analysis.report.words import in_words
 from analysis.speed_power.report import sentence
 from hybrid.prediction.scores import TWO_SIDED
@@ -26,6 +25,7 @@ from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
 from hybrid.report.errors import Calibration, Residuals, largest_residuals
 from hybrid.report.tables import score_rows
+from hybrid.report.trial_form import NumberedRun
 from hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
@@ -144,10 +144,20 @@ def has_two_runs(rows: Sequence[IndexRow]) -> bool:
     return any(each.runs == 2 for row in rows for each in row.sides.values())
 
 
-def unpictured(case: Case) -> dict[str, Products]:
-    """The recordings in which there is no manoeuvre to draw, and a single one: their channels are drawn."""
-    drawn = {run.recording for run in case.runs if run.manoeuvre.kind in PICTURED}
-    return {name: made for name, made in case.products.items() if len(case.products) == 1 or name not in drawn}
+_TESTED_SHARE = 0.25  # the rest is approach, between tests
+
+
+def recordings_to_draw(case: Case) -> dict[str, Products]:
+    """The recordings whose track and channels are drawn: a single one, and those that are not mostly tests."""
+    return {name: made for name, made in case.products.items()
+            if len(case.products) == 1 or _tested_share(made) < _TESTED_SHARE}  # fmt: skip
+
+
+def _tested_share(products: Products) -> float:
+    """The fraction of a recording's time in which a manoeuvre is made that has a picture of its own."""
+    drawn = (run for run in products.manoeuvres if run.kind in PICTURED)
+    tested_s = sum((run.end - run.start).total_seconds() for run in drawn)
+    return tested_s / max(len(products.one_hz), 1)
 
 
 def pictured(runs: Sequence[NumberedRun], rows: Sequence[IndexRow], most: int = MOST_PICTURES) -> list[NumberedRun]:

@@ -146,7 +146,7 @@ def test_a_calibrator_that_saw_the_trial_is_not_judged_on_it(earlier: list[Path]
 def test_several_recordings_are_told_apart(
     unseen: Path, earlier: list[Path], small_folder: Path, simulated: Callable[..., Path], tmp_path: Path
 ) -> None:
-    """Each has its own track and series, under its name; errors by trial have all. One that is too short for a
+    """Each has its figures under its name, of its tests or of its track and series; errors by trial have all. One that is too short for a
     window and one that cannot be read keep none of the others from being shown, and are named."""
     damaged, short = tmp_path / "damaged.mcap", simulated("calm", 3, 12.0)
     damaged.write_bytes(unseen.read_bytes()[:200])
@@ -157,7 +157,9 @@ def test_several_recordings_are_told_apart(
     assert list(case.products) == [unseen.stem, short.stem, earlier[0].stem]
     assert "Left out: damaged" in said
     figures = {path.stem for path in (tmp_path / "figures").glob("*.svg")}
-    assert {f"{what}_{name}" for what in ("track", "channels") for name in case.products} <= figures
+    drawn = {name: {figure for figure in figures if figure.endswith(name)} for name in case.products}
+    assert all(drawn.values())
+    assert {f"track_{short.stem}", f"channels_{short.stem}"} <= drawn[short.stem]
     figure = Figure()
     error_distributions(figure, case)
     groups = {label.get_text().partition("\n")[0] for label in figure.axes[-1].get_xticklabels()}

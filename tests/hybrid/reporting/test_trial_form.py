@@ -13,7 +13,7 @@ from acquisition.core.units import KNOT_MPS
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.criteria import criteria_of, index_rows
 from analysis.manoeuvres.motion import motion_of
-from analysis.report.trial_form import (
+from hybrid.report.trial_form import (
     LONGEST_STEP_S,
     PROGRAMME,
     NumberedRun,

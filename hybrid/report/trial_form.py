@@ -39,6 +39,7 @@ _MOST_SHAFTS_TWICE = 1  # that two tables beside each other have room for
 _LEAST_NOISE = 1e-6  # in any unit: less is left by arithmetic
 _WHOLE_KW = 100.0
 _APPROACH_S = 30.0  # of which the output before the order is the mean
+_GAP = "\u2003"  # between two tables beside each other
 _NOT_MEASURED = "\u2013"
 
 
@@ -245,17 +246,17 @@ def _wind_column(table: pd.DataFrame, run: Manoeuvre, elapsed_s: Floats) -> Colu
 
 
 def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list[str], list[list[str]]]:
-    """A table of many rows with its second half beside the first.
+    r"""A table of many rows with its second half beside the first.
 
     >>> header, rows = on_one_sheet(["n"], [[str(number)] for number in range(45)])
     >>> len(rows), header, rows[0], rows[-1]
-    (23, ['n', '', 'n'], ['0', '', '23'], ['22', '', ''])
+    (23, ['n', '\u2003', 'n'], ['0', '\u2003', '23'], ['22', '\u2003', ''])
     """
     if len(rows) <= _ROWS_ON_SHEET:
         return list(header), list(rows)
     middle = (len(rows) + 1) // 2
-    second = [*rows[middle:], [""] * len(header)]
-    return [*header, "", *header], [[*row, "", *other] for row, other in zip(rows[:middle], second, strict=False)]
+    beside = zip(rows[:middle], [*rows[middle:], [""] * len(header)], strict=False)
+    return [*header, _GAP, *header], [[*row, _GAP, *other] for row, other in beside]
 
 
 SIGNATURES = [
