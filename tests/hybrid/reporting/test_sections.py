@@ -146,8 +146,11 @@ def test_a_calibrator_that_saw_the_trial_is_not_judged_on_it(earlier: list[Path]
 def test_several_recordings_are_told_apart(
     unseen: Path, earlier: list[Path], small_folder: Path, simulated: Callable[..., Path], tmp_path: Path
 ) -> None:
-    """Each has its figures under its name, of its tests or of its track and series; errors by trial have all. One that is too short for a
-    window and one that cannot be read keep none of the others from being shown, and are named."""
+    """Each has its figures under its name, of its tests or of its track and series; errors by trial have all.
+
+    One that is too short for a window and one that cannot be read keep none of the others from being shown, and are
+    named.
+    """
     damaged, short = tmp_path / "damaged.mcap", simulated("calm", 3, 12.0)
     damaged.write_bytes(unseen.read_bytes()[:200])
     case = load_case([damaged, unseen, short, earlier[0]], small_folder, allow_seen=True)
