@@ -107,12 +107,12 @@ def condition_rows(
         ("place", trial.place or UNKNOWN),
         ("origin of north and east", _origin_text(trial.origin)),
         ("water depth", _depth(stated.water_depth_m, draught_m)),
-        ("water", _joined(
+        ("water temperature, density", _joined(
             "" if stated.water_temperature_degc is None else f"{stated.water_temperature_degc:g} \u00b0C",
             f"{density:g} kg/m\u00b3" if density != REFERENCE_DENSITY_KGPM3 else "")),
         ("wind", _wind(recording, one_hz, stated.beaufort)),
         ("sea state", trial.sea_state or state_of_sea),
-        ("waves", _waves(stated)),
+        ("significant wave height", _waves(stated)),
         ("current", _current(manoeuvres, stated.current_mps)),
         ("antenna from midship", _place_text(trial)),
         ("crew notes", trial.crew_notes or UNKNOWN),
@@ -137,7 +137,8 @@ def _draughts(stated: Conditions) -> str:
     if stated.trim_m is None:
         return f"mean {stated.draught_m:g} m"
     half = 0.5 * stated.trim_m
-    return f"{stated.draught_m - half:g} m, {stated.draught_m + half:g} m (mean {stated.draught_m:g} m)"
+    fore_m, aft_m = stated.draught_m - half, stated.draught_m + half
+    return f"{fore_m:g} m, {aft_m:g} m, from the mean of {stated.draught_m:g} m and the trim"
 
 
 def _block_coefficient(particulars: Particulars, stated: Conditions, ship: Ship | None) -> str:
@@ -188,14 +189,6 @@ def file_rows(recording: Recording) -> list[tuple[str, str]]:
 def _files_text(paths: Sequence[Path]) -> str:
     more = f" and {len(paths) - 1} later part{'s' * (len(paths) > 2)}" if len(paths) > 1 else ""
     return f"{paths[0].name}{more}, {sum(path.stat().st_size for path in paths):,} bytes"
-
-
-def known_rows(rows: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
-    """The rows of a run sheet whose value is known, and the others named in one."""
-    rows = list(rows)
-    unknown = [what for what, value in rows if value == UNKNOWN]
-    known = [(what, value) for what, value in rows if value != UNKNOWN]
-    return [*known, (UNKNOWN, ", ".join(unknown))] if unknown else known
 
 
 def _actuators(said: str) -> list[tuple[str, str]]:
@@ -311,7 +304,7 @@ def _dimensions(
     ratios = [
         f"L/B {length_m / beam_m:.2f}" if beam_m else "",
         f"B/T {beam_m / draught_m:.2f}" if beam_m and draught_m else "",
-        f"L/V {length_m / speed:.1f} s at the {whose}, {speed:.2f} m/s" if speed > _SLOWEST_MPS else "",
+        f"L/V {length_m / speed:.1f} s at the {whose}, {speed:.2f} m/s over ground" if speed > _SLOWEST_MPS else "",
     ]
     overall = f"{ship.over_all_m:g} m overall, " if ship.over_all_m != length_m else ""
     size = f"{overall}{length_m:g} m between perpendiculars (L)"

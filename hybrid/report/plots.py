@@ -208,6 +208,9 @@ def box(axes: Axes, values: Floats, at: float, width: float, colour: str, alpha:
     )  # fmt: skip
 
 
+_LETTERS_ABREAST = 90  # of names below an axis of nine inches
+
+
 def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> None:
     """The mean distance of each window [m], a group a trial and a box a method; whiskers hold 5 to 95 %."""
     methods = list(next(iter(by_trial.values())))
@@ -216,8 +219,11 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> No
             at = group + (number - 0.5 * (len(methods) - 1)) * 0.8 / len(methods)
             box(axes, np.maximum(errors[method], 1e-3), at, 0.7 / len(methods), COLOUR[method])
     axes.set_yscale("log")
-    names = [f"{name}\n{len(next(iter(each.values())))} windows" for name, each in by_trial.items()]
+    names = [f"{name}\n{len(next(iter(errors.values())))} windows" for name, errors in by_trial.items()]
+    crowded = sum(map(len, by_trial)) > _LETTERS_ABREAST
     axes.set_xticks(range(len(by_trial)), names)
+    if crowded:
+        axes.tick_params(axis="x", labelrotation=25, labelsize=7)
     plain_numbers(axes.yaxis)
     axes.set_ylabel("mean distance of a window [m]")
     handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=plain(method))

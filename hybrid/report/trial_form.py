@@ -24,7 +24,6 @@ from analysis.manoeuvres.criteria import CriterionResult
 from analysis.manoeuvres.indices import Manoeuvre, unit_of
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells
-from analysis.manoeuvres.standards import RESOLUTION
 from analysis.products import Products
 from analysis.quality.samples import ASSUMED
 from analysis.report.words import in_words
@@ -69,6 +68,7 @@ PROGRAMME = (
     "", "test", "recording", "order, UTC", "speed [kn]", "heading", "shaft [rpm]", "power [kW]", "wind [m/s]",
     "from", "Beaufort", "drift [kn]",
 )  # fmt: skip
+_ASKED = ("shaft [rpm]", "power [kW]", "wind [m/s]")  # of a trial, by MSC/Circ.1053
 
 
 def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
@@ -83,6 +83,12 @@ def programme_rows(tests: Sequence[NumberedRun]) -> list[list[str]]:
          f"{test.manoeuvre.start:{'%H:%M:%S' if is_one_day else '%Y-%m-%d %H:%M:%S'}}", *_approach_cells(test)]
         for test in tests
     ]  # fmt: skip
+
+
+def unrecorded(rows: Sequence[Sequence[str]]) -> list[str]:
+    """What the circular asks to be recorded and no row of the programme has."""
+    columns = dict(zip(PROGRAMME, zip(*rows, strict=True), strict=True))
+    return [name.partition(" [")[0] for name in _ASKED if not any(columns[name])]
 
 
 def _approach_cells(test: NumberedRun) -> list[str]:
@@ -121,32 +127,43 @@ def _before(test: NumberedRun) -> pd.DataFrame:
 
 def measured(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
     """Those of some channels that a table has values of, other than assumed ones."""
-    sources = table.attrs.get("sources", {})
-    return [name for name in names
-            if name in table and table[name].notna().any() and sources.get(name) != [ASSUMED]]  # fmt: skip
+    return [name for name in names if name in table and table[name].notna().any() and not is_assumed(table, name)]
+
+
+def is_assumed(table: pd.DataFrame, name: str) -> bool:
+    """Whether a channel's values were assumed at an import and not measured."""
+    return bool(table.attrs.get("sources", {}).get(name) == [ASSUMED])
 
 
 def _shafts(table: pd.DataFrame) -> list[str]:
     return measured(table, [name for name in map(str, table) if name.endswith("_rpm") and not is_order(name)])
 
 
-def criteria_rows(results: Sequence[CriterionResult]) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
+def criteria_rows(
+    results: Sequence[CriterionResult], length_m: float | None = None
+) -> list[tuple[str, str, list[tuple[str, str, str]]]]:
     """One row a criterion: its name with the clause, its limit, and of each side value, interval and result; of a
-    test without sides there is one."""
+    test without sides there is one. Limits that depend on the ship's length [m] alone need no run.
+    """
     by_criterion: dict[str, list[CriterionResult]] = {}
     for result in results:
         by_criterion.setdefault(result.criterion.name, []).append(result)
-    return [_criterion_row(sides) for sides in by_criterion.values()]
+    return [_criterion_row(sides, length_m) for sides in by_criterion.values()]
 
 
-def _criterion_row(results: Sequence[CriterionResult]) -> tuple[str, str, list[tuple[str, str, str]]]:
-    criterion = results[0].criterion
+def _criterion_row(
+    results: Sequence[CriterionResult], length_m: float | None
+) -> tuple[str, str, list[tuple[str, str, str]]]:
+    criterion, unit = results[0].criterion, unit_of(results[0].criterion.index)
     limits = [result.mean.index for result in results if result.mean and result.mean.index.limit]
-    limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3] if limits else ""
-    unit = unit_of(criterion.index)
-    title = f"{criterion.name} [{unit}] ({criterion.clause})"
-    limit = f"\u2264 {limit.replace(f' {unit}', '')}" if limit else ""
-    return title, limit, [_result_cells(result) for result in results]
+    if limits:
+        limit = index_cells(min(limits, key=lambda index: index.limit or 0.0))[3].replace(f" {unit}", "")
+    else:
+        value = criterion.limit(length_m, 0.0)
+        lengths = f" ({value / length_m:.1f} L)" if value and length_m and unit == "m" else ""
+        limit = f"{value:.1f}{lengths}" if value else ""
+    cells = [_result_cells(result) for result in results]
+    return f"{criterion.name} [{unit}] ({criterion.clause})", f"\u2264 {limit}" if limit else "", cells
 
 
 def _result_cells(result: CriterionResult) -> tuple[str, str, str]:
@@ -156,15 +173,6 @@ def _result_cells(result: CriterionResult) -> tuple[str, str, str]:
     value, interval, lengths, _ = index_cells(result.mean.index)
     value = value.removesuffix(f" {result.mean.index.unit}")
     return f"{value} ({lengths} L)" if lengths else value, interval, words
-
-
-def criteria_caption() -> str:
-    """What the table of criteria is."""
-    return (
-        f"The criteria of IMO {RESOLUTION} with their clauses, port beside starboard as in the form of "
-        "MSC/Circ.1053, appendix 6. Values count from the order, at midship; L is the length between "
-        "perpendiculars."
-    )
 
 
 def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str]], float]:
@@ -188,15 +196,6 @@ def history(motion: Motion, test: NumberedRun) -> tuple[list[str], list[list[str
     }
     cells = [[f"{value:.{digits}f}" for value in values.round(digits) + 0.0] for values, digits in columns.values()]
     return list(columns), [list(row) for row in zip(*cells, strict=True)], step_s
-
-
-def history_caption(step_s: float, is_midship: bool) -> str:
-    """What the rows of a test are."""
-    where = "at midship" if is_midship else "of the antenna"
-    return (
-        f"Rows every {step_s:g} s from the order; position {where}, from that of the order: ahead, and across to "
-        "starboard, of the approach."
-    )
 
 
 Columns = dict[str, tuple[Floats, int]]
@@ -260,7 +259,7 @@ def on_one_sheet(header: Sequence[str], rows: Sequence[list[str]]) -> tuple[list
 
 
 SIGNATURES = [
-    [party, "", "", ""] for party in ("the yard", "the owner", "the classification society", "the trial party")
+    [party, "", "", ""] for party in ("the yard", "the owner", "the classification society", "the administration")
 ]
 """Who signs a trial's report."""
 

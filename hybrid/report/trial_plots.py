@@ -127,7 +127,7 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> None:
 
 _MOST = 20  # parameters in one picture
 _FANS = 40  # on one track; more would lie on each other
-_CLOSE = {"a usual one": 0.5, "a hard one": 0.9, "the worst": 1.0}  # by the share of windows that end better
+_CLOSE = {"typical": 0.5, "difficult": 0.9, "the worst": 1.0}  # by the share of windows that end better
 
 
 def time_series(case: Case, name: str) -> Drawing | None:

@@ -17,7 +17,7 @@ from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import events_of
 from analysis.report.quality_page import counts_of
-from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, known_rows, ship_rows
+from analysis.report.run_sheet import UNKNOWN, condition_rows, file_rows, has_date, ship_rows
 from analysis.report.words import in_words
 from analysis.speed_power.report import sentence
 from hybrid.prediction.scores import TWO_SIDED
@@ -25,7 +25,7 @@ from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
 from hybrid.report.errors import Calibration, Residuals, largest_residuals
 from hybrid.report.tables import score_rows
-from hybrid.report.trial_form import NumberedRun
+from hybrid.report.trial_form import NumberedRun, is_assumed
 from hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
@@ -191,19 +191,48 @@ def picture_caption(each: Manoeuvre, common: Sequence[str] = ()) -> str:
 
 
 def ship_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
-    """The particulars of a ship and her loading, and in one row what nobody stated of them."""
-    return known_rows(_pooled(
-        ship_rows(made.recording.trial, made.one_hz, [run.manoeuvre for run in case.runs], case.ship(name))
-        for name, made in _of_vessel(case, vessel).items()
-    ))  # fmt: skip
+    """The particulars of a ship and her loading, as far as they are known."""
+    return _known(_ship_rows(case, vessel))
 
 
 def condition_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
-    """When, where and in what weather a ship's trial was made, and in one row what nobody stated of that."""
-    return known_rows(_pooled(
-        condition_rows(made.recording, made.one_hz, made.manoeuvres, case.ship(name))
+    """When, where and in what weather a ship's trial was made, as far as that is known."""
+    return _known(_condition_rows(case, vessel))
+
+
+def unstated(case: Case, vessel: str) -> list[str]:
+    """What nobody stated of a ship and the conditions of her trial."""
+    rows = [*_ship_rows(case, vessel), *_condition_rows(case, vessel)]
+    return [label for label, value in rows if value == UNKNOWN]
+
+
+def _known(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    return [row for row in rows if row[1] != UNKNOWN]
+
+
+def _ship_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
+    runs = _runs_of_vessel(case, vessel)
+    return _pooled(
+        ship_rows(made.recording.trial, made.one_hz, runs, case.ship(name))
         for name, made in _of_vessel(case, vessel).items()
-    ))  # fmt: skip
+    )
+
+
+def _condition_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
+    runs = _runs_of_vessel(case, vessel)
+    return _pooled(
+        condition_rows(made.recording, made.one_hz, runs, case.ship(name))
+        for name, made in _of_vessel(case, vessel).items()
+    )
+
+
+def length_of_vessel(case: Case, vessel: str) -> float | None:
+    """The length between perpendiculars of a ship that recordings name [m], None where it is not known."""
+    return next((case.length_of(name) for name in _of_vessel(case, vessel)), None)
+
+
+def _runs_of_vessel(case: Case, vessel: str) -> list[Manoeuvre]:
+    return [run for made in _of_vessel(case, vessel).values() for run in made.manoeuvres]
 
 
 def vessels_of(case: Case) -> list[str]:
@@ -229,7 +258,8 @@ def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
         stated = [value for value in distinct if value != UNKNOWN and not value.startswith("unknown")] or distinct[
             :1
         ]
-        rows.append((label, "; ".join(stated) if len(stated) <= _MOST_VALUES else "see the programme of tests"))
+        if len(stated) <= _MOST_VALUES:  # what differs from test to test is in the programme
+            rows.append((label, "; ".join(stated)))
     return rows
 
 
@@ -243,11 +273,20 @@ def paired(rows: Sequence[tuple[str, str]]) -> list[list[str]]:
     return [[*rows[row], *(rows[row + half] if row + half < len(rows) else ("", ""))] for row in range(half)]
 
 
+def metres_text(distance_m: float) -> str:
+    """A distance to three digits, centimetres from 1 m on.
+
+    >>> metres_text(12.346), metres_text(0.08519)
+    ('12.35 m', '0.0852 m')
+    """
+    return f"{distance_m:.2f} m" if distance_m >= 1.0 else f"{distance_m:.3g} m"
+
+
 def headline(case: Case) -> dict[str, str]:
     """The mean distance of each method, and what the calibrator gains."""
     judged = case.validation
     figures = {
-        f"{plain(name)}, mean distance over {judged.windows.horizon_s} s": f"{score.mean_distance_m:.2f} m"
+        f"{plain(name)}, mean distance over {judged.windows.horizon_s} s": metres_text(score.mean_distance_m)
         for name, score in judged.scores.items()
         if name in ("constant_velocity", "reference", "hybrid")
     }
@@ -265,12 +304,13 @@ def model_sentence(case: Case) -> str:
     doubted = f"the model {case.model.name}{', which is not of this ship,' if named else ''}"
     whose = doubted if case.model.doubt else "the ship's simulation model"
     with_it = " with what the calibrator learned" if case.best == "hybrid" else ""
-    gain = f"is {1.0 - mine / kept:.0%} better" if mine < kept else "is no better"
+    gain = f"is {1.0 - mine / kept:.0%} better" if mine < kept else f"has {mine / kept:.3g} times that error"
     overlap = "" if case.trained is None else f" {_OVERLAP[case.training_overlap]}"
+    horizon_s = judged.windows.horizon_s
     return (
         f"In {len(judged.windows):,} predictions with steady controls, {whose}{with_it} has a mean error of "
-        f"{mine:.2f} m over {judged.windows.horizon_s} s. With constant speed and rate of turn the error would be "
-        f"{kept:.2f} m: the model {gain}.{overlap}"
+        f"{metres_text(mine)} over {horizon_s} s. With constant speed and rate of turn the error would be "
+        f"{metres_text(kept)}: the model {gain}.{overlap}"
     )
 
 
@@ -363,7 +403,7 @@ def channel_rows(products: Products, *, every: bool = True) -> list[list[str]]:
     rows = []
     doubtful = _doubtful_channels(products)
     for name, each in products.quality.channels.items():
-        if not every and name not in doubtful:
+        if is_assumed(products.table, name) or not (every or name in doubtful):
             continue
         series = products.recording.series.get(name)
         steps = np.diff(np.sort(series.measured_ns)) / 1e9 if series is not None else np.array([])

@@ -34,7 +34,8 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
     sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 33.9, 9.6, 2.7))
     assert sheet["ship"] == "gunnerus"
     assert sheet["water depth"] == "20 m, 8.0 draughts"
-    assert (sheet["draughts fore, aft"], sheet["trim by the stern"]) == ("2.45 m, 2.55 m (mean 2.5 m)", "0.1 m")
+    assert sheet["draughts fore, aft"] == "2.45 m, 2.55 m, from the mean of 2.5 m and the trim"
+    assert sheet["trim by the stern"] == "0.1 m"
     assert sheet["origin of north and east"] == "63.50000\u00b0 N, 10.25000\u00b0 W"
     assert (sheet["loading"], sheet["sea state"], sheet["crew notes"]) == (
         "half fuel",
