@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -15,6 +15,10 @@ REFERENCE_DENSITY_KGPM3, REFERENCE_TEMPERATURE_DEGC = 1026.0, 15.0
 """The water that results are stated for, ISO 15016:2015."""
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+WindType = Literal[
+    "tanker_loaded", "tanker_ballast", "gas_carrier_prismatic", "container_loaded", "general_cargo"
+]  # fmt: skip
+"""The ships whose typical coefficients of wind resistance are known: :mod:`analysis.speed_power.typical_wind`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,10 +29,13 @@ class Conditions:
     ``midship_section_m2`` is the area of the largest section under water, ``bow_length_m`` how far abaft the stem
     the waterline has 95 % of its largest beam, ``frontal_area_m2`` what the wind sees from ahead.
     ``wind_resistance`` are C_AA at equal steps of the angle off the bow, 0 to 180 deg, positive where the air
-    brakes, for a wind at ``wind_reference_height_m``; ``anemometer_height_m`` is where it was measured.
+    brakes, for a wind at ``wind_reference_height_m``; ``anemometer_height_m`` is where it was measured. Without
+    them ``wind_resistance_type`` takes those that are typical of a kind of ship.
     ``propulsive_efficiency`` is towing power by the power that is measured at the shafts, and ``load_variation``
     (xi_P) its change by the relative change of resistance. ``form_factor`` is 1 + k. ``wave_from_deg`` is the
-    true direction that the waves come from. ``trim_m`` is positive by the stern, ``gm_m`` the metacentric height,
+    true direction that the waves come from, ``wave_height_m`` their significant height, ``wave_period_s`` the mean
+    period (T01); ``pitch_gyradius_m`` is the radius of gyration of pitch. ``power_error_percent`` is the accuracy
+    of the power measurement. ``trim_m`` is positive by the stern, ``gm_m`` the metacentric height,
     ``full_load_draught_m`` that of the summer load line; ``beaufort`` and ``sea_state`` (0 to 9) are the force of
     the wind and the state of the sea, ``current_mps`` the speed of the current. ``speed_at_85_percent_mcr_mps`` is
     that of the ship at 85 % of the maximum output of her engines. IMO's standards for ship manoeuvrability are for
@@ -46,13 +53,17 @@ class Conditions:
     form_factor: Positive | None = None
     bow_length_m: Positive | None = None
     frontal_area_m2: Positive | None = None
-    wind_resistance: tuple[float, ...] = ()
+    wind_resistance: tuple[Finite, ...] = ()
+    wind_resistance_type: WindType | None = None
     wind_reference_height_m: Positive = 10.0
     anemometer_height_m: Positive | None = None
     propulsive_efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
-    load_variation: float = 0.0
-    wave_height_m: Annotated[float, Field(ge=0.0)] | None = None
-    wave_from_deg: float | None = None
+    load_variation: Finite = 0.0
+    wave_height_m: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None = None
+    wave_from_deg: Finite | None = None
+    wave_period_s: Positive | None = None
+    pitch_gyradius_m: Positive | None = None
+    power_error_percent: Annotated[float, Field(ge=0.0, le=20.0)] = 1.0
     trim_m: Finite | None = None
     gm_m: Finite | None = None
     full_load_draught_m: Positive | None = None

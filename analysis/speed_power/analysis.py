@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,24 +16,13 @@ from acquisition.core.result import Result
 from acquisition.core.serialisation import Number
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.indices import LeftOut
-from analysis.speed_power.corrections import (
-    FOUR,
-    RAVEN,
-    Correction,
-    corrections_of,
-    ideal_power_kw,
-    lackenby_mps,
-    raven_kw,
-    warnings_of,
-    water_resistance_n,
-    wave_resistance_n,
-    wind_resistance_n,
-)
-from analysis.speed_power.current import IterativeCurrent, PowerCurve, fit_curve, iterate_current, mean_of_means
-from analysis.speed_power.runs import ERROR_FREEDOM, PowerRun, double_runs, power_runs, settings_of
+from analysis.speed_power.corrections import Correction, corrections_of, warnings_of
+from analysis.speed_power.current import PowerCurve
+from analysis.speed_power.runs import PowerRun, double_runs, power_runs
+from analysis.speed_power.solution import Solution, SpeedTrial, solve, trial_of
+from analysis.speed_power.uncertainty import Intervals, intervals_of, why_unbounded
 
 _BAND_POINTS = 25
-_PASSES = 3  # the corrections hang on the speed through the water, by a few percent of a few percent
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +59,18 @@ class PowerSetting:
 
 
 @dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """One source of uncertainty of the speed at the highest power setting: half of its 95 % interval alone."""
+
+    name: str
+    half_mps: float
+
+
+@dataclass(frozen=True, slots=True)
 class SpeedPower(Result):
     """Speed and power of a ship in still water: ``settings`` by both methods, ``curve`` and ``band`` by the
-    iterative one, ``current_terms`` as in :class:`IterativeCurrent` along ``current_towards_deg``.
+    iterative one, ``current_terms`` as in :class:`IterativeCurrent` along ``current_towards_deg``, the
+    ``uncertainties`` that its interval is made of, ``no_interval`` why there is none.
     """
 
     view: ClassVar[str] = "analysis.speed_power.report:view"
@@ -86,6 +84,8 @@ class SpeedPower(Result):
     current_terms: tuple[float, ...]
     current_towards_deg: float
     corrections: tuple[Correction, ...]
+    uncertainties: tuple[Uncertainty, ...]
+    no_interval: str
     warnings: tuple[str, ...]
     left_out: tuple[LeftOut, ...]
     software_version: str
@@ -100,39 +100,14 @@ class SpeedPower(Result):
         powers = np.array([each.power_kw for each in self.band])
         if not powers[0] <= power_kw <= powers[-1]:
             raise InputError(
-                f"{power_kw:g} kW is outside the range of the runs",
-                why=f"they span {powers[0]:.4g} to {powers[-1]:.4g} kW",
+                f"{power_kw:,.0f} kW is outside the range of the runs",
+                why=f"they span {powers[0]:,.0f} to {powers[-1]:,.0f} kW",
                 fix="ask for a power in this range",
             )  # fmt: skip
         low, high = (np.interp(power_kw, powers, [getattr(each, name) - each.speed_mps for each in self.band])
                      for name in ("low_mps", "high_mps"))  # fmt: skip
         speed = float(self.curve.speed_mps(power_kw))
         return SpeedAtPower(power_kw, speed, speed + float(low), speed + float(high))
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """What stays as it is while speeds and powers are varied: the runs as arrays, and which corrections apply."""
-
-    given: Conditions
-    time_s: Floats
-    heading_deg: Floats
-    along: Floats
-    wind_from_deg: Floats
-    wind_mps: Floats
-    groups: list[list[int]]
-    pairs: Floats
-    applied: frozenset[str]
-
-
-@dataclass(frozen=True, slots=True)
-class _Solution:
-    added_n: dict[str, Floats]
-    found: IterativeCurrent  # in the water as it was
-    speed_mps: Floats
-    power_kw: Floats
-    curve: PowerCurve
-    means: Floats  # [settings, 2]: speed by the mean of means, mean power
 
 
 def speed_power(
@@ -149,132 +124,103 @@ def speed_power(
     for table in tables:
         found, others = power_runs(table, marks)
         every, left_out = [*every, *found], [*left_out, *others]
-    runs, alone = double_runs(every)
-    return _analyse(runs, conditions or Conditions(), sorted([*left_out, *alone], key=lambda each: each.start))
+    return speed_power_of_runs(every, conditions, left_out)
 
 
-def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: Sequence[LeftOut]) -> SpeedPower:
-    if not runs:
-        why = "; ".join(sorted({each.why for each in left_out})) or "no steady straight stretch of half a minute"
+def speed_power_of_runs(
+    runs: Iterable[PowerRun], conditions: Conditions | None = None, left_out: Iterable[LeftOut] = ()
+) -> SpeedPower:
+    """Speed and power from the runs of one trial, after ISO 15016:2015.
+
+    Parameters
+    ----------
+    runs
+        Runs of :func:`power_runs`, or of a table of run averages (:func:`.run_table.read_run_table`).
+    conditions
+        The ship, the sea and the air, for the corrections.
+    left_out
+        What was no run, to stand in the result.
+
+    Raises
+    ------
+    DataShortageError
+        Without a double run, and where the power does not grow with the speed.
+    """
+    pairs, alone = double_runs(runs)
+    excluded = sorted([*left_out, *alone], key=lambda each: each.start)
+    if not pairs:
+        why = "; ".join(sorted({each.why for each in excluded})) or "no steady straight stretch of half a minute"
         raise DataShortageError(
             "no double run was found", why=why, fix="record runs at one power on reciprocal courses"
         )
-    over_ground, power = (np.array([getattr(each, name) for each in runs]) for name in ("speed_mps", "power_kw"))
+    return _analyse(pairs, conditions or Conditions(), tuple(excluded))
+
+
+def _analyse(runs: Sequence[PowerRun], given: Conditions, left_out: tuple[LeftOut, ...]) -> SpeedPower:
+    over_ground, power = (np.array([getattr(run, name) for run in runs]) for name in ("speed_mps", "power_kw"))
     corrections = corrections_of(given, runs)
-    trial = _trial_of(given, runs, frozenset(each.name for each in corrections if each.applied))
-    best = _solve(trial, over_ground, power)
+    trial = trial_of(given, runs, corrections)
+    best = solve(trial, over_ground, power)
     band_kw = np.linspace(best.power_kw.min(), best.power_kw.max(), _BAND_POINTS)
 
-    def speeds(solution: _Solution) -> Floats:
+    def speeds(solution: Solution) -> Floats:
         at_settings = solution.curve.speed_mps(best.means[:, 1])
         means = solution.means[:, 0] + (best.means[:, 1] - solution.means[:, 1]) / best.curve.slope(
             best.means[:, 0]
         )
         return np.concatenate([solution.curve.speed_mps(band_kw), at_settings, means])
 
-    values, within = speeds(best), _half_intervals(trial, runs, best, speeds)
-    within[-len(trial.groups) :][[len(group) < FOUR for group in trial.groups]] = np.nan
-    at = [SpeedAtPower(float(kw), float(v), float(v - w), float(v + w)) for kw, v, w in zip(
-        np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]]), values, within, strict=True)]  # fmt: skip
-    band, by_curve, by_means = at[:_BAND_POINTS], at[_BAND_POINTS : -len(trial.groups)], at[-len(trial.groups) :]
+    no_interval, within = why_unbounded(trial), None
+    if not no_interval:
+        try:
+            within = intervals_of(trial, runs, best, over_ground, power, speeds)
+        except DataShortageError:
+            no_interval = "runs that differ by less than their errors would have no solution"
+    values = speeds(best)
+    powers = np.concatenate([band_kw, best.means[:, 1], best.means[:, 1]])
+    at = _speeds_at(powers, values, within)
+    count = len(trial.groups)
+    band, by_curve, by_means = at[:_BAND_POINTS], at[_BAND_POINTS:-count], at[-count:]
     settings = tuple(PowerSetting(len(group), *pair) for group, *pair in zip(
         trial.groups, by_means, by_curve, strict=True))  # fmt: skip
-    terms = best.found.terms
-    rows = zip(runs, *best.added_n.values(), best.found.current_mps, best.speed_mps, best.power_kw, strict=True)
+    rows = zip(runs, *best.added_n.values(), best.current.current_mps, best.speed_mps, best.power_kw, strict=True)
     corrected = tuple(CorrectedRun(run, *map(float, numbers)) for run, *numbers in rows)
     return SpeedPower(
-        corrected, settings, best.curve, tuple(band), terms, runs[0].heading_deg, corrections,
-        warnings_of(given, runs, trial.applied, trial.groups, len(terms)), tuple(left_out), software_version(),
+        corrected, settings, best.curve, tuple(band), best.current.terms, runs[0].heading_deg,
+        _sizes(trial, over_ground, power, best, corrections),
+        _uncertainties(within, _BAND_POINTS + int(np.argmax(best.means[:, 1]))), no_interval,
+        warnings_of(given, runs, trial.groups, len(best.current.terms)), left_out, software_version(),
     )  # fmt: skip
 
 
-def _trial_of(given: Conditions, runs: Sequence[PowerRun], applied: frozenset[str]) -> _Trial:
-    """The runs as arrays; the wind is the mean vector of each double run, as the ship disturbs it on both courses
-    differently."""
-    heading = np.array([each.heading_deg for each in runs])
-    middle = np.array([(each.start + (each.end - each.start) / 2).timestamp() for each in runs])
-    pairs = np.array([each.double_run for each in runs])
-    wind = np.array([each.wind_mps * np.exp(1j * np.deg2rad(each.wind_from_deg)) for each in runs])
-    wind = np.array([wind[pairs == pair].mean() for pair in pairs])
-    return _Trial(
-        given, middle - middle[0], heading, np.cos(np.deg2rad(heading - heading[0])),
-        np.rad2deg(np.angle(wind)) % 360.0, np.abs(wind), settings_of(runs), pairs, applied,
-    )  # fmt: skip
+def _speeds_at(powers: Floats, values: Floats, within: Intervals | None) -> list[SpeedAtPower]:
+    """Speeds at powers with their intervals, which hold the speed itself wherever their middle lies."""
+    low = high = np.full_like(values, np.nan)
+    if within is not None:
+        middle = values + within.shift_mps
+        low, high = np.minimum(values, middle - within.half_mps), np.maximum(values, middle + within.half_mps)
+    return [SpeedAtPower(*map(float, row)) for row in zip(powers, values, low, high, strict=True)]
 
 
-def _solve(trial: _Trial, over_ground: Floats, power: Floats) -> _Solution:
-    """The speeds, the current and the curve of measured speeds and powers."""
-    given, settings = trial.given, len(trial.groups)
-    through = np.array([over_ground[trial.pairs == pair].mean() for pair in trial.pairs])
-    for _ in range(_PASSES):
-        added = _added_n(trial, over_ground, through, power)
-        total = np.sum(list(added.values()), axis=0)
-        ideal = ideal_power_kw(given, power, total, through) if trial.applied & added.keys() else power
-        found = iterate_current(trial.time_s, trial.along, over_ground, ideal, through, settings)
-        through = found.speed_mps
-    means = np.array([_means(trial, group, over_ground, ideal) for group in trial.groups])
-    speed, final = _in_deep_water(trial, through, ideal)
-    means = np.column_stack(_in_deep_water(trial, means[:, 0], means[:, 1]))
-    curve = found.curve
-    if trial.applied & {"shallow water", "displacement"}:
-        curve = fit_curve(speed, final, settings)
-    return _Solution(added, found, speed, final, curve, means)
+def _uncertainties(within: Intervals | None, place: int) -> tuple[Uncertainty, ...]:
+    sources = within.sources if within is not None else ()
+    halves = [(source.name, 1.96 * float(source.standard_mps[place])) for source in sources]
+    return tuple(Uncertainty(*each) for each in sorted(halves, key=lambda each: -each[1]))
 
 
-def _added_n(trial: _Trial, over_ground: Floats, through: Floats, power: Floats) -> dict[str, Floats]:
-    """What wind, waves and water add to the resistance of each run."""
-    given, nothing = trial.given, np.zeros_like(through)
-    return {
-        "wind": wind_resistance_n(given, trial.heading_deg, over_ground, trial.wind_from_deg, trial.wind_mps)
-        if "wind" in trial.applied else nothing,
-        "waves": wave_resistance_n(given, trial.heading_deg) if "waves" in trial.applied else nothing,
-        "water": water_resistance_n(given, through, power) if "water" in trial.applied else nothing,
-    }  # fmt: skip
-
-
-def _means(trial: _Trial, group: list[int], over_ground: Floats, power: Floats) -> tuple[float, float]:
-    """Speed and power of a setting by the mean of means, both with the same weights."""
-    along = trial.along[group]
-    alternating = bool(np.all(along[1:] * along[:-1] < 0.0))
-    return mean_of_means(over_ground[group], alternating), mean_of_means(power[group], alternating)
-
-
-def _in_deep_water(trial: _Trial, speed: Floats, power: Floats) -> tuple[Floats, Floats]:
-    """Speed and power without the shallow water, at the displacement that is stated."""
-    given = trial.given
-    if "shallow water" in trial.applied:
-        if given.lacks(*RAVEN):
-            speed = speed + lackenby_mps(given, speed)
-        else:
-            power = raven_kw(given, speed, power)
-    if "displacement" in trial.applied:
-        ratio = given.number("stated_displacement_m3") / given.number("displacement_m3")
-        power = power * ratio ** (2.0 / 3.0)  # the admiralty coefficient, at one speed
-    return speed, power
-
-
-def _half_intervals(
-    trial: _Trial, runs: Sequence[PowerRun], best: _Solution, speeds: Callable[[_Solution], Floats]
-) -> Floats:
-    """Halves of the 95 % intervals of the ``speeds`` of a solution.
-
-    Every measured speed and power is moved by its standard error in turn, and the squares of the changes add up
-    (JCGM 100, 5.1.3), with Student's factor for their effective degrees of freedom (G.4). Where the runs lie
-    farther off the curve than these errors explain, all grow with that (Birge 1932).
-    """
-    from scipy.special import stdtrit
-
-    measured = np.array([[each.speed_mps, each.power_kw] for each in runs])
-    errors = np.array([[each.speed_se_mps, each.power_se_kw] for each in runs])
-    changes, values = [], speeds(best)
-    for place in np.ndindex(measured.shape):
-        moved = measured.copy()
-        moved[place] += errors[place]
-        changes.append(speeds(_solve(trial, *moved.T)) - values)
-    squares = np.square(changes)
-    square = squares.sum(axis=0)
-    freedom = ERROR_FREEDOM * square**2 / np.maximum((squares**2).sum(axis=0), 1e-300)
-    expected = np.hypot(errors[:, 0], errors[:, 1] / best.curve.slope(best.found.speed_mps))
-    known = best.found.free > 0 and bool(expected.all())
-    scatter = float(np.sum((best.found.misfit_mps / expected) ** 2)) / best.found.free if known else 1.0
-    return np.asarray(stdtrit(freedom, 0.975) * np.sqrt(square * max(1.0, scatter)))
+def _sizes(
+    trial: SpeedTrial, speed: Floats, power: Floats, best: Solution, corrections: Iterable[Correction]
+) -> tuple[Correction, ...]:
+    """The corrections with their sizes: the result with all of them less that without each."""
+    highest_kw = float(best.means[:, 1].max())
+    fastest = best.curve.speed_mps(highest_kw)
+    sized = []
+    for correction in corrections:
+        if correction.applied:
+            curve = solve(trial.without(correction.name), speed, power).curve
+            correction = replace(
+                correction, power_kw=float(highest_kw - curve.power_kw(fastest)),
+                speed_mps=float(fastest - curve.speed_mps(highest_kw)),
+            )  # fmt: skip
+        sized.append(correction)
+    return tuple(sized)

@@ -21,7 +21,7 @@ TIDE_S = 0.51753 * 86_400.0
 """T_C: 12 h 25 min 14.6 s, the standard's 0.51753 day of half a lunar day."""
 _TERMS = 4  # of the current
 _SLOWEST_Q, _FASTEST_Q = 1.0, 9.0
-_ITERATIONS, _CLOSE_MPS = 200, 1e-7
+_ITERATIONS, _CLOSE_MPS = 400, 1e-7
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,10 +122,10 @@ def iterate_current(
     :class:`DataShortageError` where more power goes with less speed.
     """
     design = current_design(time_s, terms_of_current(time_s.size, settings)) * along[:, np.newaxis]
-    speed = start_mps
+    speed, share, last_change = start_mps, 1.0, np.inf
     for _ in range(_ITERATIONS):
-        curve = fit_curve(speed, power_kw, settings)
-        if not (curve.b > 0.0 and speed.min() > 0.0):
+        curve = fit_curve(speed, power_kw, settings) if speed.min() > 0.0 else None
+        if curve is None or not curve.b > 0.0:
             raise DataShortageError(
                 "the power of the runs does not grow with their speed", why="no curve and no current explain them",
                 fix="check the speeds and powers of the runs, and whether the channel is the shaft power",
@@ -133,8 +133,12 @@ def iterate_current(
         # The speed at which the curve has the run's power, by the slope where the run is: it need not reach it.
         by_power = speed + (power_kw - curve.power_kw(speed)) / curve.slope(speed)
         terms = np.linalg.lstsq(design, over_ground_mps - by_power, rcond=None)[0]
-        last, speed = speed, over_ground_mps - design @ terms
-        if np.max(np.abs(speed - last)) < _CLOSE_MPS:
+        step = over_ground_mps - design @ terms - speed
+        change = float(np.max(np.abs(step)))
+        if change > last_change:  # with few runs whole steps may swing about the solution, or away from it
+            share = 0.5 * share
+        speed, last_change = speed + share * step, change
+        if change < _CLOSE_MPS:
             break
     curve = fit_curve(speed, power_kw, settings)
     misfit = (power_kw - curve.power_kw(speed)) / curve.slope(speed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,13 +14,17 @@ from acquisition.core.serialisation import to_json
 from acquisition.core.units import KNOT_MPS
 from analysis.manoeuvres.report import left_out_line
 from analysis.speed_power.analysis import SpeedAtPower, SpeedPower
+from analysis.speed_power.runs import PowerRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Group
 
-_RUNS = ("pair", "start", "min", "heading", "ground", "power", "current", "water", "ideal")
-_SETTINGS = ("power", "runs", "iterative", "95 % interval", "mean of means", "95 % interval")
+RUN_TITLES = ("pair", "start", "min", "heading", "ground", "power", "wind", "current", "water", "ideal")
+"""What the columns of :func:`run_rows` are called."""
+SETTING_TITLES = ("power", "runs", "iterative", "95 % interval", "mean of means", "95 % interval")
+CORRECTION_TITLES = ("correction", "power", "speed", "method, or why not")
+UNCERTAINTY_TITLES = ("source of uncertainty", "95 % alone")
 
 
 def as_dict(result: SpeedPower, asked: Sequence[SpeedAtPower] = ()) -> dict[str, Any]:
@@ -40,55 +44,88 @@ def speed_text(speed: SpeedAtPower) -> tuple[str, str]:
 def sentence(result: SpeedPower) -> str:
     """The speed at the highest power in one sentence."""
     speed, interval = speed_text(result.fastest)
-    within = f" (95 % interval {interval} kn)" if interval else ""
-    return f"In still water she makes {speed}{within} at {result.fastest.power_kw:,.0f} kW."
+    within = f"95 % interval {interval} kn" if interval else f"no interval, as {result.no_interval}"
+    return f"In still water the ship makes {speed} ({within}) at {power_text(result.fastest.power_kw)}."
 
 
 def corrected_words(result: SpeedPower) -> str:
     """What the speeds are corrected for, and what not as too little is known."""
     done = ", ".join(["current", *(each.name for each in result.corrections if each.applied)])
-    lacking = [each.name for each in result.corrections if each.method.startswith("not known")]
-    return f"Corrected for {done}" + (
-        f"; not for {', '.join(lacking)}, of which too little is known." if lacking else "."
-    )
+    lacking = [each.name for each in result.corrections if each.method.startswith(("not known", "refused"))]
+    return f"Corrected for {done}" + (f"; not for {', '.join(lacking)}." if lacking else ".")
 
 
 def run_rows(result: SpeedPower) -> list[list[str]]:
-    """One row a run, speeds in knots."""
+    """One row a run, with :data:`RUN_TITLES`.
+
+    Speeds are over ground and through the water, powers as measured and without what wind, waves and water added.
+    """
     return [
         [
             f"{each.run.double_run}", f"{each.run.start:%H:%M:%S}", f"{each.run.minutes:.1f}",
-            f"{each.run.heading_deg:.0f} deg", f"{each.run.speed_mps / KNOT_MPS:.2f} kn",
-            f"{each.run.power_kw:.4g} kW", f"{each.current_mps / KNOT_MPS:+.2f} kn",
-            f"{each.speed_mps / KNOT_MPS:.2f} kn", f"{each.power_kw:.4g} kW",
+            f"{each.run.heading_deg:.0f} deg", _speed_text(each.run.speed_mps), power_text(each.run.power_kw),
+            _wind_text(each.run), f"{each.current_mps / KNOT_MPS:+.2f} kn",
+            _speed_text(each.speed_mps), power_text(each.power_kw),
         ]
         for each in result.runs
     ]  # fmt: skip
 
 
+def _wind_text(run: PowerRun) -> str:
+    return f"{run.wind_mps:.1f} m/s, {run.wind_from_deg:.0f} deg" if np.isfinite(run.wind_mps) else ""
+
+
+def power_text(power_kw: float, signed: bool = False) -> str:
+    """A power in digits that people read: 10,320 kW, 85.3 kW of a boat.
+
+    >>> power_text(10323.4), power_text(85.26), power_text(-120.4, signed=True)
+    ('10,323 kW', '85.3 kW', '-120 kW')
+    """
+    digits = 0 if abs(power_kw) >= 100.0 else 1
+    return f"{power_kw:{'+' if signed else ''},.{digits}f} kW"
+
+
+def _speed_text(speed_mps: float) -> str:
+    return f"{speed_mps / KNOT_MPS:.2f} kn"
+
+
 def setting_rows(result: SpeedPower) -> list[list[str]]:
-    """One row a power setting, both methods beside each other."""
+    """One row a power setting, with :data:`SETTING_TITLES`: both methods beside each other."""
+    return [
+        [power_text(each.iterative.power_kw), f"{each.runs}", *speed_text(each.iterative),
+         *speed_text(each.mean_of_means)]
+        for each in result.settings
+    ]  # fmt: skip
+
+
+def correction_rows(result: SpeedPower) -> list[list[str]]:
+    """One row a correction, with :data:`CORRECTION_TITLES`: its size at the highest setting, method or why not."""
     return [
         [
-            f"{each.iterative.power_kw:.4g} kW",
-            f"{each.runs}",
-            *speed_text(each.iterative),
-            *speed_text(each.mean_of_means),
+            each.name,
+            power_text(each.power_kw, signed=True) if each.applied else "none",
+            f"{each.speed_mps / KNOT_MPS:+.2f} kn" if each.applied else "none",
+            each.method,
         ]
-        for each in result.settings
+        for each in result.corrections
     ]
 
 
+def uncertainty_rows(result: SpeedPower) -> list[list[str]]:
+    """One row a source of uncertainty at the highest setting, the largest first: :data:`UNCERTAINTY_TITLES`."""
+    return [[each.name, f"\N{PLUS-MINUS SIGN}{each.half_mps / KNOT_MPS:.3f} kn"] for each in result.uncertainties]
+
+
 def view(result: SpeedPower) -> Group:
-    """Power settings, runs, corrections, warnings and what was left out."""
+    """Power settings, runs, corrections, sources of uncertainty, warnings and what was left out."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    def table(header: tuple[str, ...], rows: list[list[str]]) -> Table:
+    def table(header: tuple[str, ...], rows: list[list[str]], justify: Literal["left", "right"] = "right") -> Table:
         made = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
         for title in header:
-            made.add_column(title, justify="right")
+            made.add_column(title, justify=justify)
         for row in rows:
             made.add_row(*map(Text, row))
         return made
@@ -96,13 +133,16 @@ def view(result: SpeedPower) -> Group:
     curve = result.curve
     return Group(
         Text("Speed at power, ISO 15016:2015", style="bold"),
-        table(_SETTINGS, setting_rows(result)),
-        Text(f"power = {curve.a:.4g} + {curve.b:.4g} V^{curve.q:.2f} kW, V in m/s", style="dim"),
+        table(SETTING_TITLES, setting_rows(result)),
+        Text(f"power = {curve.a:,.1f} + {curve.b:.4g} V^{curve.q:.2f} kW, V in m/s", style="dim"),
+        *([Text(f"no interval: {result.no_interval}", style="yellow")] if result.no_interval else []),
         Text(""),
-        table(_RUNS, run_rows(result)),
+        table(RUN_TITLES, run_rows(result)),
         Text(""),
-        *(Text(f"{each.name}: {'corrected, ' if each.applied else 'not corrected, '}{each.method}")
-          for each in result.corrections),
+        table(CORRECTION_TITLES, correction_rows(result), "left"),
+        Text(""),
+        *(table(UNCERTAINTY_TITLES, rows, "left") for rows in (uncertainty_rows(result),) if rows),
+        Text(""),
         *(Text(f"note: {each}", style="yellow") for each in result.warnings),
         *(Text(left_out_line(each), style="dim") for each in result.left_out),
     )  # fmt: skip
@@ -116,7 +156,8 @@ def draw(figure: Figure, result: SpeedPower) -> None:
     powers = [each.power_kw for each in result.band]
     speeds, low, high = (np.array([getattr(each, name) for each in result.band]) / KNOT_MPS
                          for name in ("speed_mps", "low_mps", "high_mps"))  # fmt: skip
-    axes.fill_betweenx(powers, low, high, color=PALETTE[0], alpha=0.25, linewidth=0.0, label="95 % interval")
+    if not result.no_interval:
+        axes.fill_betweenx(powers, low, high, color=PALETTE[0], alpha=0.25, linewidth=0.0, label="95 % interval")
     axes.plot(speeds, powers, color=PALETTE[0], label="iterative method")
     points = np.array([[(each.run.speed_mps, each.speed_mps), (each.run.power_kw, each.power_kw)]
                        for each in result.runs])  # fmt: skip
@@ -126,8 +167,8 @@ def draw(figure: Figure, result: SpeedPower) -> None:
     axes.plot(knots[1], kilowatts[1], "o", color=PALETTE[0], markersize=5, label="runs, corrected")
     for number, setting in enumerate(result.settings):
         mean = setting.mean_of_means
-        half = np.nan_to_num(mean.high_mps - mean.low_mps) / 2.0 / KNOT_MPS
-        axes.errorbar(mean.speed_mps / KNOT_MPS, mean.power_kw, xerr=half, fmt="s", color=PALETTE[4], markersize=5,
+        sides = np.nan_to_num([[mean.speed_mps - mean.low_mps], [mean.high_mps - mean.speed_mps]]) / KNOT_MPS
+        axes.errorbar(mean.speed_mps / KNOT_MPS, mean.power_kw, xerr=sides, fmt="s", color=PALETTE[4], markersize=5,
                       capsize=3, label="" if number else "mean of means")  # fmt: skip
     axes.set_xlabel("speed [kn]")
     axes.set_ylabel("power at the shafts [kW]")

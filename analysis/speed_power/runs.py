@@ -47,8 +47,8 @@ class PowerRun:
 
     ``speed_mps`` is the way made good along the heading, by the time. ``setting`` is the shaft speed [rpm], or
     the cube root of the power [kW] where no shaft speed was recorded; ``double_run`` counts the pairs from 1. The
-    wind is the true one at the anemometer, NaN where it was not recorded. ``approach_minutes`` is how long she went
-    steadily before.
+    wind is the true one at the anemometer, NaN where it was not recorded; so are waves and depth, which a table of
+    run averages may have. ``approach_minutes`` is how long the ship went steadily before, NaN where not known.
     """
 
     start: datetime
@@ -61,8 +61,12 @@ class PowerRun:
     setting: float
     wind_from_deg: Number
     wind_mps: Number
-    approach_minutes: float = 0.0
+    approach_minutes: Number = 0.0
     double_run: int = 0
+    wave_height_m: Number = float("nan")
+    wave_from_deg: Number = float("nan")
+    wave_period_s: Number = float("nan")
+    water_depth_m: Number = float("nan")
 
     @property
     def minutes(self) -> float:
@@ -162,7 +166,7 @@ def _rows_of_runs(motion: Motion, smooth: Motion, events: Iterable[tuple[int, st
     """Of each run the row at which its steady stretch begins, its first row and its end.
 
     A run is what the crew marked ("run 1 start", "run 1 end"). Without marks it is the last ten minutes of its
-    stretch: what lies before is her approach, on which she gathers the way that a turn has cost.
+    stretch: what lies before is the approach, on which the ship regains the speed that a turn has cost.
     """
     free = np.ones(motion.time_s.size, dtype=bool)
     stretches = straight_stretches(motion, smooth, free, bridge_s=LEAST_RUN_S)

@@ -15,7 +15,6 @@ from analysis.speed_power.corrections import (
     raven_kw,
     viscosity_m2ps,
     water_resistance_n,
-    wave_resistance_n,
     wind_resistance_n,
 )
 from hybrid.effects.catalogue import vessel_plant
@@ -63,14 +62,6 @@ def test_a_high_anemometer_measures_too_much() -> None:
     assert high == pytest.approx(low)
 
 
-def test_waves_count_from_ahead_only() -> None:
-    """(1/16) rho g H^2 B sqrt(B / L_BWL): 1.5 m on 32 m of beam, 40 m of bow."""
-    sea = replace(SHIP, wave_height_m=1.5, wave_from_deg=350.0)
-    found = wave_resistance_n(sea, np.array([0.0, 34.0, 36.0, 180.0]))
-    ahead = 1026.0 * 9.80665 * 2.25 * 32.0 * np.sqrt(0.8) / 16.0
-    assert found == pytest.approx([ahead, ahead, 0.0, 0.0])
-
-
 @pytest.mark.parametrize(
     ("temperature", "density", "published"),
     [(15.0, 1026.0, 1.1883e-6), (10.0, 1027.0, 1.3604e-6), (25.0, 1023.4, 0.9433e-6), (15.0, 999.1, 1.1386e-6)],
@@ -101,15 +92,13 @@ def test_ideal_power_solves_the_equations_of_the_direct_power_method(variation: 
 
 def test_shallow_water_slows_by_lackenby_s_formula() -> None:
     """His loss in percent: 12.42 (A_M / h^2 - 0.05) + 100 (1 - sqrt(tanh(g h / V^2)))."""
-    shallow = replace(SHIP, water_depth_m=30.0)
     percent = 12.42 * (345.0 / 900.0 - 0.05) + 100.0 * (1.0 - np.sqrt(np.tanh(9.80665 * 30.0 / 49.0)))
-    assert lackenby_mps(shallow, np.array([7.0]))[0] == pytest.approx(0.07 * percent)
-    assert lackenby_mps(replace(SHIP, water_depth_m=500.0), np.array([7.0]))[0] == 0.0
+    assert lackenby_mps(SHIP, *arrays(7.0, 30.0))[0] == pytest.approx(0.07 * percent)
+    assert lackenby_mps(SHIP, *arrays(7.0, 500.0))[0] == 0.0
 
 
 def test_raven_s_correction_grows_as_the_water_gets_shallow_and_ends_in_deep() -> None:
-    powers = [float(raven_kw(replace(SHIP, water_depth_m=depth), *arrays(7.0, 6000.0))[0])
-              for depth in (25.0, 35.0, 60.0, 1000.0)]  # fmt: skip
+    powers = [float(raven_kw(SHIP, *arrays(7.0, 6000.0, depth))[0]) for depth in (25.0, 35.0, 60.0, 1000.0)]
     assert powers == sorted(powers)
     assert powers[-1] == pytest.approx(6000.0, rel=2e-3)
     assert 5000.0 < powers[0] < 5800.0

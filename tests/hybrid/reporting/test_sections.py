@@ -260,10 +260,10 @@ def test_a_speed_trial_has_a_section_of_speed_and_power_and_others_have_none(bar
     case = load_case([path], length_m=180.0)
     said = sections("trial.html", tmp_path / "figures", case=case)("speed_power").html
     assert "Speed and power" in said
-    assert "In still water she makes" in said
+    assert "In still water the ship makes" in said
     assert "unknown length" not in said
     assert (tmp_path / "figures" / "speed_power.svg").is_file()
-    assert "In still water she makes" in verdict_of(case)
+    assert "In still water the ship makes" in verdict_of(case)
     assert sections("trial.html", case=bare)("speed_power").html.strip() == ""
 
 
