@@ -212,22 +212,84 @@ def manoeuvres(
 
 
 def speed_power(
-    recordings: Paths, conditions: Conditions | str | Path | None = None, vessel: str | Path | Vessel | None = None
+    recordings: Paths,
+    conditions: Conditions | str | Path | None = None,
+    vessel: str | Path | Vessel | None = None,
+    wind_coefficients: str | Path | None = None,
 ) -> SpeedPower:
-    """The speed of a ship at her power in still water, from the double runs of one trial (ISO 15016:2015).
+    """The speed of a ship at its power in still water, from the double runs of one trial (ISO 15016:2015).
 
-    ``conditions`` of the ship and the day, or the TOML file that says them, are completed by the run sheets of the
-    recordings and by the vessel file: ``vessel``, else that of the ship which the first recording names.
+    Parameters
+    ----------
+    recordings
+        Recordings, or tables of run averages (.csv, .xlsx) with one row a run.
+    conditions
+        The conditions of the ship and the day, or the TOML file that holds them; without them ``conditions.toml``
+        beside the files. They are completed by those of the recordings or tables and by the vessel file.
+    vessel
+        A vessel, or its file; without it that of the ship which the first recording names.
+    wind_coefficients
+        A table of the ship's wind resistance: columns ``angle`` [deg] off the bow and ``C_AA``.
+
+    Returns
+    -------
+    SpeedPower
+        Speeds at the power of each setting with 95 % intervals, the corrections with their sizes.
+
+    Raises
+    ------
+    InputError
+        Where no power was recorded, and for a table that is none of run averages.
+    DataShortageError
+        Without a double run.
     """
-    from acquisition.config.conditions import load_conditions
+    from acquisition.config.conditions import Conditions
+    from acquisition.config.run_sheet import statement_from_text, statement_text
+    from acquisition.core.errors import InputError
+    from analysis.speed_power.run_table import is_run_table
+    from analysis.speed_power.typical_wind import read_wind_resistance
+
+    paths = as_paths(recordings)
+    if isinstance(conditions, Conditions):
+        given = conditions
+    else:
+        file = None if conditions is None else Path(conditions)
+        given = statement_from_text(statement_text(file, paths[0])).conditions
+    if wind_coefficients is not None:
+        given = replace(given, wind_resistance=read_wind_resistance(wind_coefficients))
+    tables = [path for path in paths if is_run_table(path)]
+    if tables and len(tables) < len(paths):
+        raise InputError(
+            "are tables of run averages and recordings", where=", ".join(path.name for path in paths),
+            fix="give either; one trial is in one form",
+        )  # fmt: skip
+    return _power_of_tables(tables, given, vessel) if tables else _power_of_recordings(paths, given, vessel)
+
+
+def _power_of_tables(paths: list[Path], given: Conditions, vessel: str | Path | Vessel | None) -> SpeedPower:
+    from analysis.speed_power import speed_power_of_runs
+    from analysis.speed_power.run_table import read_run_table
+    from hybrid.vessel.files import load_vessel
+    from hybrid.vessel.windage import conditions_of
+
+    tables = [read_run_table(path) for path in paths]
+    for table in tables:
+        given = given.with_known(table.conditions)
+    if vessel is not None:
+        given = given.with_known(conditions_of(load_vessel(vessel)))
+    result = speed_power_of_runs([run for table in tables for run in table.runs], given)
+    remarks = [f"columns of {path.name} that are not used: {', '.join(table.passed_over)}"
+               for path, table in zip(paths, tables, strict=True) if table.passed_over]  # fmt: skip
+    return replace(result, warnings=(*result.warnings, *remarks))
+
+
+def _power_of_recordings(paths: list[Path], given: Conditions, vessel: str | Path | Vessel | None) -> SpeedPower:
     from acquisition.config.vessel_file import vessel_of_ship
-    from analysis.speed_power import Conditions
     from analysis.speed_power import speed_power as analyse
     from hybrid.vessel.files import load_vessel
     from hybrid.vessel.windage import known_conditions
 
-    given = conditions if isinstance(conditions, Conditions | None) else load_conditions(conditions)
-    read = list(read_recordings(as_paths(recordings)))
+    read = list(read_recordings(paths))
     tables = [table_of(each) for each in read]
     ship = vessel or vessel_of_ship(read[0].trial.vessel, read[0].path.parent)
     recorded = [(each.trial, table) for each, table in zip(read, tables, strict=True)]

@@ -42,9 +42,19 @@ Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same fig
 
 @writes(folder="output")
 def speed_power(
-    files: Recordings,
+    files: Annotated[
+        list[Path], typer.Argument(help="Recordings, or a table of run averages: .csv, .xlsx, one row a run.")
+    ],
     conditions: Annotated[
-        Path | None, typer.Option(help="A TOML file with the ship's data and the conditions, for the corrections.")
+        Path | None,
+        typer.Option(
+            help="A TOML file with the ship's data and the conditions, which goes above the [conditions] of the "
+            "recordings; default: conditions.toml beside the files."
+        ),
+    ] = None,
+    wind_coefficients: Annotated[
+        Path | None,
+        typer.Option(help="A table of the ship's wind resistance: columns angle [deg] off the bow and C_AA."),
     ] = None,
     vessel: VesselOption = None,
     power: Annotated[
@@ -56,19 +66,19 @@ def speed_power(
     """Speed-power curve from reciprocal runs, corrected for current and wind."""
     from hybrid.scripting import speed_power as analyse
 
-    found = analyse(files, conditions, vessel)
+    found = analyse(files, conditions, vessel, wind_coefficients)
     asked = [found.speed_at(each) for each in power or ()]
     if output is not None:
         from analysis.speed_power.report import write_speed_power
 
         for path in write_speed_power(found, output):
             echo(path, err=True)
-    from analysis.speed_power.report import as_dict, speed_text
+    from analysis.speed_power.report import as_dict, power_text, speed_text
 
     print_result(as_dict(found, asked), found, as_json=as_json)
     for each in asked if not as_json else ():
         speed, interval = speed_text(each)
-        echo(f"at {each.power_kw:g} kW: {speed}, {interval}")
+        echo(f"at {power_text(each.power_kw)}: {speed}, {interval or 'no interval'}")
 
 
 @writes(folder="output")

@@ -20,6 +20,7 @@ from analysis.products import Options
 from analysis.speed_power import Conditions, SpeedPower, power_runs, speed_power
 from analysis.speed_power.report import corrected_words, sentence
 from analysis.speed_power.runs import power_columns
+from hybrid.report.case import Case
 from tests.analysis.speed_power.trials import (
     BEAM_M,
     DRAUGHT_M,
@@ -97,8 +98,9 @@ def test_without_the_wind_s_curve_the_wind_stays_in_the_power(table: pd.DataFram
     as_it_was = speed_power([table])
     assert {each.name for each in found.corrections if each.applied} == {"wind"}
     assert not any(each.applied for each in as_it_was.corrections)
-    assert any("wind of up to 7.0 m/s is not corrected for" in each for each in as_it_was.warnings)
-    assert not any("not corrected for" in each for each in found.warnings)
+    assert "without length_m or beam_m nothing bounds what they took" in as_it_was.no_interval
+    assert np.isnan(as_it_was.fastest.low_mps)
+    assert found.no_interval == ""
     powers = [[run.power_kw for run in each.runs[:2]] for each in (as_it_was, found)]
     assert np.ptp(powers[0]) < 20.0 < np.ptp(powers[1])  # kW, against and with the wind
 
@@ -163,9 +165,10 @@ def test_two_tables_are_one_trial(table: pd.DataFrame, found: SpeedPower) -> Non
 def test_result_prints_draws_and_goes_to_json_and_back(found: SpeedPower) -> None:
     text = str(found)
     assert "Speed at power, ISO 15016:2015" in text
-    assert "wind: corrected" in text
-    assert "waves: not corrected" in text
-    assert from_json(SpeedPower, json.loads(json.dumps(to_json(found)))).runs == found.runs
+    assert "those of the ship" in text
+    assert "not known: wave_height_m, wave_from_deg" in text
+    assert not re.search(r"\de[+-]\d", text)  # numbers as people write them
+    assert to_json(from_json(SpeedPower, json.loads(json.dumps(to_json(found))))) == to_json(found)
     assert len(found.plot().axes) == 1
     asked = found.speed_at(5000.0)
     assert asked.low_mps < true_speed_mps(5000.0) < asked.high_mps
@@ -195,10 +198,27 @@ def test_the_row_of_a_batch_has_the_speed_at_the_highest_power(table: pd.DataFra
 
 def test_a_sentence_tells_the_speed_and_what_it_is_corrected_for(found: SpeedPower) -> None:
     assert re.fullmatch(
-        r"In still water she makes 1\d\.\d+ kn \(95 % interval .* kn\) at 8,\d+ kW\.", sentence(found)
+        r"In still water the ship makes 1\d\.\d+ kn \(95 % interval .* kn\) at 8,\d+ kW\.", sentence(found)
     )
     assert corrected_words(found).startswith("Corrected for current, wind")
     assert found.fastest.power_kw == max(each.iterative.power_kw for each in found.settings)
+
+
+def test_conditions_that_a_recording_carries_are_used(table: pd.DataFrame, tmp_path: Path) -> None:
+    """Those of its configuration or column map, in the command's function and in the report's case alike."""
+    recording = tmp_path / "trial.mcap"
+    channels = [st.declare("shaft_power_kw", "kW", 0, 50_000), st.declare("main_rpm", "rpm", 0, 200)]
+    st.write(table, recording, declared=channels, conditions=CONDITIONS.as_text())
+    carried = st.speed_power(recording)
+    assert "wind" in {each.name for each in carried.corrections if each.applied}
+    in_report = Case((recording,), None).speed_power
+    assert in_report is not None
+    assert in_report.fastest.speed_mps == pytest.approx(carried.fastest.speed_mps, abs=0.01)
+    assert [each.applied for each in in_report.corrections] == [each.applied for each in carried.corrections]
+    (tmp_path / "conditions.toml").write_text("[conditions]\npower_error_percent = 8.0\n")
+    stated = st.speed_power(recording)  # beside the recording, as for the report and a batch
+    assert stated.fastest.high_mps > carried.fastest.high_mps
+    assert [each.applied for each in stated.corrections] == [each.applied for each in carried.corrections]
 
 
 def test_command_says_the_speed_at_a_power(command: Command, table: pd.DataFrame, tmp_path: Path) -> None:
