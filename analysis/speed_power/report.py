@@ -76,13 +76,16 @@ def _wind_text(run: PowerRun) -> str:
 
 
 def power_text(power_kw: float, signed: bool = False) -> str:
-    """A power in digits that people read: 10,320 kW, 85.3 kW of a boat.
+    """A power in digits that people read: 10,320 kW, 85.3 kW of a boat, 0.0374 kW of a model.
 
-    >>> power_text(10323.4), power_text(85.26), power_text(-120.4, signed=True)
-    ('10,323 kW', '85.3 kW', '-120 kW')
+    >>> power_text(10323.4), power_text(85.26), power_text(-120.4, signed=True), power_text(0.03741)
+    ('10,323 kW', '85.3 kW', '-120 kW', '0.0374 kW')
     """
-    digits = 0 if abs(power_kw) >= 100.0 else 1
-    return f"{power_kw:{'+' if signed else ''},.{digits}f} kW"
+    digits = ",.0f" if abs(power_kw) >= _WHOLE_KW else ".3g"
+    return f"{power_kw:{'+' if signed else ''}{digits}} kW"
+
+
+_WHOLE_KW = 100.0
 
 
 def _speed_text(speed_mps: float) -> str:

@@ -27,6 +27,7 @@ from analysis.manoeuvres.report import index_cells
 from analysis.products import Products
 from analysis.quality.samples import ASSUMED
 from analysis.report.words import in_words
+from analysis.speed_power.report import power_text
 from analysis.speed_power.runs import mean_power_kw
 from analysis.tables.table import NANO, times_ns
 
@@ -36,7 +37,6 @@ _STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, LONGEST_STEP_S)
 _FEWEST_ROWS, _ROWS_ON_SHEET = 24, 44  # of a test's table: as many stand on a sheet under its picture
 _MOST_SHAFTS_TWICE = 1  # that two tables beside each other have room for
 _LEAST_NOISE = 1e-6  # in any unit: less is left by arithmetic
-_WHOLE_KW = 100.0
 _APPROACH_S = 30.0  # of which the output before the order is the mean
 _GAP = "\u2003"  # between two tables beside each other
 _NOT_MEASURED = "\u2013"
@@ -102,19 +102,10 @@ def _approach_cells(test: NumberedRun) -> list[str]:
     return [
         "" if speed is None else f"{speed / KNOT_MPS:.2f}",
         "" if heading is None else f"{round(heading) % 360:03d}\u00b0",
-        " / ".join(shafts), "" if power is None else power_text(power),
+        " / ".join(shafts), "" if power is None else power_text(power).removesuffix(" kW"),
         *(("", "", "") if air is None else (f"{air[0]:.1f}", f"{air[1]:.0f}\u00b0", f"{beaufort(air[0])}")),
         drift,
     ]  # fmt: skip
-
-
-def power_text(kilowatts: float) -> str:
-    """A power as people write it, in whole kilowatts from 100 on.
-
-    >>> power_text(10320.4), power_text(0.0374)
-    ('10,320', '0.0374')
-    """
-    return f"{kilowatts:,.0f}" if abs(kilowatts) >= _WHOLE_KW else f"{kilowatts:.3g}"
 
 
 def _before(test: NumberedRun) -> pd.DataFrame:
