@@ -123,7 +123,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     highest = _MOST_RPM * float(np.max(ship.drives.limit[_mains(ship)])) / _rps_per_rpm(ship)
     rpm = min(usual_rpm(ship.vessel), highest)
     for _ in range(_MOST_APPROACHES):
-        trial = _with_limit(replace(ship, rpm=rpm))
+        trial = as_fast_as_ordered(replace(ship, rpm=rpm))
         motion, start = sailed(trial, (steer(0.0, inf, rpm),), 0.0)
         made_mps = approach_of(motion, start)["approach_mps"]
         if abs(made_mps - speed_mps) <= _SAME_SPEED * speed_mps:
@@ -143,7 +143,7 @@ def _rps_per_rpm(ship: TrialShip) -> float:
     return float(control_units(ship.vessel.actuators)[_mains(ship)][0])
 
 
-def _with_limit(ship: TrialShip) -> TrialShip:
+def as_fast_as_ordered(ship: TrialShip) -> TrialShip:
     """The ship with drives that turn as fast as is ordered."""
     ordered = np.abs(handling_of(ship.vessel).orders(ship.rpm, 0.0)) * control_units(ship.vessel.actuators)
     limit = np.where(_mains(ship), np.maximum(ship.drives.limit, ordered), ship.drives.limit)
