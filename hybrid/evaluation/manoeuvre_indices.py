@@ -76,6 +76,7 @@ _ABOUT_ZERO = {
     "way_to_starboard_m",
 }
 PREDICTED, REPLAYED = "predicted", "replayed"
+_GIVEN = {"period_s", "turning_yaw_rate_dps"}  # of a replay, by the recorded orders and by the state at the order
 _IDLE_SHARE = 0.08  # of the shaft speed before a stop: below it the shafts stand, as in finding one
 _DRAUGHT_SHARE, _DEEP_DRAUGHTS = 0.05, 4.0  # as MSC/Circ.1053 and MSC.137(76) bound full load and deep water
 
@@ -104,7 +105,7 @@ class SimulatedIndex:
         """Whether the value lies in the measured 95 % interval; None where that is not known."""
         if not isfinite(self.measured.low + self.measured.high):
             return None
-        return self.measured.low <= self.value <= self.measured.high
+        return bool(self.measured.low <= self.value <= self.measured.high)
 
     def as_json(self) -> dict[str, Any]:
         """With the keys of the contract; a simulated value has no interval."""
@@ -269,7 +270,8 @@ def _rows(run: Manoeuvre, method: str, values: Mapping[str, Mapping[str, float]]
         simulated = {
             form: SimulatedIndex(float(found[place]), measured, name in _ABOUT_ZERO)
             for form, found in values.items()
-            if isfinite(found.get(place := name + REMOVED * (removed and form == REPLAYED), nan))
+            if not (form == REPLAYED and name in _GIVEN)
+            and isfinite(found.get(place := name + REMOVED * (removed and form == REPLAYED), nan))
         }
         if simulated:
             rows.append(
