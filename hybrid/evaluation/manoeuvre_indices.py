@@ -1,6 +1,6 @@
 """The manoeuvres of a recording as a model makes them: measured beside simulated indices, with their difference.
 
-A model is judged in two forms. *Predicted*: the same test in still water and air, at the approach speed, helm, helm
+A model is judged in two forms. *Predicted*: the same test in still air, at the approach speed, helm, helm
 rate, side and switching angle of the recorded one (:mod:`hybrid.simulation.standard_tests`): what a yard asks of a
 model. *Replayed*: the recorded controls and wind from the state at the order
 (:mod:`hybrid.evaluation.recorded_runs`). Both are measured by the functions that measure the recording.
@@ -22,6 +22,7 @@ import pandas as pd
 from acquisition.core.actuators import control_names
 from acquisition.core.errors import DataShortageError, InputError, SeatrialError
 from acquisition.recording.grouping import read_parts
+from analysis.kinematics import to_ship
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import Index, Manoeuvre
 from analysis.manoeuvres.measures import approach_of, helm_rate_dps
@@ -319,20 +320,35 @@ class _Trial:
 def predicted_indices(
     recorded: RecordedMotion, run: Manoeuvre, model: JudgedModel, water: Water | None
 ) -> Mapping[str, float]:
-    """The indices of the test that a run was, made by a model in still water and air.
+    """The indices of the test that a run was, made by a model in still air, and in the ``water`` of the run.
 
-    Raises :class:`DataShortageError` for a test that the model cannot make, :class:`ModelRangeError` where it
-    leaves its range.
+    Where the current is removed from the indices of the run, in still water at its speed through the water. Raises
+    :class:`DataShortageError` for a test that the model cannot make, :class:`ModelRangeError` where it leaves its
+    range.
     """
     if model.plant is None or model.vessel is None:
         raise DataShortageError(model.why)
-    still = with_water(model.plant, (0.0, 0.0)).replaced(drift_force_n=0.0)
-    ship = TrialShip(model.vessel, still, drives_of(model.vessel), 0.0)
     if run.kind == "speed_run":
-        return _speed_run(ship, run)
-    rate_dps = _helm_rate_dps(recorded, run)
-    ship = approach_at(with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship, at_order(run, water))
+        return _speed_run(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
+    is_removed = any(name.endswith(REMOVED) for name in run.indices)
+    if water is None or is_removed:
+        speed_mps, water = at_order(run, water), (0.0, 0.0)
+    else:
+        speed_mps, water = run.settings["approach_mps"], _off_the_approach(run, water)
+    ship, rate_dps = _ship_in(model.vessel, model.plant, water), _helm_rate_dps(recorded, run)
+    ship = approach_at(with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship, speed_mps)
     return {name: index.value for name, index in _TESTS[run.kind](ship, run).indices.items()}
+
+
+def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> TrialShip:
+    """A ship in water that moves so, without waves."""
+    return TrialShip(vessel, with_water(plant, water).replaced(drift_force_n=0.0), drives_of(vessel), 0.0)
+
+
+def _off_the_approach(run: Manoeuvre, water: Water) -> Water:
+    """The water's velocity ahead and to starboard of the approach, which is to the north in a simulated test."""
+    ahead, aside = to_ship(*water, np.deg2rad(run.settings["approach_heading_deg"]))
+    return float(ahead), float(aside)
 
 
 def _helm_rate_dps(recorded: RecordedMotion, run: Manoeuvre) -> float:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 INDEX_HEADER = ("index", "measured", "95 % interval", "predicted", "difference", "replayed", "difference")
 OUTSIDE, REMOVED = "*", "\u2020"
 LEGEND = (
-    "predicted: the same test by the model in still water and air; replayed: the recorded controls and wind from "
+    "predicted: the same test by the model in still air; replayed: the recorded controls and wind from "
     f"the state at the order; {OUTSIDE} outside the measured 95 % interval"
 )
 
