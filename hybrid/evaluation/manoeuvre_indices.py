@@ -51,6 +51,7 @@ from hybrid.simulation.standard_tests import (
     TrialShip,
     approach_at,
     as_fast_as_ordered,
+    largest_helm_deg,
     pull_out,
     sailed,
     stop,
@@ -320,7 +321,8 @@ class _Trial:
 def predicted_indices(
     recorded: RecordedMotion, run: Manoeuvre, model: JudgedModel, water: Water | None
 ) -> Mapping[str, float]:
-    """The indices of the test that a run was, made by a model in still air, and in the ``water`` of the run.
+    """The indices of the test that a run was, made by a model in still air, and in the ``water`` of the run or
+    its own.
 
     Where the current is removed from the indices of the run, in still water at its speed through the water. Raises
     :class:`DataShortageError` for a test that the model cannot make, :class:`ModelRangeError` where it leaves its
@@ -330,12 +332,14 @@ def predicted_indices(
         raise DataShortageError(model.why)
     if run.kind == "speed_run":
         return _speed_run(_ship_in(model.vessel, model.plant, (0.0, 0.0)), run)
-    is_removed = any(name.endswith(REMOVED) for name in run.indices)
-    if water is None or is_removed:
-        speed_mps, water = at_order(run, water), (0.0, 0.0)
+    if recorded.motion.at("surge_mps", recorded.seconds(run.start)) <= 0.0:
+        raise DataShortageError("the approach was not ahead")
+    if any(name.endswith(REMOVED) for name in run.indices):
+        speed_mps, current = at_order(run, water), (0.0, 0.0)
     else:
-        speed_mps, water = run.settings["approach_mps"], _off_the_approach(run, water)
-    ship, rate_dps = _ship_in(model.vessel, model.plant, water), _helm_rate_dps(recorded, run)
+        own = model.plant.current_north_mps, model.plant.current_east_mps
+        speed_mps, current = run.settings["approach_mps"], _off_the_approach(run, own if water is None else water)
+    ship, rate_dps = _ship_in(model.vessel, model.plant, current), _helm_rate_dps(recorded, run)
     ship = approach_at(with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship, speed_mps)
     return {name: index.value for name, index in _TESTS[run.kind](ship, run).indices.items()}
 
@@ -361,22 +365,28 @@ def _helm_rate_dps(recorded: RecordedMotion, run: Manoeuvre) -> float:
     return helm_rate_dps(part.helm_deg, part.step_s)
 
 
-def _helm_of(run: Manoeuvre) -> float:
+def _helm_of(ship: TrialShip, run: Manoeuvre) -> float:
+    """The helm of a run [deg]. Raises :class:`DataShortageError` for one that was not recorded or is too large."""
     if run.helm_deg is None:
         raise DataShortageError("the recording tells no angle of the helm")
-    return abs(run.helm_deg)
+    helm_deg, limit_deg = abs(run.helm_deg), largest_helm_deg(ship)
+    if helm_deg > _SAME_HELM * limit_deg:
+        raise DataShortageError(
+            f"the helm of {helm_deg:.0f} deg is beyond the model's limit of {limit_deg:.0f} deg"
+        )
+    return helm_deg
 
 
 def _circle(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    return turning_circle(ship, run.sign, _helm_of(run), max(run.settings["turned_deg"], _LEAST_TURN_DEG))
+    return turning_circle(ship, run.sign, _helm_of(ship, run), max(run.settings["turned_deg"], _LEAST_TURN_DEG))
 
 
 def _zigzag(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    return zigzag_test(ship, run.sign, _helm_of(run), run.settings["switch_deg"], int(run.settings["swings"]))
+    return zigzag_test(ship, run.sign, _helm_of(ship, run), run.settings["switch_deg"], int(run.settings["swings"]))
 
 
 def _pull_out(ship: TrialShip, run: Manoeuvre) -> StandardTest:
-    return pull_out(ship, run.sign, _helm_of(run))
+    return pull_out(ship, run.sign, _helm_of(ship, run))
 
 
 def _stop(ship: TrialShip, run: Manoeuvre) -> StandardTest:
@@ -403,7 +413,7 @@ def _shaft_rpm(run: Manoeuvre, name: str) -> float:
     raise DataShortageError(f"{name} was not recorded")
 
 
-_LEAST_TURN_DEG, _SETTLING_LENGTHS = 185.0, 20.0
+_LEAST_TURN_DEG, _SETTLING_LENGTHS, _SAME_HELM = 185.0, 20.0, 1.05
 _TESTS: dict[str, Callable[[TrialShip, Manoeuvre], StandardTest]] = {
     "turning_circle": _circle, "zigzag": _zigzag, "pull_out": _pull_out, "stopping": _stop,
 }  # fmt: skip

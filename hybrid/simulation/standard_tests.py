@@ -150,6 +150,12 @@ def as_fast_as_ordered(ship: TrialShip) -> TrialShip:
     return replace(ship, drives=ship.drives._replace(limit=limit))
 
 
+def largest_helm_deg(ship: TrialShip) -> float:
+    """The largest angle to which all that steers the ship goes [deg]; infinite where nothing limits it."""
+    limits = (ship.drives.limit / control_units(ship.vessel.actuators))[handling_of(ship.vessel).steering_angles]
+    return float(min(limits, default=inf))
+
+
 def with_helm_rate(ship: TrialShip, rate_dps: float) -> TrialShip:
     """The ship with all angles that steer her going over at this rate."""
     rate = np.where(handling_of(ship.vessel).steering_angles, np.deg2rad(rate_dps), ship.drives.rate)

@@ -23,11 +23,11 @@ from acquisition.core.result import Result
 from analysis.manoeuvres.criteria import CriterionResult, criteria_of, index_rows
 from analysis.manoeuvres.standards import TURNING_HELM_DEG, add_limits
 from hybrid.effects import vessel_plant
-from hybrid.simulation.autopilot import drives_of
 from hybrid.simulation.handling import handling_of, shaft_limit_rpm, steady_speed_mps
 from hybrid.simulation.standard_tests import (
     StandardTest,
     TrialShip,
+    largest_helm_deg,
     pull_out,
     ship_at,
     stop,
@@ -173,13 +173,6 @@ def _speeds(vessel: Vessel, highest_rpm: float) -> Floats:
     return np.array(found).reshape(-1, 2)
 
 
-def largest_helm_deg(vessel: Vessel) -> float:
-    """35 degrees, or the largest angle of what steers the ship where it is smaller."""
-    handling = handling_of(vessel)
-    limits = (drives_of(vessel).limit / control_units(vessel.actuators))[handling.steering_angles]
-    return float(min([TURNING_HELM_DEG, *limits]))
-
-
 def _within_range(helm_deg: float, sailed: Callable[[float], StandardTest]) -> StandardTest:
     """A test with the largest helm up to ``helm_deg`` at which the ship stays in the range of her model."""
     while True:
@@ -192,7 +185,7 @@ def _within_range(helm_deg: float, sailed: Callable[[float], StandardTest]) -> S
 
 
 def _turning_circle(ship: TrialShip, side: float) -> StandardTest:
-    return _within_range(largest_helm_deg(ship.vessel), partial(turning_circle, ship, side))
+    return _within_range(min(TURNING_HELM_DEG, largest_helm_deg(ship)), partial(turning_circle, ship, side))
 
 
 def _zigzag(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
@@ -205,4 +198,4 @@ def _zigzag(ship: TrialShip, angle_deg: float, side: float) -> StandardTest:
 
 
 def _pull_out(ship: TrialShip, side: float) -> StandardTest:
-    return _within_range(min(_PULL_OUT_DEG, largest_helm_deg(ship.vessel)), partial(pull_out, ship, side))
+    return _within_range(min(_PULL_OUT_DEG, largest_helm_deg(ship)), partial(pull_out, ship, side))
