@@ -22,7 +22,7 @@ from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.measures import APPROACH_S, half_width_s, smooth_motion
 from analysis.manoeuvres.motion import Motion, motion_of
 from analysis.manoeuvres.runs import acceleration_indices, drift_indices, stopping_indices
-from analysis.manoeuvres.turning_circle import circle_indices, current_of
+from analysis.manoeuvres.turning_circle import REMOVED, circle_indices, current_of
 from analysis.manoeuvres.turning_tests import pull_out_indices
 from analysis.manoeuvres.zigzag import zigzag_indices
 from analysis.tables.table import NANO, require, table_actuators, times_ns
@@ -162,7 +162,13 @@ def replayed_indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> 
 def _circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
     """Until the model has turned as far as the ship did, if it does."""
     start, motion = recorded.seconds(run.start), _whole_circle(recorded, run, plant)
-    return circle_indices(motion, np.array([start, motion.time_s[-1]]))
+    found = circle_indices(motion, np.array([start, motion.time_s[-1]]))
+    if any(name.endswith(REMOVED) for name in run.indices) and not any(name.endswith(REMOVED) for name in found):
+        turned_deg = abs(motion.heading_deg[-1] - motion.at("heading_deg", start))
+        raise DataShortageError(
+            f"in twice the time the model turns by {turned_deg:.0f} deg, too little to remove the current"
+        )
+    return found
 
 
 def _whole_circle(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Motion:

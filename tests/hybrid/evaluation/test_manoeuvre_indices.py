@@ -160,6 +160,14 @@ def test_a_test_at_a_speed_that_the_model_does_not_make_is_replayed_only() -> No
     assert {each.form for each in found.left_out} == {"predicted"}
 
 
+def test_model_that_turns_too_slowly_for_the_current_is_said() -> None:
+    """Over ground and with the current removed are not compared with each other."""
+    stiff = replace(load_vessel("gunnerus_short"), effects={"yaw_damping": {"factor": 5.0}})
+    found = index_comparison([trial("gunnerus_short")], Predictor("stiff", vessel_plant(stiff), 15, ship=stiff))
+    assert any("too little to remove the current" in each.why for each in found.left_out)
+    assert all(row.replayed is None for row in found.rows if row.current_removed)
+
+
 def test_helm_beyond_the_model_is_no_test_of_it() -> None:
     """Not silently made with less helm."""
     ship = load_vessel("kvlcc2_7m")
