@@ -100,6 +100,8 @@ def _helm_rate_dps(recorded: RecordedMotion, run: Manoeuvre) -> float:
 
 def _helm_of(ship: TrialShip, run: Manoeuvre) -> float:
     """The helm of a run [deg]. Raises :class:`DataShortageError` for one that was not recorded or is too large."""
+    if not handling_of(ship.vessel).steering_angles.any():
+        raise DataShortageError("the model is steered by the difference of its shafts, which has no angle of helm")
     if run.helm_deg is None:
         raise DataShortageError("the recording tells no angle of the helm")
     helm_deg, limit_deg = abs(run.helm_deg), largest_helm_deg(ship)

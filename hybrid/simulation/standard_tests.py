@@ -120,6 +120,8 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     Raises :class:`DataShortageError` where no shaft speed up to twice the shafts' limit gives it within 0.2 %, and
     :class:`ModelRangeError` where it is out of the range of her model.
     """
+    if not speed_mps > 0.0:
+        raise DataShortageError(f"no approach can be made at {speed_mps:.2f} m/s")
     highest = _MOST_RPM * float(np.max(ship.drives.limit[_mains(ship)])) / _rps_per_rpm(ship)
     rpm = min(usual_rpm(ship.vessel), highest)
     for _ in range(_MOST_APPROACHES):

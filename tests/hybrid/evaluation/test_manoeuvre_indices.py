@@ -180,6 +180,36 @@ def test_helm_beyond_the_model_is_no_test_of_it() -> None:
     assert {row.test for row in found.rows if row.predicted} >= {"zigzag 10/10"}
 
 
+def test_ship_steered_by_its_shafts_is_replayed_only() -> None:
+    """Its helm has no angle that two ships, or two speeds, would share; the recorded shafts tell all."""
+    ship = load_vessel("otter_2m")
+    rpm, longer = usual_rpm(ship), pace_of(ship).time
+    legs = (steer(0.0, 60.0 * longer, rpm), turning_circle(-20.0, rpm)[1], steer(0.0, 60.0 * longer, rpm))
+    table, _ = simulate_trial(ship, STILL, legs, 300.0 * longer, 10.0, 1)
+    order = table.index[0] + pd.Timedelta(seconds=np.ceil(60.0 * longer * 10.0) / 10.0)
+    end = order + pd.Timedelta(seconds=200.0 * longer)
+    turned_deg = float(np.abs(np.ptp(np.unwrap(table["heading_deg"][order:end], period=360.0))))
+    settings = {"turned_deg": turned_deg, "approach_mps": 1.0, "approach_heading_deg": 0.0}
+    circle = Manoeuvre("turning_circle", "circle", order, end, "starboard", settings, {
+        "tactical_diameter_m": Index(10.0, 9.0, 11.0, "m")
+    })  # fmt: skip
+    found = index_comparison([(table, [circle])], predictor("otter_2m"))
+    assert [each.form for each in found.left_out] == ["predicted"]
+    assert "difference of its shafts" in found.left_out[0].why
+    motion = find_diameter(table, order, end)
+    (row,) = found.rows
+    assert row.replayed is not None
+    assert row.replayed.value == pytest.approx(motion, rel=0.05)
+
+
+def find_diameter(table: pd.DataFrame, order: pd.Timestamp, end: pd.Timestamp) -> float:
+    """The way to starboard of the approach until half a turn, by the noisy positions."""
+    part = table[order:end]
+    turned = np.unwrap(part["heading_deg"], period=360.0)
+    row = int(np.argmax(np.abs(turned - turned[0]) >= 180.0))
+    return float(part["east_m"].iloc[row] - part["east_m"].iloc[0])
+
+
 def test_depth_and_draught_that_the_model_does_not_know_are_said() -> None:
     table, runs = trial("gunnerus_short")
     shallow = table.copy()
