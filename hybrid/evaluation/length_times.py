@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import HEADING, SURGE, SWAY
 
 LENGTHS = (1, 2, 5)
+_MOST_WINDOWS = 2000  # of all recordings: more take memory, and change no mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +84,13 @@ def errors_by_length(
     """
     length_m = plant.length_between_perpendiculars_m
     speed_mps = float(np.median(np.hypot(judged.start[:, SURGE], judged.start[:, SWAY])))
+    rarest_s = ceil(sum(len(each.table) for each in tables.values()) / _MOST_WINDOWS)
     for most in range(len(LENGTHS), 0, -1) if speed_mps > 0.0 else ():
         lengths = LENGTHS[:most]
         seconds = tuple(max(1, round(each * length_m / speed_mps)) for each in lengths)
         try:
             dataset = dataset_of(
-                tables, seconds[-1], seconds[0], any_commands=True, length_m=plant.length_overall_m
+                tables, seconds[-1], max(seconds[0], rarest_s), any_commands=True, length_m=plant.length_overall_m
             )
             windows, reference = within_model_range(dataset.windows, plant)
         except DataShortageError:

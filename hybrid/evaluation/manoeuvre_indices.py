@@ -8,6 +8,7 @@ model. *Replayed*: the recorded controls and wind from the state at the order
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.core.errors import DataShortageError, InputError, SeatrialError
+from acquisition.core.errors import DataShortageError, SeatrialError
 from acquisition.recording.grouping import read_parts
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import Index, Manoeuvre
@@ -40,6 +41,7 @@ from hybrid.evaluation.recorded_runs import (
 from hybrid.simulation.standard_tests import SHOWN
 from hybrid.vessel.plant import Plant
 
+LOG = logging.getLogger("seatrial")
 JUDGED = {
     **SHOWN,
     "acceleration": ("final_speed_mps", "time_to_90_percent_s", "distance_to_90_percent_m"),
@@ -212,16 +214,20 @@ def runs_of_recordings(
     repair: bool = False,
     rebuild_positions: bool = False,
 ) -> Iterator[tuple[pd.DataFrame, Sequence[Manoeuvre]]]:
-    """The table of each recording, or of a part of its time, and the manoeuvres in it; none where it has no helm.
+    """The table of each recording, or of a part of its time, and the manoeuvres in it.
 
-    ``repair`` and ``rebuild_positions`` are those of :func:`.tables_of_recordings`.
+    A recording in which none can be looked for, as it has no helm or is too long for one table, is left out with a
+    warning. ``repair`` and ``rebuild_positions`` are those of :func:`.tables_of_recordings`.
     """
-    for parts in named_recordings(paths).values():
-        recording = read_parts(parts)
-        whole = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
-        table, runs = select(whole, part_percent), tuple[Manoeuvre, ...]()
-        with suppress(DataShortageError, InputError):
+    for name, parts in named_recordings(paths).items():
+        try:
+            recording = read_parts(parts)
+            whole = prepare(recording, Preparation(None, repair), rebuild_positions=rebuild_positions)
+            table = select(whole, part_percent)
             runs = find_manoeuvres(table, length_m, recording.events)
+        except SeatrialError as error:
+            LOG.warning("%s: its manoeuvres are not compared: %s", name, error)
+            continue
         yield table, runs
 
 

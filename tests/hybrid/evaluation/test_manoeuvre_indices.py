@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as numbers
 from typer.testing import CliRunner
 
+from acquisition.core.errors import DataShortageError
 from analysis.manoeuvres import Index, Manoeuvre, find_manoeuvres
 from analysis.tables.resample import resample
 from analysis.windows.recordings import SecondBySecond
@@ -300,6 +301,21 @@ def test_validate_says_indices_and_errors_by_length(tmp_path: Path) -> None:
     text = invoked(str(path))
     assert "tactical diameter" in text
     assert "L/V" in text
+
+
+def test_a_recording_that_allows_no_manoeuvres_is_left_out_with_a_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one too long for a table of all its samples: the errors of predictions are there nevertheless."""
+
+    def too_long(*_: object) -> None:
+        raise DataShortageError("holds too many samples")
+
+    monkeypatch.setattr("hybrid.evaluation.manoeuvre_indices.prepare", lambda *_, **__: too_long())
+    answer = json.loads(invoked(str(recorded(tmp_path, "gunnerus_short")), "--json"))
+    assert answer["windows"] > 0
+    assert answer["indices"] == []
+    assert "its manoeuvres are not compared: holds too many samples" in caplog.text
 
 
 def test_a_recording_without_manoeuvres_has_no_table_of_them(tmp_path: Path) -> None:
