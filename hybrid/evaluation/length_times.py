@@ -76,11 +76,24 @@ def errors_by_length(
     plant: Plant,
     trained: TrainedCalibrator | None = None,
 ) -> LengthErrors | None:
-    """The errors of the reference and of constant velocity after so many L/V, and of a calibrator that takes any
-    commands and predicts as far; None where no recording is long enough.
+    """The errors after so many L/V of the reference, constant velocity, and a calibrator that predicts as far.
 
-    ``tables`` are the recordings at 1 Hz by trial. V is the median speed of the ``judged`` windows. Times are whole
-    seconds, one at least; the longest are left out where no recording lasts as long.
+    Parameters
+    ----------
+    tables
+        The recordings at 1 Hz, by trial.
+    judged
+        The windows whose median speed over ground is V [m/s].
+    plant
+        The reference model; L is its length between perpendiculars [m].
+    trained
+        A calibrator, judged if it takes any commands and its horizon is long enough.
+
+    Returns
+    -------
+    LengthErrors or None
+        At whole seconds, one at least. The longest times are left out where no recording lasts as long; None where
+        none does.
     """
     length_m = plant.length_between_perpendiculars_m
     speed_mps = float(np.median(np.hypot(judged.start[:, SURGE], judged.start[:, SWAY])))

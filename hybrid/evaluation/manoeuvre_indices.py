@@ -17,6 +17,7 @@ from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, SeatrialError
@@ -28,7 +29,7 @@ from analysis.prepare import Preparation, prepare
 from analysis.tables.table import select, trial_of
 from analysis.windows.recordings import named_recordings
 from hybrid.calibrators.predict import Predictor
-from hybrid.evaluation.predicted_tests import PREDICTED_KINDS, JudgedModel, predicted_indices
+from hybrid.evaluation.predicted_tests import APPROACH_RPM, PREDICTED_KINDS, JudgedModel, predicted_indices
 from hybrid.evaluation.recorded_runs import (
     REPLAYED_KINDS,
     RecordedMotion,
@@ -60,6 +61,7 @@ _ABOUT_ZERO = {
 PREDICTED, REPLAYED = "predicted", "replayed"
 _KINDS = {PREDICTED: PREDICTED_KINDS, REPLAYED: REPLAYED_KINDS}
 _GIVEN = {"period_s", "turning_yaw_rate_dps"}  # of a replay, by the recorded orders and by the state at the order
+_NO_SHAFTS = ("thrust_rpm", "thrust_before_rpm", "turning_rpm")
 _DRAUGHT_SHARE, _DEEP_DRAUGHTS = 0.05, 4.0  # as MSC/Circ.1053 and MSC.137(76) bound full load and deep water
 
 
@@ -232,9 +234,12 @@ def runs_of_recordings(
 
 
 def _measured(run: Manoeuvre) -> dict[str, Index]:
-    """The indices of a run that a model is judged by, the current removed where it is known."""
-    names = JUDGED.get(run.kind, ())
-    return {name: run.indices.get(name + REMOVED, run.indices[name]) for name in names if name in run.indices}
+    """The indices of a run that a model is judged by, the current removed where it is known; with them the shaft
+    speed of the approach, which is what the speed takes."""
+    names = [name for name in JUDGED.get(run.kind, ()) if name in run.indices]
+    shafts = [value for name, value in run.settings.items() if name.endswith("_rpm") and name not in _NO_SHAFTS]
+    takes = {APPROACH_RPM: Index(float(np.mean(shafts)), nan, nan, "rpm")} if names and shafts else {}
+    return takes | {name: run.indices.get(name + REMOVED, run.indices[name]) for name in names}
 
 
 def _rows(run: Manoeuvre, method: str, values: Mapping[str, Mapping[str, float]]) -> list[IndexComparison]:

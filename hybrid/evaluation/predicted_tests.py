@@ -36,6 +36,8 @@ from hybrid.simulation.standard_tests import (
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 
+APPROACH_RPM = "approach_rpm"
+"""The mean shaft speed in the approach, as an index."""
 _IDLE_SHARE = 0.08  # of the shaft speed before a stop: below it the shafts stand, as in finding one
 
 
@@ -74,7 +76,9 @@ def predicted_indices(
         speed_mps, current = run.settings["approach_mps"], _off_the_approach(run, own if water is None else water)
     ship, rate_dps = _ship_in(model.vessel, model.plant, current), _helm_rate_dps(recorded, run)
     ship = approach_at(with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship, speed_mps)
-    return {name: index.value for name, index in _TESTS[run.kind](ship, run).indices.items()}
+    handling, indices = handling_of(model.vessel), _TESTS[run.kind](ship, run).indices
+    takes = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
+    return takes | {name: index.value for name, index in indices.items()}
 
 
 def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> TrialShip:

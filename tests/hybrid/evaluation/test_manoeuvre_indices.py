@@ -103,10 +103,14 @@ def test_a_model_has_the_indices_of_its_own_recording(name: str) -> None:
     for row in found.rows:
         if row.name in ("lateral_deviation_m", "heading_change_deg"):
             continue  # of a stop, whose heading hangs on the last of the noise
+        if row.name == "approach_rpm":
+            assert abs(row.predicted.difference) < 0.06 * row.measured.value  # some still gather way
+            continue
         assert is_near(row.predicted, 0.04), row
         if row.name != "period_s":
             assert is_near(row.replayed, 0.05), row
-    within = [form.within for row in found.rows for form in (row.predicted, row.replayed) if form]
+    within = [form.within for row in found.rows for form in (row.predicted, row.replayed)
+              if form and form.within is not None]  # fmt: skip
     assert np.mean(within) > 0.6
 
 
@@ -220,6 +224,20 @@ def test_depth_and_draught_that_the_model_does_not_know_are_said() -> None:
     assert any("draught of 3.6 m" in each for each in remarks)
 
 
+def test_what_shaft_speed_the_approach_takes_is_a_row() -> None:
+    """A model of a cleaner hull needs fewer revolutions for the recorded speed."""
+    ship = load_vessel("gunnerus_short")
+    found = index_comparison([trial("gunnerus_short", STILL, '{"hull_fouling": {"resistance_factor": 1.3}}')],
+                             predictor("gunnerus_short"))  # fmt: skip
+    row = rows_by_name(found)["turning", "starboard", "approach_rpm"]
+    assert row.measured.value == pytest.approx(usual_rpm(ship), rel=0.01)
+    assert row.replayed is None
+    assert row.predicted is not None
+    assert row.predicted.within is None
+    assert row.predicted.percent is not None
+    assert -15.0 < row.predicted.percent < -4.0
+
+
 def adaptive(name: str, **deviations: float) -> AdaptiveCalibrator:
     """A calibrator that has learned some parameters, in their prior standard deviations."""
     plant = vessel_plant(load_vessel(name))
@@ -261,7 +279,7 @@ def test_cells_have_the_digits_of_the_measured_value() -> None:
     assert "turning circle 30 deg to starboard" in title
     for line in lines:
         assert len(line) == len(INDEX_HEADER)
-        decimals = [cell.split()[0].partition(".")[2] for cell in (line[1], line[3], line[5])]
+        decimals = [cell.split()[0].partition(".")[2] for cell in (line[1], line[3], line[5]) if cell]
         assert len(set(map(len, decimals))) == 1, line
 
 
