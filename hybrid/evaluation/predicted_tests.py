@@ -75,10 +75,16 @@ def predicted_indices(
         own = model.plant.current_north_mps, model.plant.current_east_mps
         speed_mps, current = run.settings["approach_mps"], _off_the_approach(run, own if water is None else water)
     ship, rate_dps = _ship_in(model.vessel, model.plant, current), _helm_rate_dps(recorded, run)
-    ship = approach_at(with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship, speed_mps)
-    handling, indices = handling_of(model.vessel), _TESTS[run.kind](ship, run).indices
+    ship = with_helm_rate(ship, rate_dps) if isfinite(rate_dps) else ship
+    if run.kind == "pull_out":  # its speed is that in the turn before, which is no approach
+        return _values(_pull_out(_at_recorded_rpm(ship, run), run))
+    ship, handling = approach_at(ship, speed_mps), handling_of(model.vessel)
     takes = {APPROACH_RPM: ship.rpm * float(handling.ahead[handling.main].mean())}
-    return takes | {name: index.value for name, index in indices.items()}
+    return takes | _values(_TESTS[run.kind](ship, run))
+
+
+def _values(test: StandardTest) -> dict[str, float]:
+    return {name: index.value for name, index in test.indices.items()}
 
 
 def _ship_in(vessel: Vessel, plant: Plant, water: Water) -> TrialShip:
@@ -136,12 +142,16 @@ def _stop(ship: TrialShip, run: Manoeuvre) -> StandardTest:
 
 def _speed_run(ship: TrialShip, run: Manoeuvre) -> Mapping[str, float]:
     """The steady speed at the shaft speeds of a run."""
-    names, handling = control_names(ship.vessel.actuators), handling_of(ship.vessel)
-    turned = {names[i]: _shaft_rpm(run, names[i]) for i in np.flatnonzero(handling.main)}
-    rpm = float(np.mean([turned[names[i]] / handling.ahead[i] for i in np.flatnonzero(handling.main)]))
-    ship = as_fast_as_ordered(replace(ship, rpm=rpm))
-    motion, _ = sailed(ship, (replace(steer(0.0, inf, rpm), orders=turned),), _SETTLING_LENGTHS)
+    ship = _at_recorded_rpm(ship, run)
+    motion, _ = sailed(ship, (steer(0.0, inf, ship.rpm),), _SETTLING_LENGTHS)
     return {"speed_through_water_mps": approach_of(motion, float(motion.time_s[-1]))["approach_mps"]}
+
+
+def _at_recorded_rpm(ship: TrialShip, run: Manoeuvre) -> TrialShip:
+    """The ship at the mean shaft speed of a run."""
+    names, handling = control_names(ship.vessel.actuators), handling_of(ship.vessel)
+    rpm = [_shaft_rpm(run, names[i]) / handling.ahead[i] for i in np.flatnonzero(handling.main)]
+    return as_fast_as_ordered(replace(ship, rpm=float(np.mean(rpm))))
 
 
 def _shaft_rpm(run: Manoeuvre, name: str) -> float:
@@ -154,7 +164,7 @@ def _shaft_rpm(run: Manoeuvre, name: str) -> float:
 
 _LEAST_TURN_DEG, _SETTLING_LENGTHS, _SAME_HELM = 185.0, 20.0, 1.05
 _TESTS: dict[str, Callable[[TrialShip, Manoeuvre], StandardTest]] = {
-    "turning_circle": _circle, "zigzag": _zigzag, "pull_out": _pull_out, "stopping": _stop,
+    "turning_circle": _circle, "zigzag": _zigzag, "stopping": _stop,
 }  # fmt: skip
-PREDICTED_KINDS = (*_TESTS, "speed_run")
+PREDICTED_KINDS = (*_TESTS, "pull_out", "speed_run")
 """The kinds of manoeuvre that can be sailed anew."""

@@ -201,9 +201,15 @@ def final_speed_mps(run: Manoeuvre) -> float:
 
 def _by(measure: Callable[[Motion, Floats], Indices]) -> Callable[..., Indices]:
     """The indices by a function of a motion and the times of its order and end."""
-    return lambda recorded, run, plant: measure(
-        replay(recorded, run, plant), np.array([recorded.seconds(run.start), recorded.seconds(run.end)])
-    )
+
+    def indices(recorded: RecordedMotion, run: Manoeuvre, plant: Plant) -> Indices:
+        times = np.array([recorded.seconds(run.start), recorded.seconds(run.end)])
+        found = measure(replay(recorded, run, plant), times)
+        if not found:
+            raise DataShortageError("the rate of turn of the model does not settle in the time of the run")
+        return found
+
+    return indices
 
 
 _MEASURES: dict[str, Callable[..., Indices]] = {

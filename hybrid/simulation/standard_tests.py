@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.actuators import control_names
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
 from analysis.manoeuvres.indices import Index, Manoeuvre, from_order, index_of, side_of
 from analysis.manoeuvres.measures import approach_of
@@ -137,7 +137,7 @@ def approach_at(ship: TrialShip, speed_mps: float) -> TrialShip:
     )
 
 
-def _mains(ship: TrialShip) -> Any:
+def _mains(ship: TrialShip) -> Bools:
     return handling_of(ship.vessel).main
 
 
