@@ -387,11 +387,14 @@ def validate(
     allow_seen: bool = False,
 ) -> Validation:
     """Every baseline, and the calibrator if one is given, judged on the held windows of recordings; with
-    ``any_commands`` on all windows, under the commands as they were recorded.
+    ``any_commands`` on all windows, under the commands as they were recorded. With it the errors after 1, 2 and 5
+    L/V, and the indices of the manoeuvres found beside those that the model has.
 
     Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
     """
     from hybrid.calibrators.predict import predictor_of
+    from hybrid.evaluation.length_times import errors_by_length
+    from hybrid.evaluation.manoeuvre_indices import index_comparison, runs_of_recordings
     from hybrid.evaluation.validate import refuse_training_data
     from hybrid.evaluation.validate import validate as validate_dataset
     from hybrid.vessel.files import trials_of
@@ -401,7 +404,15 @@ def validate(
     if by.trained is not None and not allow_seen:
         refuse_training_data(dataset.sources, by.trained)
     judged = _with_truths(dataset, recordings, part, rebuild_positions)
-    return replace(validate_dataset(judged, by.plant, by.trained), model=by.said)
+    found = validate_dataset(judged, by.plant, by.trained)
+    runs = runs_of_recordings(
+        as_paths(recordings), by.plant.length_between_perpendiculars_m, percent_of(part),
+        repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+    )  # fmt: skip
+    return replace(
+        found, model=by.said, indices=index_comparison(runs, by),
+        by_length=errors_by_length(dataset.tables, found.windows, by.plant, by.trained),
+    )  # fmt: skip
 
 
 def evaluate(

@@ -97,27 +97,35 @@ def run_jobs(
 
 
 def map_calls(
-    calls: Sequence[tuple[Any, ...]], workers: int | None = None, progress: Progress = lambda share: None
+    calls: Sequence[tuple[Any, ...]],
+    workers: int | None = None,
+    progress: Progress = lambda share: None,
+    finished: Callable[[int, Any], None] = lambda number, result: None,
 ) -> list[Any]:
     """The results of calls, each a function and its arguments, on worker processes; in the order of the calls.
 
-    The first error ends all and is raised. With one of ``workers`` the calls are made in this process.
+    ``finished`` is told the number of each call and its result as soon as that is there. The first error ends all
+    and is raised. With one of ``workers`` the calls are made in this process.
     """
-    workers, done, results = workers or os.cpu_count() or 1, 0, []
+    workers, results = workers or os.cpu_count() or 1, dict[int, Any]()
+
+    def keep(number: int, result: Any) -> None:
+        results[number] = result
+        finished(number, result)
+        progress(len(results) / len(calls))
+
     if workers < 2:
-        for function, *arguments in calls:
-            results.append(function(*arguments))
-            progress(len(results) / len(calls))
-        return results
+        for number, (function, *arguments) in enumerate(calls):
+            keep(number, function(*arguments))
+        return [results[number] for number in range(len(calls))]
     with _client(workers, None) as client:
-        futures = [client.submit(_on_one_core, *each, pure=False) for each in calls]
+        futures = {client.submit(_on_one_core, *each, pure=False): number for number, each in enumerate(calls)}
         try:
             for future in import_module("distributed").as_completed(futures, loop=client.loop):
-                future.result()
-                progress((done := done + 1) / len(calls))
-            return list(client.gather(futures))
+                keep(futures[future], future.result())
+            return [results[number] for number in range(len(calls))]
         except BaseException:
-            client.cancel(futures, force=True)
+            client.cancel(list(futures), force=True)
             raise
 
 

@@ -118,6 +118,10 @@ class Calibrator(ABC):
         """
         return None
 
+    def adapted_model(self) -> Plant | None:
+        """The reference model with what was learned of it; None of a calibrator that corrects tracks."""
+        return None
+
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         """The tracks [N, H+1, 3] of the ``stopping`` windows of :meth:`fit` by a model not fitted to them."""
         return self.predict(*stopping)

@@ -30,6 +30,7 @@ from hybrid.prediction.prediction_windows import PredictionWindows, rows_after, 
 from hybrid.prediction.regions import bands, circle_about
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.files import Trials, chosen, reference_model
+from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import HEADING
 
@@ -41,7 +42,8 @@ HORIZON_S = 15
 class Predictor:
     """The reference model of a vessel, or a calibrator on it, with the horizon [s].
 
-    ``calibrator`` is the folder that it came from; ``said`` are remarks on the choice.
+    ``calibrator`` is the folder that it came from; ``said`` are remarks on the choice; ``ship`` is the vessel
+    file of the model, None where that of a calibrator's is not at hand.
     """
 
     vessel: str
@@ -50,6 +52,7 @@ class Predictor:
     trained: TrainedCalibrator | None = None
     calibrator: str = ""
     said: ChosenModel = field(default_factory=lambda: ChosenModel(""))
+    ship: Vessel | None = None
 
 
 def predictor_of(
@@ -66,18 +69,19 @@ def predictor_of(
     """
     if calibrator is None:
         model = reference_model(trials, vessel)
-        return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, said=model.said)
+        return Predictor(model.file, vessel_plant(model.vessel), horizon_s or usual_s, said=model.said,
+                         ship=model.vessel)  # fmt: skip
     loaded = isinstance(calibrator, TrainedCalibrator)
     trained = calibrator if isinstance(calibrator, TrainedCalibrator) else load(Path(calibrator))
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
     plant = plant_for(trained, None if vessel is None else str(vessel))
-    said = _said_of(trained, trials)
-    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), said)
+    said, ship = _model_of(trained, trials)
+    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), said, ship)
 
 
-def _said_of(trained: TrainedCalibrator, trials: Trials) -> ChosenModel:
-    """Remarks on a calibrator's model, whose numbers it holds itself.
+def _model_of(trained: TrainedCalibrator, trials: Trials) -> tuple[ChosenModel, Vessel | None]:
+    """Remarks on a calibrator's model, whose numbers it holds itself, and its vessel file if it has these numbers.
 
     The path of the vessel file in a calibrator, which may be another person's, is not opened: the file is looked
     for where those of recordings are.
@@ -86,9 +90,12 @@ def _said_of(trained: TrainedCalibrator, trials: Trials) -> ChosenModel:
     try:
         files = (vessel_of_ship(name, path.parent) for path in trials)
         file = trained.vessel if trained.vessel in vessel_names() else next(filter(None, files), None)
-        return chosen(name, {name}, trials) if file is None else reference_model(trials, file).said
+        if file is not None:
+            model = reference_model(trials, file)
+            return model.said, model.vessel if vessel_plant(model.vessel) == trained.plant else None
     except ConfigurationError:
-        return chosen(name, {name}, trials)
+        pass
+    return chosen(name, {name}, trials), None
 
 
 @dataclass(frozen=True, slots=True)

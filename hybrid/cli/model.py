@@ -88,7 +88,7 @@ def validate(
     allow_seen: AllowSeenOption = False,
     as_json: AsJson = False,
 ) -> None:
-    """Score every method on recordings that were not used for training."""
+    """Score every method on recordings that were not used for training, and the model by its manoeuvre indices."""
     from hybrid.scripting import validate as run
 
     trained = chosen_calibrator(calibrator, method)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -203,11 +204,15 @@ def table3(
     """Reproduce the paper's Table III on unseen sequences, and with the random split."""
     from hybrid.reproduction.campaign import seas_of
     from hybrid.reproduction.page import write_table3
+    from hybrid.reproduction.running import RunningTable
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
 
+    jobs = papers_jobs(seed, seeds)
+    running = RunningTable(len(jobs), workers, output, partial(echo, err=True))
+    running.announce()
     with bar("campaigns") as progress:
-        seas = seas_of(papers_jobs(seed, seeds), workers, progress)
+        seas = seas_of(jobs, workers, progress, running.add)
     table = table_of(seas)
     if output is not None:
         from hybrid.reproduction.figures import write_figures

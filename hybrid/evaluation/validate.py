@@ -15,6 +15,8 @@ from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.calibrators.train import TrainedCalibrator
+from hybrid.evaluation.length_times import LengthErrors
+from hybrid.evaluation.manoeuvre_indices import IndexComparisons
 from hybrid.evaluation.truth import Truths, judged_by_truths, truth_distances
 from hybrid.prediction.baselines import reference, untrained_tracks
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
@@ -34,7 +36,8 @@ class Validation(ModelResult):
     which the positions jump. With a calibrator, ``outside_domain`` [N] marks the windows outside its domain of
     applicability, where the fallback predicts unless it extrapolates; ``source`` [N] names who predicted;
     ``region_m`` [N, H, 2] are the semi-axes of its 95 % regions.
-    ``truths`` judges the methods by each sensor, where the windows have their tracks.
+    ``truths`` judges the methods by each sensor, where the windows have their tracks. ``by_length`` are the errors
+    after so many L/V, ``indices`` the measured indices of the manoeuvres beside the model's; None where not asked.
     """
 
     windows: PredictionWindows
@@ -48,6 +51,8 @@ class Validation(ModelResult):
     source: NDArray[np.str_] | None = None
     truths: Truths | None = None
     jumps: int = 0
+    by_length: LengthErrors | None = None
+    indices: IndexComparisons | None = None
     view = "hybrid.report.tables:validation_view"
     drawing = "hybrid.report.plots:draw_validation"
 
@@ -87,6 +92,8 @@ class Validation(ModelResult):
             **{name: None if each is None else each.tolist() for name, each in bands(middle_m).items()},
             "fallback": self.fallback,
             "truths": to_json(self.truths),
+            "by_length": None if self.by_length is None else self.by_length.as_json(self.windows.horizon_s),
+            **(self.indices or IndexComparisons()).as_json(),
         }
 
 

@@ -36,6 +36,8 @@ from hybrid.calibrators.artefact import load
 from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.calibrators.predict import HORIZON_S, Predictor, predictor_of
 from hybrid.calibrators.train import TrainedCalibrator
+from hybrid.evaluation.length_times import LengthErrors, errors_by_length
+from hybrid.evaluation.manoeuvre_indices import IndexComparisons, index_comparison
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, Source, dataset_of
 from hybrid.report.errors import (
@@ -235,6 +237,17 @@ class Case:
         if self.trained is not None and not self.allow_seen:
             refuse_training_data(self.dataset.sources, self.trained)
         return validate(self.dataset, self.plant, self.trained)
+
+    @cached_property
+    def indices(self) -> IndexComparisons:
+        """The measured indices beside those of the model, of all recordings."""
+        runs = [(each.table, each.manoeuvres) for each in self.products.values()]
+        return index_comparison(runs, self._predictor)
+
+    @cached_property
+    def by_length(self) -> LengthErrors | None:
+        """The errors after so many L/V; None where no recording is long enough."""
+        return errors_by_length(self.dataset.tables, self.validation.windows, self.plant, self.trained)
 
     @property
     def _names_a_model(self) -> bool:

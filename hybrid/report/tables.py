@@ -75,9 +75,17 @@ def _head(method: str) -> str:
 
 
 def validation_view(validation: Validation) -> RenderableType:
-    """A row a method, and below it a row a sensor."""
-    table = validation_table(validation)
-    return Group(table, truths_table(validation.truths)) if validation.truths else table
+    """A row a method; below it a row a sensor, the errors by L/V, and a table a manoeuvre."""
+    from hybrid.report.index_tables import indices_view, length_table
+
+    shown: list[RenderableType] = [validation_table(validation)]
+    if validation.truths:
+        shown.append(truths_table(validation.truths))
+    if validation.by_length:
+        shown.append(length_table(validation.by_length, validation.windows.horizon_s))
+    if validation.indices and (validation.indices.rows or validation.indices.left_out):
+        shown.append(indices_view(validation.indices))
+    return Group(*shown)
 
 
 def truths_table(truths: Truths) -> Table:

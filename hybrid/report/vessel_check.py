@@ -22,11 +22,13 @@ from analysis.report.plots import FAINT, INK, PALETTE, outlines
 from analysis.report.rendering import Page, render
 from hybrid.report.sections import templates
 from hybrid.report.words import join_words
-from hybrid.simulation.vessel_check import StandardTest, VesselCheck
+from hybrid.simulation.standard_tests import StandardTest
+from hybrid.simulation.vessel_check import VesselCheck
 
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
 HEADER = ("", "value", "lengths", "IMO limit", "")
 PICTURES = ("png", "svg", "pdf", "json")
+_PULL_OUT_LENGTHS = 60.0
 
 
 def vessel_check_view(check: VesselCheck) -> Group:
@@ -231,7 +233,8 @@ def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
     axes.axhline(0.0, color=FAINT, linewidth=0.8)
     for test, colour in zip(check.of_kind("pull_out"), (BLUE, ORANGE), strict=False):
         released = float(test.executes_s[1])
-        shown = test.motion.between(released - 3.0 * check.length_m / check.speed_mps, test.motion.time_s[-1])
+        length_s = check.length_m / check.speed_mps
+        shown = test.motion.between(released - 3.0 * length_s, released + _PULL_OUT_LENGTHS * length_s)
         axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
     tests = check.of_kind("pull_out")
     if tests:

@@ -9,7 +9,7 @@ are the seconds of all sequences, and those before and after a test row are in t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -302,11 +302,18 @@ def sea_of(job: Job) -> Sea:
 
 
 def seas_of(
-    jobs: Sequence[Job], workers: int | None = None, progress: Progress = lambda share: None
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    progress: Progress = lambda share: None,
+    finished: Callable[[Sea], None] = lambda sea: None,
 ) -> tuple[Sea, ...]:
-    """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``."""
+    """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``.
+
+    ``finished`` is told each one as soon as it is there.
+    """
     refuse_untrainable("paper")  # before the simulations
-    return tuple(map_calls([(sea_of, job) for job in jobs], workers, progress))
+    calls = [(sea_of, job) for job in jobs]
+    return tuple(map_calls(calls, workers, progress, lambda number, sea: finished(sea)))
 
 
 def example_sequence(job: Job) -> pd.DataFrame:

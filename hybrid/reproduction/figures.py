@@ -131,11 +131,12 @@ Seas = Sequence[Sea]
 
 @dataclass(frozen=True, slots=True)
 class FigureSpec:
-    """How a figure is drawn, how large it is, and what is written below it."""
+    """How a figure is drawn, how large it is, what is written below it, and what to look for in it."""
 
     draw: Callable[[Figure, Seas], None]
     size_inch: tuple[float, float]
     caption: str
+    look_for: str
 
     def filled(self, seas: Seas) -> Figure:
         """The figure of these sea states."""
@@ -257,31 +258,44 @@ FIGURES: dict[str, FigureSpec] = {
         draw_tracks,
         (10.5, 7.0),
         "The campaign in the three sea states: zigzags to scale, one colour an azimuth, north up.",
+        "Whether the tracks cover both sides and all azimuths alike, and how far waves and current bend them: what "
+        "no sequence shows, nothing can learn.",
     ),
     "figure_05_channels": FigureSpec(
-        draw_channels, (9.0, 9.5), "One sequence of 600 samples: heading, velocities, wind and thrusters."
+        draw_channels,
+        (9.0, 9.5),
+        "One sequence of 600 samples: heading, velocities, wind and thrusters.",
+        "That the thrusters are held while the ship still turns: the motion is her answer to one order. The "
+        "oscillation on top is the waves', which no method here foresees.",
     ),
     "figure_06_reference": FigureSpec(
         draw_fans,
         (10.5, 4.6),
         "Measured against the reference model's tracks, as many sequences of each azimuth, all from one start with "
         "the bow up; above, its mean error on sequences never seen.",
+        "Whether the error is systematic, all tracks of an azimuth off to the same side: such an error can be "
+        "learned, scatter about zero cannot.",
     ),
     "figure_07_errors": FigureSpec(
         draw_errors,
         (10.5, 5.6),
         "Error north and east of reference and hybrid on sequences never seen: mean, and the middle 80 % shaded.",
+        "How fast the errors grow: one of the starting speed grows with time, a wrong force makes it grow with the "
+        "square of time; and whether the hybrid's shade stays about zero.",
     ),
     "figure_09_predictions": FigureSpec(
         draw_predictions,
         (10.5, 11.0),
         "Sequences never seen, one of each azimuth and sea state, bow up; the insets enlarge the last metres.",
+        "In the insets, whether the measured end lies in the hybrid's 95 % region: it should in 19 of 20.",
     ),
     "figure_10_distribution": FigureSpec(
         draw_spread,
         (10.5, 4.6),
         "Mean distance of each sequence by method: never seen beside the paper's random split. Boxes hold the "
         "middle half, whiskers reach to 5 and 95 %.",
+        "The distance between the two boxes of one method: what the random split hides, as it tests on seconds "
+        "whose neighbours were learned from.",
     ),
 }
 """The figures by the names of their files."""

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from hybrid.report.plots import COLOUR, interval_bar, logarithmic
 from hybrid.report.sections import sections, templates
 from hybrid.report.tables import spread, text_table
 from hybrid.report.words import no_wrap, plain
-from hybrid.reproduction.figures import FIGURES
+from hybrid.reproduction.figures import FIGURES, FigureSpec
 from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
 
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
@@ -169,10 +169,10 @@ def is_reproduced(folder: Path) -> bool:
     return (folder / TABLE).is_file() or bool(drawn_in(folder))
 
 
-def drawn_in(folder: Path) -> dict[Path, str]:
-    """The pictures of the reproduction that a folder holds, and what stands below each."""
-    paths = {folder / f"{name}.png": each.caption for name, each in FIGURES.items()}
-    return {path: caption for path, caption in paths.items() if path.is_file()}
+def drawn_in(folder: Path, only: Sequence[str] = ()) -> dict[Path, FigureSpec]:
+    """The pictures of the reproduction that a folder holds, all or those named, and what is said of each."""
+    paths = {folder / f"{name}.png": each for name, each in FIGURES.items() if not only or name in only}
+    return {path: each for path, each in paths.items() if path.is_file()}
 
 
 def results_of(folder: Path) -> dict[str, Any]:

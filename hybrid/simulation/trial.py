@@ -25,7 +25,7 @@ from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
 from analysis.kinematics import to_ship
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
-from hybrid.simulation.autopilot import drives_of, sail
+from hybrid.simulation.autopilot import Drives, drives_of, sail
 from hybrid.simulation.handling import handling_of, steady_speed_mps
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
 from hybrid.simulation.sea_state import SeaState, drift_series, sea_for, wave_motion, wind_series, with_waves
@@ -201,8 +201,9 @@ def sail_through(
     heading_deg: float,
     gusts: np.random.Generator,
     drift: np.random.Generator,
+    drives: Drives | None = None,
 ) -> Voyage:
-    """The motion of ``plant`` through a manoeuvre, the autopilot and the drives of ``vessel`` at work."""
+    """The motion of ``plant`` through a manoeuvre, with the autopilot of ``vessel``, and its drives or others."""
     wind = wind_series(gusts, sea, steps + 1, dt_s)
     wind[:, 0] += plant.wind_direction_bias_rad
     wind[:, 1] *= plant.wind_speed_factor
@@ -211,10 +212,9 @@ def sail_through(
     extra, parameters = combine_forces((plant,))
     start = _start(vessel, plant, legs[0], heading_deg)
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
-    drives = drives_of(vessel)
     left = sail(
-        packed[0], start, leg_array, ends, drives, wind[:-1], slow_n, dt_s, 1, extra, parameters[0], states,
-        controls,
+        packed[0], start, leg_array, ends, drives or drives_of(vessel), wind[:-1], slow_n, dt_s, 1, extra,
+        parameters[0], states, controls,
     )  # fmt: skip
     if left >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)

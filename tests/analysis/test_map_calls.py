@@ -28,6 +28,13 @@ def test_results_come_in_the_order_of_the_calls(workers: int) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
+def test_each_result_is_told_with_its_number_as_soon_as_it_is_there(workers: int) -> None:
+    told: dict[int, object] = {}
+    results = map_calls([(sqrt, 9.0), (sqrt, 4.0)], workers, finished=told.__setitem__)
+    assert [told[0], told[1]] == results == [3.0, 2.0]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
 def test_an_error_ends_all(workers: int) -> None:
     with pytest.raises(ValueError, match="math domain"):
         map_calls([(sqrt, 9.0), (sqrt, -1.0)], workers)

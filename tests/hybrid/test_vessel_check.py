@@ -16,9 +16,11 @@ import seatrial as st
 from analysis.manoeuvres import find_manoeuvres
 from hybrid import cli
 from hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
+from hybrid.simulation.standard_tests import StandardTest, ship_at
 from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.simulation.vessel_check import TEST_SHARE, StandardTest, VesselCheck, check_vessel
+from hybrid.simulation.vessel_check import TEST_SHARE, VesselCheck, check_vessel, conditions_of
 from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import bare_plant
 from tests.hybrid.froude import froude_scaled
 
 GUNNERUS = load_vessel("gunnerus_short")
@@ -146,3 +148,14 @@ def test_a_script_may_ask_for_another_shaft_speed() -> None:
     slow = st.vessel_check("gunnerus_short", rpm=100.0)
     assert slow.speed_mps == pytest.approx(2.95, abs=0.01)
     assert "L/V 9.8 s" in str(slow)
+
+
+def test_current_and_depth_count_whatever_effect_brings_them() -> None:
+    """An effect of one's own that moves the water makes a current, as the catalogue's own does."""
+    moved = replace(GUNNERUS, effects={"ocean_current": {"speed_mps": 0.4, "direction_deg": 30.0}})
+    ship = ship_at(moved, 100.0)
+    assert conditions_of(ship, 5.0).current_mps == pytest.approx(0.4)
+    renamed = replace(ship, plant=bare_plant(GUNNERUS).replaced(current_north_mps=0.3, current_east_mps=-0.4))
+    assert conditions_of(renamed, 5.0).current_mps == pytest.approx(0.5)
+    shallow = replace(ship, vessel=replace(GUNNERUS, effects={"a_bank": {"depth_m": 9.0}}))
+    assert conditions_of(shallow, 5.0).water_depth_m == 9.0

@@ -21,6 +21,7 @@ from acquisition.core.channels import trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators.adaptive.adaptation import (
+    adapt_plant,
     follow_closer,
     gust_decay_s,
     observations_of,
@@ -48,7 +49,7 @@ from hybrid.prediction.prediction_windows import (
 from hybrid.prediction.regions import conformal_region
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.actuators import KINDS, angle_columns, control_labels
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.plant import Plant, flat
 from hybrid.vessel.sensors import SURGE, YAW_RATE
 
 MEMBERS = 5
@@ -185,6 +186,11 @@ class AdaptiveCalibrator(Calibrator):
         self.range_ = start_range(windows)
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
+
+    def adapted_model(self) -> Plant:
+        """The reference model with the mean of its members' parameters."""
+        packed = adapt_plant(self.vectors_.mean(axis=0), self._model)
+        return replace(self._model, values=tuple(flat(packed)[0].tolist()))
 
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         return self.out_of_sample_

@@ -24,8 +24,9 @@ from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import score
 from hybrid.reproduction import campaign
-from hybrid.reproduction.campaign import Errors, Job, _examples, parts_of, seas_of
-from hybrid.reproduction.page import write_table3
+from hybrid.reproduction.campaign import Errors, Job, Sea, _examples, parts_of, seas_of
+from hybrid.reproduction.page import write_page, write_table3
+from hybrid.reproduction.running import RunningTable
 from hybrid.reproduction.table3 import (
     ORDER,
     PUBLISHED,
@@ -56,14 +57,14 @@ def quick(method: str, seed: int, plant: Plant) -> Calibrator:
 
 
 @pytest.fixture(scope="module")
-def small() -> Callable[[list[Job]], Table3]:
+def small() -> Callable[[list[Job]], tuple[Sea, ...]]:
     """Small campaigns, compared in this process with little training."""
 
-    def compare_methods(jobs: list[Job]) -> Table3:
+    def compare_methods(jobs: list[Job]) -> tuple[Sea, ...]:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(campaign, "make_calibrator", quick)
             patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
-            return table_of(jobs, workers=1)
+            return seas_of(jobs, workers=1)
 
     return compare_methods
 
@@ -73,8 +74,13 @@ def table_of(jobs: list[Job], workers: int) -> Table3:
 
 
 @pytest.fixture(scope="module")
-def table(small: Callable[[list[Job]], Table3]) -> Table3:
+def shown(small: Callable[[list[Job]], tuple[Sea, ...]]) -> tuple[Sea, ...]:
     return small(SMALL)
+
+
+@pytest.fixture(scope="module")
+def table(shown: tuple[Sea, ...]) -> Table3:
+    return table3(shown)
 
 
 @given(count=st.integers(5, 60), seconds=st.integers(2, 20), seed=st.integers(0, 1000))
@@ -231,7 +237,7 @@ def test_a_perfect_prediction_of_the_ship_errs_by_the_waves_alone(table: Table3)
 
 def test_the_same_job_gives_the_same_rows(small: Callable[[list[Job]], Table3], table: Table3) -> None:
     """To the last digit, whatever else is compared beside it."""
-    again = small(SMALL[:1])
+    again = table3(small(SMALL[:1]))
     before = [row for row in table.as_dict()["rows"] if row["sea_state"] == SMALL[0].sea_state]
     assert again.as_dict()["rows"] == before
 
@@ -271,6 +277,38 @@ def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatc
     shown = CliRunner().invoke(seatrial.app, ["reproduce", "table3"], env={"COLUMNS": "140"}).stdout
     assert "published" in shown
     assert "88.3%" in shown
+
+
+def test_what_is_finished_is_written_before_the_rest(shown: tuple[Sea, ...], tmp_path: Path) -> None:
+    """The table of the campaigns so far stands in the folder, and lines say how many are to come and how long."""
+    said: list[str] = []
+    seconds = iter((0.0, 60.0, 100.0))
+    running = RunningTable(2, 1, tmp_path, said.append, clock=lambda: next(seconds))
+    running.announce()
+    assert said[0].startswith("2 campaigns of some 60 s each on one core, 1 at a time: about 2 min")
+    assert not list(tmp_path.iterdir())
+    running.add(shown[0])
+    assert json.loads((tmp_path / "table3.json").read_text()) == table3(shown[:1]).as_dict()
+    assert said[1] == "1 of 2 campaigns after 60 s: calm sea, seed 0; about 60 s left"
+    running.add(shown[1])
+    assert said[2] == "2 of 2 campaigns after 2 min: gentle sea, seed 1; done"
+
+
+def test_an_interrupt_leaves_the_finished_campaigns(
+    shown: tuple[Sea, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second campaign is interrupted; the first one's table is there and has a page."""
+
+    def interrupted(jobs: list[Job], workers: object, progress: object, finished: Callable[[Sea], None]) -> None:
+        finished(shown[0])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hybrid.reproduction.campaign.seas_of", interrupted)
+    run = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "-o", str(tmp_path)])
+    assert run.exit_code != 0
+    assert "1 of 15 campaigns" in run.stderr
+    assert json.loads((tmp_path / "table3.json").read_text()) == table3(shown[:1]).as_dict()
+    assert "How these figures are made" in write_page(tmp_path).read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
