@@ -37,6 +37,7 @@ BLOCKS = (
     "speed_power",
     "figures",
     "model",
+    "model_indices",
     "diagnosis",
     "data",
     "methods",

@@ -59,6 +59,7 @@ def templates() -> Environment:
         diagnosis_plots,
         diagnosis_words,
         evaluation_page,
+        index_tables,
         plan_page,
         tables,
         trial_form,
@@ -71,9 +72,11 @@ def templates() -> Environment:
 
     made = environment(Path(__file__).parent / "templates")
     made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row,
-                     "in_words": in_words, "reason_of": reason_of}  # fmt: skip
+                     "in_words": in_words, "reason_of": reason_of,
+                     "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     made.globals |= {
-        "trial": trial_sections, "form": trial_form, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
+        "trial": trial_sections, "form": trial_form, "index_tables": index_tables,
+        "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
         "read_diagnosis": read_diagnosis, "speed_power": speed_power, "tables": tables, "plans": plan_page,
         "checks": vessel_check, "shortfalls_of": shortfalls_of, "FEW_LEGS": FEW_LEGS,

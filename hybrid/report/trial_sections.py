@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from analysis.quality.findings import Finding
     from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
     from hybrid.calibrators.calibrator import DomainOfApplicability
+    from hybrid.evaluation.manoeuvre_indices import IndexComparisons
     from hybrid.evaluation.validate import Validation
 
 INTERACTIVE = "interactive"
@@ -224,6 +226,13 @@ def _condition_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
         condition_rows(made.recording, made.one_hz, runs, case.ship(name))
         for name, made in _of_vessel(case, vessel).items()
     )
+
+
+def indices_of_sheets(case: Case) -> IndexComparisons:
+    """The indices of the model for the tests that have a sheet; the page would be long with all."""
+    rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
+    starts = {run.manoeuvre.start for run in pictured(case.runs, rows)}
+    return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
 
 
 def length_of_vessel(case: Case, vessel: str) -> float | None:
