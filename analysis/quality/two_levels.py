@@ -10,11 +10,11 @@ samples; values that flicker between two neighbouring codes are no more than the
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.core.angles import difference
+from acquisition.core.angles import difference, is_possible
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from analysis.quality.findings import Finding, utc_time
@@ -140,8 +140,17 @@ def _sides(values: Floats, apart: float, channel: Channel) -> Ints:
 def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Channel]) -> list[Finding]:
     """A finding for each channel that alternates between two levels, which names both and, if they are known, both
     sources."""
-    found = {name: find_levels(each, channels[name]) for name, each in series.items() if not channels[name].state}
+    found = {
+        name: find_levels(_possible(samples, channels[name]), channels[name])
+        for name, samples in series.items()
+        if not channels[name].state
+    }
     return [_finding(channels[name], series[name], levels) for name, levels in found.items() if levels is not None]
+
+
+def _possible(samples: Series, channel: Channel) -> Series:
+    """The samples without the values that no such channel has, of which arithmetic makes no number."""
+    return replace(samples, value=np.where(is_possible(channel, samples.value), samples.value, np.nan))
 
 
 def _finding(channel: Channel, samples: Series, levels: Levels) -> Finding:

@@ -25,7 +25,7 @@ from analysis.manoeuvres.indices import Manoeuvre, unit_of
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells
 from analysis.products import Products
-from analysis.quality.samples import ASSUMED
+from analysis.quality.samples import ASSUMED, white_noise
 from analysis.report.words import in_words
 from analysis.speed_power.report import power_text
 from analysis.speed_power.runs import mean_power_kw
@@ -271,7 +271,7 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
             key = name, ", ".join(series.sources)
             if name in made.table and series.measured_ns.size > 1 and series.sources != (ASSUMED,):
                 intervals[key].append(float(np.median(np.diff(np.sort(series.measured_ns)))) / NANO)
-                scatters[key].append(sample_scatter(series.value))
+                scatters[key].append(white_noise(series.value[np.isfinite(series.value)]))
     return [
         [in_words(name), source, f"{1.0 / np.median(values):.3g}",
          _with_unit(float(np.median(scatters[name, source])), name), _with_unit(accuracy.get(name, np.nan), name)]
@@ -281,18 +281,3 @@ def instrument_rows(products: Mapping[str, Products]) -> list[list[str]]:
 
 def _with_unit(value: float, name: str) -> str:
     return f"{value:.2g} {channel_unit(name) or ''}".strip() if np.isfinite(value) and value > _LEAST_NOISE else ""
-
-
-def sample_scatter(values: Floats) -> float:
-    """The standard deviation of a channel's noise, by its third differences, in which a smooth motion vanishes.
-
-    Of white noise of variance s^2 they have the variance 20 s^2; their spread is the median absolute one, which
-    turns and steps do not move. NaN for few values.
-
-    >>> bool(abs(sample_scatter(np.random.default_rng(0).normal(0.0, 2.0, 4000)) - 2.0) < 0.1)
-    True
-    """
-    third = np.diff(values[np.isfinite(values)], n=3)
-    if third.size < _FEWEST_ROWS:
-        return float("nan")
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / np.sqrt(20.0))
