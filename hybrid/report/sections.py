@@ -73,6 +73,7 @@ def templates() -> Environment:
     made = environment(Path(__file__).parent / "templates")
     made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row,
                      "in_words": in_words, "reason_of": reason_of,
+                     "rows_in_words": lambda rows: [[in_words(cell) for cell in row] for row in rows],
                      "sentence": lambda text: f"{text[:1].upper()}{text[1:]}."}  # fmt: skip
     made.globals |= {
         "trial": trial_sections, "form": trial_form, "index_tables": index_tables,
