@@ -26,8 +26,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.kinematics import to_body
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import Manoeuvre, indices_of, unit_of
-from analysis.manoeuvres.motion import Motion, at_midship, noise_of, running_median, stretches
+from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
+from analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, at_midship, noise_of, running_median, stretches
 
 APPROACH_S = 10.0
 
@@ -133,7 +133,7 @@ def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int,
         ordered_s = _recorded_order_s(motion, earliest_s, half_s)
         if ordered_s is not None and ordered_s <= begun_s + max(motion.step_s, _EXTRAPOLATED * within_s):
             return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
-        contradicts = True
+        contradicts = plateau.first - earliest >= _FEWEST_BEFORE  # else the recording begins with the helm over
     noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
     parts_s = [_EXTRAPOLATED * within_s, noise_s, 0.5 * motion.step_s, 1.5 * wander_s]
     order_within_s = float(np.linalg.norm(parts_s))  # calibrated by tests/benchmarks/yard_trials.py
@@ -224,6 +224,21 @@ def mean_of_blocks(values: Floats) -> tuple[float, float]:
     """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
     means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
     return float(values.mean()), _TWO_SIDED_95_OF_BLOCKS * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
+
+
+def helm_settings(motion: Motion, level_deg: float, start: float, end: float) -> dict[str, float]:
+    """The helm as a setting; of one by two propellers also how much faster the port one turns between two times."""
+    settings = {motion.helm_setting: level_deg}
+    if motion.steering == BY_DIFFERENCE and len(motion.drives) == 2:
+        inside = motion.between(start, end)
+        port, starboard = inside.drives.values()
+        settings["port_less_starboard_rpm"] = float(np.copysign(np.abs(port - starboard).mean(), level_deg))
+    return settings
+
+
+def helm_text(motion: Motion, level_deg: float) -> str:
+    """The nominal helm as it stands in the name of a test."""
+    return f"{nominal_deg(level_deg):.0f} deg{' by thrust' * (motion.steering == BY_DIFFERENCE)}"
 
 
 def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
@@ -438,6 +453,7 @@ _STEP_SIGMAS = 6.0
 _BRIDGE_S = 4.0
 _BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
 _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
+_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
 
 
 @dataclass(frozen=True, slots=True)
@@ -491,9 +507,9 @@ def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float)
     return Plateau(first, end + (int(left.argmax()) if left.any() else left.size), float(middle), float(high - low))
 
 
-def is_same_order(one_deg: float, other_deg: float) -> bool:
-    """Whether two helm angles are the same order, within the accuracy of setting them."""
-    return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG
+def is_same_order(one_deg: float, other_deg: float, wander_deg: float = 0.0) -> bool:
+    """Whether two helm angles are the same order, within the accuracy of setting them and what they wander by."""
+    return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG + wander_deg
 
 
 def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
@@ -506,6 +522,29 @@ def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
         return replace(longer, first=last.first, end=each.end) if _is_correction(last, each, bridge) else None
 
     return merge_neighbours(found, joined)
+
+
+def helm_band_deg(level_deg: float) -> float:
+    """How far a helm that is held may be from its level [deg]."""
+    return _HELD_SHARE * abs(level_deg)
+
+
+def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plateau]:
+    """Plateaus of one order with those between which the helm was not steady, but near it all the time, joined: a
+    rudder that wanders by some degrees, or creeps, is held.
+    """
+    calm = running_median(helm, max(3, round(1.5 / step_s)))
+
+    def joined(last: Plateau, each: Plateau) -> Plateau | None:
+        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
+        between = np.abs(calm[last.end : each.first] - longer.level)
+        wander_deg = max(last.spread, each.spread)
+        near = last.level * each.level > 0 and is_same_order(last.level, each.level, wander_deg)
+        if not near or np.any(between > helm_band_deg(longer.level)):
+            return None
+        return replace(longer, first=last.first, end=each.end)
+
+    return merge_neighbours(list(held), joined)
 
 
 def merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
@@ -532,7 +571,7 @@ def execute_s(
     The line through the times of a tenth and a half of the change, extrapolated back to its start: noise about
     the old level does not shift it, and a drive with lag or limited rate has the same line.
     """
-    held_at_once = plateau.first - earliest < 2  # where a recording begins or goes on after a break
+    held_at_once = plateau.first - earliest < _FEWEST_BEFORE  # where a recording begins or goes on after a break
     if held_at_once or abs(plateau.level - before) <= plateau.spread:
         return float(time_s[plateau.first]), float(time_s[plateau.first])
     share = (values[earliest : plateau.end] - before) / (plateau.level - before)
@@ -559,7 +598,7 @@ def _half_by_fit(share: Floats, half: float) -> float:
     return float(np.clip(half + np.polyfit(share[first:last] - 0.5, rows, 2)[-1], first, last))
 
 
-_FEWEST_OF_FIT = 5
+_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
 _CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 
 
@@ -580,6 +619,14 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
+CONTRADICTION = "the recorded orders do not precede the helm"
+
+
+def contradiction_of(executes: Sequence[Execute]) -> tuple[str, ...]:
+    """That recorded orders contradict the helm, which keeps a run from showing a criterion."""
+    return (CONTRADICTION,) if any(execute.contradicts for execute in executes) else ()
+
+
 def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, ...]:
     """What the indices count from where it was not recorded: the moment of the order, and midship."""
     notes = []
@@ -587,7 +634,7 @@ def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, 
         notes.append("orders were recorded as events: each was given before half of the recorded change, which the "
                      "intervals allow for")  # fmt: skip
     elif any(execute.contradicts for execute in executes):
-        notes.append("the recorded orders do not precede the helm: each is taken from the helm's movement")
+        notes.append(f"{CONTRADICTION}: each is taken from the helm's movement")
     elif motion.helm_order_deg is None:
         notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
     if not motion.is_midship and motion.length_m:

@@ -8,11 +8,14 @@ The helm of a ship with rudders is their mean angle. Of a ship steered by thrust
 waterjets, it is the direction of their total thrust, taken as proportional to the square of the shaft speed:
 the common angle of similar drives, the angle of the one that runs when the others stand still, and zero for a
 drive that pulls while facing aft. Drives at the other end of the ship, which turn her by the opposite angle,
-are recognised by that and counted with their sign. A ship with neither has no helm.
+are recognised by that and counted with their sign. Of a ship with neither, but with propellers to port and to
+starboard, it is the angle whose tangent is the difference of both thrusts over their sum, positive where port
+pushes more and turns her to starboard: 0 for like propellers, 45 deg for one alone. Any other ship has no helm.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -20,7 +23,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import RUDDER, Actuator, Actuators, name_of_order
+from acquisition.core.actuators import RUDDER, Actuator, Actuators, actuators_in, name_of_order
 from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Bools, Complexes, Floats
 from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
@@ -49,6 +52,9 @@ _WILD = 3.0  # factor on the change exceeded in a fiftieth of the recording: a s
 _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
 _RUDDER = "rudder"  # steering that works without thrust
+BY_DIFFERENCE = "thrust"  # steering by propellers to both sides
+_SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboard|stbd|right|sb)(_|$)"))
+_STILL_SHARE = 0.2  # of the mean side thrust, that it changes by in a turn that lasts for the whole recording
 _AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 
 
@@ -57,17 +63,17 @@ class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
 
     ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind
-    that ``steering`` names count it ("azimuth", "rudder", "nozzle"; "" for none); of one that steers by thrust it
-    means nothing where no drive runs. ``thrust`` is the sum of n|n| along the bow of all drives [rpm^2]. ``drives``
-    are the shafts of what drives the ship and ``tunnels`` those of tunnel thrusters [rpm], by channel, ``words``
-    what each is called; the shaft of a controllable propeller counts as what gives her thrust at full pitch.
-    ``known`` says where pose and speeds were measured; elsewhere they are interpolated. ``broken`` says where
-    position or heading jump as no ship does, as where a piece was cut out of a recording: nothing reaches across.
-    ``path_sd_m`` is the standard deviation of a point of the path, by how the positions wander about it.
-    ``orders_are_events`` says that the helm was recorded when it changed and filled in between, so that nobody
-    knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it is known, and
-    ``helm_rate_dps`` how fast the helm usually goes over. ``helm_order_deg`` is what the helm was ordered to, None
-    where orders were not recorded beside it.
+    that ``steering`` names count it ("azimuth", "rudder", "nozzle", "thrust" for propellers to both sides; "" for
+    none); of one that steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along
+    the bow of all drives [rpm^2]. ``drives`` are the shafts of what drives the ship and ``tunnels`` those of tunnel
+    thrusters [rpm], by channel, ``words`` what each is called; the shaft of a controllable propeller counts as what
+    gives her thrust at full pitch. ``known`` says where pose and speeds were measured; elsewhere they are
+    interpolated. ``broken`` says where position or heading jump as no ship does, as where a piece was cut out of a
+    recording: nothing reaches across. ``path_sd_m`` is the standard deviation of a point of the path, by how the
+    positions wander about it. ``orders_are_events`` says that the helm was recorded when it changed and filled in
+    between, so that nobody knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it
+    is known, and ``helm_rate_dps`` how fast the helm usually goes over. ``helm_order_deg`` is what the helm was
+    ordered to, None where orders were not recorded beside it.
     """
 
     origin_ns: int
@@ -97,6 +103,16 @@ class Motion:
     def steers_by_thrust(self) -> bool:
         """Whether the helm has no effect when no propulsor runs."""
         return self.steering != _RUDDER
+
+    @property
+    def turns_to_starboard(self) -> float:
+        """1 where a positive helm turns the ship to starboard, -1 to port."""
+        return 1.0 if self.steering in (_RUDDER, BY_DIFFERENCE) else -1.0
+
+    @property
+    def helm_setting(self) -> str:
+        """The name of the helm among the settings of a manoeuvre."""
+        return f"{self.steering}_angle_deg" if self.steering == BY_DIFFERENCE else f"{self.steering}_deg"
 
     @property
     def main_rpm(self) -> Floats:
@@ -178,11 +194,16 @@ def steering_of(actuators: Actuators) -> Actuators:
 
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
-    """The actuators of a table's ship; a rudder alone if it has that angle and no actuator of hers."""
-    actuators = table_actuators(table)
+    """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
+    tell; a rudder alone if it has that angle and no actuator of hers."""
+    actuators, trial = table_actuators(table), trial_of(table)
+    recorded = {str(name) for name in table if table[name].notna().any()}
+    if not (
+        trial.vessel or trial.actuators or any(each.angle and each.angle.name in recorded for each in actuators)
+    ):
+        actuators = actuators_in(name for name in table if name in recorded) or actuators
     theirs = {channel.name for each in actuators for channel in each.channels}
-    alone = RUDDER in table and not any(name in table and table[name].notna().any() for name in theirs)
-    return (Actuator(_RUDDER, _RUDDER),) if alone else actuators
+    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not theirs & recorded else actuators
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
@@ -224,11 +245,14 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     drives, tunnels = (dict(shafts[each] for each in some) for some in (driving, sideways))
     words = {name: _called(each) for each, (name, _) in shafts.items()}
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    kind = steering[0].steers_by if steering else ""
+    kind, order = steering[0].steers_by if steering else "", _ordered_helm(grid, steering)
+    sides = () if steering else drives_by_side(driving)
+    if sides:
+        kind, helm = BY_DIFFERENCE, _helm_by_difference(*(_thrust_of(grid, drives) for drives in sides))
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
-        helm_order_deg=_ordered_helm(grid, steering),
+        helm_order_deg=order,
     )  # fmt: skip
     return at_midship(motion, antenna_of(table))
 
@@ -466,6 +490,26 @@ def _helm_and_thrust(
     return wrap_180(np.rad2deg(np.arctan2(aside, along))), ahead
 
 
+def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()]:
+    """The propellers to port and to starboard, by their names; of a pair that its names do not tell the port one
+    comes first. Empty where they are not to both sides."""
+    port, starboard = (tuple(each for each in driving if side.search(each.name)) for side in _SIDES)
+    if len(driving) == 2 and not (port or starboard):
+        return driving[:1], driving[1:]
+    return (port, starboard) if port and starboard else ()
+
+
+def _thrust_of(grid: pd.DataFrame, drives: Actuators) -> Floats:
+    """n|n| of some propellers together [rpm^2]."""
+    shafts = [_shaft(grid, each) for each in drives]
+    return np.asarray(np.sum([rpm * np.abs(rpm) for rpm in shafts], axis=0))
+
+
+def _helm_by_difference(port: Floats, starboard: Floats) -> Floats:
+    """The helm of propellers to both sides [deg], from their n|n|."""
+    return np.rad2deg(np.arctan2(port - starboard, port + starboard))
+
+
 def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
     """The mean order to the steering actuators [deg], None if none was recorded."""
     names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
@@ -480,6 +524,8 @@ def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
 
 
 def _side_of(aside: Floats, first: Floats) -> float:
-    """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship."""
-    apart, others = aside - aside.mean(), first - first.mean()
+    """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship: by their
+    changes, or by the thrusts themselves where neither changes."""
+    still = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in (aside, first))
+    apart, others = (values if still else values - values.mean() for values in (aside, first))
     return -1.0 if apart @ others < _AGAINST * np.sqrt((apart @ apart) * (others @ others)) else 1.0
