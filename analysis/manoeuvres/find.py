@@ -21,6 +21,7 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from analysis.conditions import recorded_conditions, with_stronger_wind
+from analysis.manoeuvres.currents import remove_currents
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from analysis.manoeuvres.measures import (
     WIDEST_S,
@@ -34,7 +35,13 @@ from analysis.manoeuvres.measures import (
     turning_points,
 )
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
+from analysis.manoeuvres.runs import (
+    engine_orders,
+    find_accelerations,
+    find_speed_runs,
+    find_stops,
+    find_thruster_tests,
+)
 from analysis.manoeuvres.standards import add_limits
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, turn_of
 from analysis.manoeuvres.turning_tests import (
@@ -127,16 +134,20 @@ def manoeuvres_and_left_out(
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
         return (), (LeftOut("manoeuvre", *bounds, why),)
+    events = list(events)
     marks = marks_of(events)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for each in tests:
         taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
-    finders = (find_stops, find_accelerations, find_speed_runs) if motion.drives else ()
-    straight = [each for find in finders for each in find(motion, smooth, ~taken)]
+    straight = list[Manoeuvre | LeftOut]()
+    if motion.drives:
+        straight = find_stops(motion, smooth, ~taken, engine_orders(motion, events))
+        straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
     judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
-    named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
+    runs = remove_currents(motion, [each for each in judged if isinstance(each, Manoeuvre)])
+    named = (_apply_mark(each, marks) for each in runs)
     added = [each for name in own for each in _found_by(name, motion)]
     every = sorted([*add_limits(named, conditions), *added], key=in_time)
     left_out = [each for each in judged if isinstance(each, LeftOut)]

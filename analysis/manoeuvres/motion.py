@@ -50,7 +50,9 @@ _PATH_HALF_WIDTH_S = 20.0
 _SLOPE_HALF_WIDTH_S, _SLOPE_ROWS = 2.0, 3.0  # as narrow as possible: indices come from wider fits
 _WILD = 3.0  # factor on the change exceeded in a fiftieth of the recording: a splice, not motion
 _NORMAL_MAD = 1.4826
+_MEDIAN_OF_FIVE = 1.1  # white noise in means of running medians of five, by that in means of the values
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
+_LONGEST_GAP_S = 60.0  # longer ones part a recording: what is interpolated over them is no helm and no way
 _RUDDER = "rudder"  # steering that works without thrust
 BY_DIFFERENCE = "thrust"  # steering by propellers to both sides
 _SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboard|stbd|right|sb)(_|$)"))
@@ -69,11 +71,12 @@ class Motion:
     thrusters [rpm], by channel, ``words`` what each is called; the shaft of a controllable propeller counts as what
     gives her thrust at full pitch. ``known`` says where pose and speeds were measured; elsewhere they are
     interpolated. ``broken`` says where position or heading jump as no ship does, as where a piece was cut out of a
-    recording: nothing reaches across. ``path_sd_m`` is the standard deviation of a point of the path, by how the
-    positions wander about it. ``orders_are_events`` says that the helm was recorded when it changed and filled in
-    between, so that nobody knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it
-    is known, and ``helm_rate_dps`` how fast the helm usually goes over. ``helm_order_deg`` is what the helm was
-    ordered to, None where orders were not recorded beside it.
+    recording, and where they are missing for more than a minute: nothing reaches across. ``path_sd_m`` is the
+    standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says that
+    the helm was recorded when it changed and filled in between, so that nobody knows when it began to. ``length_m``
+    is the ship's length between perpendiculars, if it is known, ``helm_rate_dps`` how fast the helm usually goes
+    over. ``helm_order_deg`` and ``thrust_order`` are what helm and thrust were ordered to, None where orders were
+    not recorded beside them.
     """
 
     origin_ns: int
@@ -97,6 +100,7 @@ class Motion:
     length_m: float | None = None
     helm_rate_dps: float = np.inf
     helm_order_deg: Floats | None = None
+    thrust_order: Floats | None = None
     is_midship: bool = False
 
     @property
@@ -219,9 +223,11 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
         raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [each.angle.name for each in steering if each.angle is not None]
     require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
-    heading = _cleaned_heading(table)
-    grid = _with_sharp_settings(resample(table.assign(heading_deg=heading), _rate_hz(table)), table)
-    time_ns = times_ns(grid)
+    rate_hz, heading = _rate_hz(table), _cleaned_heading(table)
+    late_ns = _late_ns(table, NANO / rate_hz)
+    on_grid = table.assign(heading_deg=heading).set_axis(table.index - pd.to_timedelta(late_ns, unit="ns"))
+    grid = _with_sharp_settings(resample(on_grid, rate_hz), on_grid)
+    time_ns = times_ns(grid) + late_ns
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _with_velocities(grid, step_s)
@@ -229,16 +235,20 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
-    reckoned, apart = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
+    reckoned, differences = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
+    apart = [running_median(each, 5) for each in differences]
     off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
+    for first, end in stretches(~known, round(_LONGEST_GAP_S / step_s)):
+        broken[first:end] = True
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     residuals = [whole - part for whole, part in zip(apart, slow, strict=True)]
     aside_mps = fastest * np.deg2rad(noise_of(turned))  # what the noise of the heading does to the speeds
     speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), aside_mps))
-    spread = _path_spread_m(residuals, speed_noise_mps, step_s)
+    scatter_m = max(*map(noise_of, differences), _scatter_m(table, step_s))
+    spread = _path_spread_m(residuals, scatter_m, speed_noise_mps, step_s)
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     sideways = [each for each in actuators if not each.drives and each.angle is None]
     shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
@@ -252,7 +262,7 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
-        helm_order_deg=order,
+        helm_order_deg=order, thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
     return at_midship(motion, antenna_of(table))
 
@@ -340,6 +350,18 @@ def _rate_hz(table: pd.DataFrame) -> float:
     return float(np.round(rate)) if rate >= 1.0 else rate
 
 
+_IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
+
+
+def _late_ns(table: pd.DataFrame, step_ns: float) -> int:
+    """How far behind whole steps the headings were sampled [ns], 0 where they were not in step. A grid at the
+    samples needs no interpolation, which takes off noise that the intervals are to tell."""
+    times = times_ns(table)[table["heading_deg"].notna().to_numpy()]
+    phases = np.exp(2j * np.pi * (times % step_ns) / step_ns) if times.size else np.ones(1, dtype=complex)
+    mean = complex(phases.mean())
+    return round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
+
+
 def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """The grid with the settings of a faster table sampled at its rows.
 
@@ -384,8 +406,9 @@ def _dead_reckoning(
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """The dead-reckoned path from speed and heading, north and east [m], and the positions' difference from it."""
     north, east = (integrate(each, step_s) for each in to_earth(surge, sway, heading))
-    apart = [running_median(fill_gaps(grid[name].to_numpy() - reckoned), 5)
-             for name, reckoned in (("north_m", north), ("east_m", east))]  # fmt: skip
+    apart = [
+        fill_gaps(grid[name].to_numpy() - reckoned) for name, reckoned in zip(POSE, (north, east), strict=False)
+    ]
     return (north, east), (apart[0], apart[1])
 
 
@@ -406,10 +429,24 @@ def _smooth_pieces(values: Floats, broken: Bools, step_s: float) -> Floats:
     return result
 
 
-def _path_spread_m(residuals: Sequence[Floats], speed_noise_mps: float, step_s: float) -> float:
-    """The standard deviation of a point of the path [m], from how the positions wander about it and from noise."""
+def _scatter_m(table: pd.DataFrame, step_s: float) -> float:
+    """The standard deviation of positions about the path [m], as for one a step: what is on the grid was
+    interpolated or filtered."""
+    scatters = [0.0]
+    for name in POSE[:2]:
+        samples = table[name].dropna().sort_index()
+        interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
+        scatters.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
+    return float(max(scatters))
+
+
+def _path_spread_m(residuals: Sequence[Floats], scatter_m: float, speed_noise_mps: float, step_s: float) -> float:
+    """The standard deviation of a point of the path [m], from how the positions wander about it and from noise.
+
+    ``scatter_m`` is that of single positions; the median over five of them has a little more than their mean.
+    """
     wander_m = float(np.linalg.norm([_wander_m(residual, step_s) for residual in residuals]))
-    return float(np.hypot(wander_m, _path_sd_m(max(map(noise_of, residuals)), speed_noise_mps, step_s)))
+    return float(np.hypot(wander_m, _path_sd_m(_MEDIAN_OF_FIVE * scatter_m, speed_noise_mps, step_s)))
 
 
 def _wander_m(rest: Floats, step_s: float) -> float:
@@ -515,6 +552,23 @@ def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
     names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
     known = [name for name in names if name in grid and grid[name].notna().any()]
     return circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in known], axis=0) if known else None
+
+
+def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
+    """The thrust along the bow that was ordered of the drives whose orders were recorded [rpm^2], None if none
+    were."""
+    orders: dict[str, pd.Series] = {}
+    ordered = list[Actuator]()
+    for drive in driving:
+        names = {each.name: name_of_order(each.name) for each in drive.channels}
+        known = {name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()}
+        if any(not name.endswith("_angle_deg") for name in known):
+            orders |= known
+            ordered.append(drive)
+    if not ordered:
+        return None
+    as_ordered = grid.assign(**orders)
+    return np.asarray(np.sum([_push(as_ordered, drive).real for drive in ordered], axis=0))
 
 
 def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:

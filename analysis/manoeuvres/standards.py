@@ -282,7 +282,8 @@ def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> M
         limit = criterion.limit(conditions.length_m, speed_mps)
         other_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
         shortfalls = missing if other_ship else (*missing, *_test_shortfalls(run, criterion))
-        carried_m = current_mps * (run.end - run.start).total_seconds() if run.kind == "stopping" else 0.0
+        drifts = run.kind == "stopping" and not name.endswith("_current_removed")
+        carried_m = current_mps * (run.end - run.start).total_seconds() if drifts else 0.0
         judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
         ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
         results = {result_of(judged, end, shortfalls) for end in ends if end is not None}

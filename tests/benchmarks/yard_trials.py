@@ -90,7 +90,9 @@ def ship_of(number: int) -> tuple[YardShip, Recorder, float]:
         float(random.choice([0.05, 0.2])), 0.05, 0.03, float(random.choice([0.05, 0.2])), antenna_m,
         bool(random.integers(2)),
     )  # fmt: skip
-    return ship, recorder, float(random.choice([-1.0, 1.0]))
+    side = float(random.choice([-1.0, 1.0]))
+    lag_s = float(random.uniform(3.0, 20.0))
+    return replace(ship, shaft_lag_s=lag_s, engine_dead_s=float(random.uniform(0.0, 0.5)) * lag_s), recorder, side
 
 
 def sail(ship: YardShip, test: str, side: float) -> tuple[Sailed, Truth]:
@@ -194,6 +196,7 @@ def record(ship: YardShip, sailed: Sailed, how: Recorder, seed: int) -> pd.DataF
     if how.orders:
         row = np.searchsorted(sailed.time_s, time_s, side="right") - 1
         columns["rudder_order_angle_deg"] = sailed.helm_order_deg[row]
+        columns["propeller_order_rpm"] = sailed.rpm_order[row]
     times = START + pd.to_timedelta(time_s, unit="s")
     table = pd.DataFrame(columns, index=times.rename("time"))
     actuators = (Actuator("propeller", "propeller"), Actuator("rudder", "rudder"))
