@@ -225,7 +225,8 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
     rate_hz, heading = _rate_hz(table), _cleaned_heading(table)
     late_ns = _late_ns(table, NANO / rate_hz)
-    on_grid = table.assign(heading_deg=heading).set_axis(table.index - pd.to_timedelta(late_ns, unit="ns"))
+    on_grid = table.assign(heading_deg=heading)
+    on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(late_ns, unit="ns")
     grid = _with_sharp_settings(resample(on_grid, rate_hz), on_grid)
     time_ns = times_ns(grid) + late_ns
     time_s = (time_ns - time_ns[0]) / NANO
