@@ -125,7 +125,7 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     cut_short = abs(last.level) < abs(each.level) and _is_cut_short(motion, last)
     return (
         last.level * each.level < 0
-        and (cut_short or is_same_order(last.level, -each.level, max(last.spread, each.spread)))
+        and (cut_short or is_same_order(last.level, -each.level, min(last.spread, each.spread)))
         and pause_s <= max(longest_s, helm_change_s(motion, last.level - each.level))
     )
 
