@@ -141,10 +141,7 @@ def manoeuvres_and_left_out(
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for each in tests:
         taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
-    straight = list[Manoeuvre | LeftOut]()
-    if motion.drives:
-        straight = find_stops(motion, smooth, ~taken, engine_orders(motion, events))
-        straight += [*find_accelerations(motion, smooth, ~taken), *find_speed_runs(motion, smooth, ~taken)]
+    straight = _runs_by_shaft(motion, smooth, ~taken, events) if motion.drives else []
     judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
     runs = remove_currents(motion, [each for each in judged if isinstance(each, Manoeuvre)])
     named = (_apply_mark(each, marks) for each in runs)
@@ -156,6 +153,14 @@ def manoeuvres_and_left_out(
     elif not every and not left_out:
         left_out = [LeftOut("manoeuvre", *bounds, _reason_for_none(motion, smooth))]
     return tuple(every), tuple(left_out)
+
+
+def _runs_by_shaft(
+    motion: Motion, smooth: Motion, free: Bools, events: Iterable[tuple[int, str]]
+) -> list[Manoeuvre | LeftOut]:
+    """Stops, accelerations and speed runs where no other manoeuvre is."""
+    stops = find_stops(motion, smooth, free, engine_orders(motion, events))
+    return [*stops, *find_accelerations(motion, smooth, free), *find_speed_runs(motion, smooth, free)]
 
 
 def _reason_for_none(motion: Motion, smooth: Motion) -> str:

@@ -238,12 +238,9 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
     reckoned, differences = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
     apart = [running_median(each, 5) for each in differences]
-    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
-    broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
-    broken |= _jumps(off_course, step_s, _JUMP_DEG)
-    for first, end in stretches(~known, round(_LONGEST_GAP_S / step_s)):
-        broken[first:end] = True
+    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
+    broken = _breaks(apart, off_course, known, _JUMP_S * fastest, step_s)
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     residuals = [whole - part for whole, part in zip(apart, slow, strict=True)]
     aside_mps = fastest * np.deg2rad(noise_of(turned))  # what the noise of the heading does to the speeds
@@ -411,6 +408,15 @@ def _dead_reckoning(
         fill_gaps(grid[name].to_numpy() - reckoned) for name, reckoned in zip(POSE, (north, east), strict=False)
     ]
     return (north, east), (apart[0], apart[1])
+
+
+def _breaks(apart: Sequence[Floats], off_course: Floats, known: Bools, least_m: float, step_s: float) -> Bools:
+    """Mask of where the positions jump off the reckoned path, or the heading off the turn, and of long gaps."""
+    broken = _jumps(apart[0], step_s, least_m) | _jumps(apart[1], step_s, least_m)
+    broken |= _jumps(off_course, step_s, _JUMP_DEG)
+    for first, end in stretches(~known, round(_LONGEST_GAP_S / step_s)):
+        broken[first:end] = True
+    return broken
 
 
 def _jumps(values: Floats, step_s: float, least: float) -> Bools:
