@@ -47,6 +47,8 @@ _SINGLE = ("speed_run", "acceleration", "crabbing", "thruster_test")
 """Kinds whose runs differ in their settings: no means over them."""
 _SPEED_SHARE = 0.2
 _FEW_RUNS = 2  # of which no interval is made
+_TESTS_AFTER_APPROACH = ("zigzag", "turning_circle", "stopping", "spiral")
+_LEADS_INTO_S, _LEAST_TEST_DEG = 30.0, 270.0  # the end of a straight run is known to some 20 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,12 +167,30 @@ def _interval(runs: Sequence[Index]) -> tuple[float, float]:
 
 
 def index_rows(runs: Iterable[Manoeuvre]) -> list[IndexRow]:
-    """The main indices of all runs: means over like ones, tests that have limits first."""
+    """The main indices of all tests: means over like ones, tests that have limits first. Approaches and turns to
+    another course are none.
+    """
     trial = tuple(runs)
     largest_deg = largest_helm_deg(trial)
-    tests = [_rows_of_test(test, largest_deg) for test in like_runs(trial)]
+    tested = (run for run in trial if not (_is_approach(run, trial) or _is_change_of_course(run, largest_deg)))
+    tests = [_rows_of_test(test, largest_deg) for test in like_runs(tested)]
     ordered = sorted(tests, key=lambda rows: not any(row.result for row in rows))
     return [replace(row, place=place) for place, rows in enumerate(ordered) for row in rows]
+
+
+def _is_approach(run: Manoeuvre, trial: Iterable[Manoeuvre]) -> bool:
+    """Whether a straight run leads into a test. A circle of less than three quarters may lead to the reciprocal
+    course, and the next run."""
+    return run.kind == "speed_run" and any(
+        0.0 <= (test.start - run.end).total_seconds() <= _LEADS_INTO_S
+        and test.kind in _TESTS_AFTER_APPROACH
+        and test.settings.get("turned_deg", 360.0) >= _LEAST_TEST_DEG
+        for test in trial
+    )
+
+
+def _is_change_of_course(run: Manoeuvre, largest_deg: float) -> bool:
+    return run.kind == "course_change" and not any(criterion_of(run, name, largest_deg) for name in run.indices)
 
 
 def like_runs(manoeuvres: Iterable[Manoeuvre]) -> list[list[Manoeuvre]]:

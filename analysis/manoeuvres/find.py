@@ -21,11 +21,13 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from analysis.conditions import recorded_conditions, with_stronger_wind
+from analysis.manoeuvres.currents import remove_currents
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from analysis.manoeuvres.measures import (
     WIDEST_S,
     Plateau,
     helm_rate_dps,
+    join_held,
     merge_corrections,
     plateaus,
     smooth_motion,
@@ -33,9 +35,15 @@ from analysis.manoeuvres.measures import (
     turning_points,
 )
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
+from analysis.manoeuvres.runs import (
+    engine_orders,
+    find_accelerations,
+    find_speed_runs,
+    find_stops,
+    find_thruster_tests,
+)
 from analysis.manoeuvres.standards import add_limits
-from analysis.manoeuvres.turning_circle import is_turn, turning_circle
+from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, turn_of
 from analysis.manoeuvres.turning_tests import (
     find_pull_outs,
     find_williamson_turns,
@@ -53,7 +61,7 @@ _WIDEST_HELM_DEG = 75.0
 _KNOWN_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
-_NO_HELM = "no helm was recorded, the angle of a rudder or of a thruster"
+_NO_HELM = "no helm was recorded: the angle of a rudder or a thruster, or propellers to both sides"
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,20 +134,43 @@ def manoeuvres_and_left_out(
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         why = f"the recording is shorter than {_SHORTEST_S:.0f} s"
         return (), (LeftOut("manoeuvre", *bounds, why),)
+    events = list(events)
     marks = marks_of(events)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     steered, taken = _zigzags_and_turns(motion, smooth, marks)
     tests = find_thruster_tests(motion, smooth, ~taken) if motion.drives else []
     for each in tests:
         taken |= _rows_of(motion, each) & isinstance(each, Manoeuvre)
-    finders = (find_stops, find_accelerations, find_speed_runs) if motion.drives else ()
-    straight = [each for find in finders for each in find(motion, smooth, ~taken)]
+    straight = _runs_by_shaft(motion, smooth, ~taken, events) if motion.drives else []
     judged = [_unless_unknown(motion, each) for each in sorted([*steered, *tests, *straight], key=in_time)]
-    named = (_apply_mark(each, marks) for each in judged if isinstance(each, Manoeuvre))
+    runs = remove_currents(motion, [each for each in judged if isinstance(each, Manoeuvre)])
+    named = (_apply_mark(each, marks) for each in runs)
     added = [each for name in own for each in _found_by(name, motion)]
     every = sorted([*add_limits(named, conditions), *added], key=in_time)
-    no_helm = [] if motion.steering else [LeftOut("turn or zigzag", *bounds, _NO_HELM)]
-    return tuple(every), (*no_helm, *(each for each in judged if isinstance(each, LeftOut)))
+    left_out = [each for each in judged if isinstance(each, LeftOut)]
+    if not motion.steering:
+        left_out.insert(0, LeftOut("turn or zigzag", *bounds, _NO_HELM))
+    elif not every and not left_out:
+        left_out = [LeftOut("manoeuvre", *bounds, _reason_for_none(motion, smooth))]
+    return tuple(every), tuple(left_out)
+
+
+def _runs_by_shaft(
+    motion: Motion, smooth: Motion, free: Bools, events: Iterable[tuple[int, str]]
+) -> list[Manoeuvre | LeftOut]:
+    """Stops, accelerations and speed runs where no other manoeuvre is."""
+    stops = find_stops(motion, smooth, free, engine_orders(motion, events))
+    return [*stops, *find_accelerations(motion, smooth, free), *find_speed_runs(motion, smooth, free)]
+
+
+def _reason_for_none(motion: Motion, smooth: Motion) -> str:
+    """Why a recording holds no manoeuvre and nothing that was near to one."""
+    helm = f"the direction of the thrust of {len(motion.drives)} drives" if motion.steers_by_thrust else "the helm"
+    return (
+        f"{helm} was never held until the ship had turned by {LEAST_TURN_OF_ONE_SIDE_DEG:.0f} deg, and did not "
+        "alternate from side to side; no thrust was held on a straight course, or changed; the ship made "
+        f"{smooth.fastest_mps:.2g} m/s at most"
+    )
 
 
 def _unless_unknown(motion: Motion, each: Manoeuvre | LeftOut) -> Manoeuvre | LeftOut:
@@ -163,8 +194,10 @@ def _found_by(name: str, motion: Motion) -> list[Manoeuvre]:
     return []
 
 
-def _zigzags_and_turns(motion: Motion, smooth: Motion, marks: Sequence[Mark]) -> tuple[list[Manoeuvre], Bools]:
-    """Zigzags and turns, and the rows that they take."""
+def _zigzags_and_turns(
+    motion: Motion, smooth: Motion, marks: Sequence[Mark]
+) -> tuple[list[Manoeuvre | LeftOut], Bools]:
+    """Zigzags and turns, what was rejected, and the rows that they take."""
     helm, fastest_mps = helm_of(motion), smooth.fastest_mps
     # Reversed thrust turns the direction of thrust by 180 deg at once, which is not a rate of the helm.
     usual = np.where(np.abs(helm) > _WIDEST_HELM_DEG, 0.0, helm)
@@ -173,21 +206,41 @@ def _zigzags_and_turns(motion: Motion, smooth: Motion, marks: Sequence[Mark]) ->
     held = off_the_middle(helm, every)
     calm, rows = turning_points(helm, motion.step_s)
     extremes = [Plateau(row, row + 1, float(calm[row]), 0.0) for row in rows]  # the reversals of the helm
-    chains = [chain for chain in zigzag_chains(motion, held, extremes) if _is_believable(motion, chain, marks)]
-    swings = {each.first for chain in chains for each in chain}
-    spirals = spiral_steps(motion, [each for each in every if each.first not in swings])
-    swings |= {each.first for steps in spirals for each in steps}
+    alternating = zigzag_chains(motion, join_held(helm, held, motion.step_s), extremes)
+    chains = [chain for chain in alternating if _is_believable(motion, chain, marks)]
+    taken = _rows_of_chains(motion, chains)
+    spirals = spiral_steps(motion, _free_of(every, taken))
+    taken |= _rows_of_chains(motion, spirals)
     found = [*(zigzag(motion, chain) for chain in chains), *(spiral(motion, each) for each in spirals)]
     rates = reverse_spiral_steps(motion, smooth.yaw_rate_dps, ~_taken_by(motion, found)) if helm.any() else []
     reverse = [reverse_spiral(motion, each) for each in rates]
-    found, taken = [*found, *reverse], _taken_by(motion, reverse)
-    swings |= {each.first for each in every if taken[each.first : each.end].any()}
-    free = [each for each in held if each.first not in swings]
-    found += [turning_circle(motion, each) for each in free if is_turn(motion, each, fastest_mps)]
-    still = [each for each in every if each.first not in swings]
-    found += find_pull_outs(motion, still, smooth.yaw_rate_dps, fastest_mps)
-    found += find_williamson_turns(motion, free)
-    return found, _taken_by(motion, found)
+    found, taken = [*found, *reverse], taken | _taken_by(motion, reverse)
+    free = _free_of(held, taken)
+    williamson = find_williamson_turns(motion, free)
+    turns = join_held(helm, _free_of(free, _taken_by(motion, williamson)), motion.step_s)
+    judged = [turn for each in turns if (turn := turn_of(motion, each, fastest_mps))]
+    found += [*williamson, *(turn for turn in judged if isinstance(turn, Manoeuvre))]
+    found += find_pull_outs(motion, _free_of(every, taken), smooth.yaw_rate_dps, fastest_mps)
+    short = [_short_zigzag(motion, chain) for chain in alternating if len(chain) == FEWEST_SWINGS - 1]
+    left_out = [each for each in (*judged, *short) if isinstance(each, LeftOut)]
+    taken = _taken_by(motion, found)
+    return [*found, *(each for each in left_out if not taken[_rows_of(motion, each)].any())], taken
+
+
+def _rows_of_chains(motion: Motion, chains: Iterable[Sequence[Plateau]]) -> Bools:
+    rows = np.zeros(motion.time_s.size, dtype=bool)
+    for chain in chains:
+        rows[chain[0].first : chain[-1].end] = True
+    return rows
+
+
+def _free_of(held: Sequence[Plateau], taken: Bools) -> list[Plateau]:
+    return [each for each in held if not taken[each.first : each.end].any()]
+
+
+def _short_zigzag(motion: Motion, chain: Sequence[Plateau]) -> LeftOut:
+    start, end = (motion.utc(float(motion.time_s[row])) for row in (chain[0].first, chain[-1].end - 1))
+    return LeftOut("zigzag", start, end, f"the helm alternates {len(chain)} times, less than {FEWEST_SWINGS}")
 
 
 def _taken_by(motion: Motion, found: Iterable[Manoeuvre]) -> Bools:

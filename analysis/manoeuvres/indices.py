@@ -76,7 +76,9 @@ class Manoeuvre:
 
     ``side`` is the one the ship turned or moved to first ("port", "starboard", or "" for a straight one).
     ``settings`` are its commands and the state of the approach. ``executes`` are the further changes of
-    command. ``current`` is what was removed for the indices that end in ``_current_removed``.
+    command. ``current`` is what was removed for the indices that end in ``_current_removed``. ``shortfalls`` are
+    what in its execution keeps it from showing a criterion: an approach that was not steady, orders that contradict
+    the helm.
     """
 
     kind: str
@@ -89,6 +91,7 @@ class Manoeuvre:
     current: Current | None = None
     executes: tuple[pd.Timestamp, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    shortfalls: tuple[str, ...] = ()
 
     @classmethod
     def from_json(cls, said: Mapping[str, Any]) -> Manoeuvre:
@@ -103,6 +106,7 @@ class Manoeuvre:
             side=said["side"], settings=_with_nan(said["settings"], *said["settings"]), indices=indices,
             current=Current(**drift) if drift else None,
             executes=tuple(map(pd.Timestamp, said["executes"])), notes=tuple(said["notes"]),
+            shortfalls=tuple(said.get("shortfalls", ())),
         )  # fmt: skip
 
     @property
@@ -132,6 +136,7 @@ class Manoeuvre:
             "current": self.current.as_json() if self.current else {},
             "executes": [time.isoformat() for time in self.executes],
             "notes": list(self.notes),
+            "shortfalls": list(self.shortfalls),
         }
 
 

@@ -26,8 +26,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.kinematics import to_body
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.manoeuvres.indices import Manoeuvre, indices_of, unit_of
-from analysis.manoeuvres.motion import Motion, at_midship, noise_of, running_median, stretches
+from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, unit_of
+from analysis.manoeuvres.motion import BY_DIFFERENCE, Motion, at_midship, noise_of, running_median, stretches
 
 APPROACH_S = 10.0
 
@@ -38,6 +38,8 @@ _SLOWER = 1.5  # factor by which a single change may be slower than usual
 _LEAST_MOVE_SHARE, _LEAST_MOVE_DEG = 0.3, 2.5  # of the largest helm: less is course-keeping
 _LONGEST_ORDER_LAG_S = 20.0  # from an order to the first movement of the steering gear
 _EXTRAPOLATED = 2.0  # the start of a change is known so much worse than its middle, by the line through both
+_SOFT_START_S = 0.15  # how much later than an order a steering gear's beginning is seen: none is there at once
+_SURELY = 3.0  # times what the beginning of a change is known within, by which it is not before an order
 
 
 def helm_rate_dps(helm: Floats, step_s: float) -> float:
@@ -127,16 +129,18 @@ def _execute(motion: Motion, plateau: Plateau, before_deg: float, earliest: int,
     half_within_s = float(np.hypot(_execute_within_s(motion, plateau.level), 0.5 * wander_s))
     if motion.orders_are_events:
         return Execute(0.5 * (begun_s + half_s), half_s, max(half_s - begun_s, within_s), half_within_s)
+    noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
+    parts_s = [_EXTRAPOLATED * within_s, 0.7 * noise_s, 0.1 * motion.step_s, wander_s, _SOFT_START_S]
+    order_within_s = float(
+        np.linalg.norm(parts_s)
+    )  # calibrated by yard_trials, ships 1000 on, and manoeuvre_trials
     contradicts = False
     if motion.helm_order_deg is not None:
         earliest_s = max(float(motion.time_s[earliest]), begun_s - _LONGEST_ORDER_LAG_S)
         ordered_s = _recorded_order_s(motion, earliest_s, half_s)
-        if ordered_s is not None and ordered_s <= begun_s + max(motion.step_s, _EXTRAPOLATED * within_s):
+        if ordered_s is not None and ordered_s <= begun_s + max(motion.step_s, _SURELY * order_within_s):
             return Execute(ordered_s, half_s, 0.5 * motion.step_s, half_within_s)
-        contradicts = True
-    noise_s = np.sqrt(3.0) * noise_of(motion.helm_deg) / motion.helm_rate_dps
-    parts_s = [_EXTRAPOLATED * within_s, noise_s, 0.5 * motion.step_s, 1.5 * wander_s]
-    order_within_s = float(np.linalg.norm(parts_s))  # calibrated by tests/benchmarks/yard_trials.py
+        contradicts = plateau.first - earliest >= _FEWEST_BEFORE  # else the recording begins with the helm over
     return Execute(begun_s, half_s, order_within_s, half_within_s, contradicts)
 
 
@@ -226,6 +230,21 @@ def mean_of_blocks(values: Floats) -> tuple[float, float]:
     return float(values.mean()), _TWO_SIDED_95_OF_BLOCKS * float(np.std(means, ddof=1)) / np.sqrt(_BLOCKS)
 
 
+def helm_settings(motion: Motion, level_deg: float, start: float, end: float) -> dict[str, float]:
+    """The helm as a setting; of one by two propellers also how much faster the port one turns between two times."""
+    settings = {motion.helm_setting: level_deg}
+    if motion.steering == BY_DIFFERENCE and len(motion.drives) == 2:
+        inside = motion.between(start, end)
+        port, starboard = inside.drives.values()
+        settings["port_less_starboard_rpm"] = float(np.copysign(np.abs(port - starboard).mean(), level_deg))
+    return settings
+
+
+def helm_text(motion: Motion, level_deg: float) -> str:
+    """The nominal helm as it stands in the name of a test."""
+    return f"{nominal_deg(level_deg):.0f} deg{' by thrust' * (motion.steering == BY_DIFFERENCE)}"
+
+
 def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
     """The state before an execute as settings of a manoeuvre."""
     state = approach_of(motion, execute)
@@ -286,6 +305,7 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
 
 
 REPLICATES = 48
+_FOLLOWED = 1.1  # what a fit follows of the noise is missing from what it leaves; by yard_trials.py, ships 1000 on
 WIDEST_S = 8.0
 _FEWEST_ROWS = 3
 _TWO_SIDED_95, _OF_UNIFORM_95 = 1.96, 0.95  # of a standard deviation, and of half of an even distribution
@@ -349,7 +369,8 @@ def bootstrap_indices(
     random = np.random.default_rng(_SEED)
     smooth = smooth_motion(motion, half_width)
     values = measure(smooth, executes_s)
-    spectra = {name: _spectrum(getattr(motion, name) - getattr(smooth, name), half_width / motion.step_s)
+    rows = half_width / motion.step_s
+    spectra = {name: _FOLLOWED * _spectrum(getattr(motion, name) - getattr(smooth, name), rows)
                for name in POSE_AND_VELOCITY}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
@@ -438,6 +459,8 @@ _STEP_SIGMAS = 6.0
 _BRIDGE_S = 4.0
 _BLINK_SHARE, _BLINKS = 0.5, 3  # how long a correction lasts: of the order, and of the longest bridge
 _ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
+_ALIKE_LONG_SHARE = 0.05  # of helms that are both held for longer than a correction
+_HELD_SHARE = 0.35  # of a helm, by which it may wander while it is held: not half of the way to amidships
 
 
 @dataclass(frozen=True, slots=True)
@@ -491,9 +514,11 @@ def _plateau(values: Floats, first: int, end: int, reach: int, tolerance: float)
     return Plateau(first, end + (int(left.argmax()) if left.any() else left.size), float(middle), float(high - low))
 
 
-def is_same_order(one_deg: float, other_deg: float) -> bool:
-    """Whether two helm angles are the same order, within the accuracy of setting them."""
-    return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG
+def is_same_order(
+    one_deg: float, other_deg: float, wander_deg: float = 0.0, alike_share: float = _ALIKE_SHARE
+) -> bool:
+    """Whether two helm angles are the same order, within the accuracy of setting them and what they wander by."""
+    return abs(one_deg - other_deg) <= alike_share * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG + wander_deg
 
 
 def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
@@ -506,6 +531,31 @@ def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
         return replace(longer, first=last.first, end=each.end) if _is_correction(last, each, bridge) else None
 
     return merge_neighbours(found, joined)
+
+
+def helm_band_deg(level_deg: float) -> float:
+    """How far a helm that is held may be from its level [deg]."""
+    return _HELD_SHARE * abs(level_deg)
+
+
+def join_held(helm: Floats, held: Sequence[Plateau], step_s: float) -> list[Plateau]:
+    """Plateaus of one order with those between which the helm was not steady, but near it all the time, joined: a
+    rudder that wanders by some degrees, or creeps, is held. Two that are long and differ are two orders.
+    """
+    calm = running_median(helm, max(3, round(1.5 / step_s)))
+
+    def joined(last: Plateau, each: Plateau) -> Plateau | None:
+        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
+        between = np.abs(calm[last.end : each.first] - longer.level)
+        shorter_s = min(last.end - last.first, each.end - each.first) * step_s
+        alike_share = _ALIKE_SHARE if shorter_s <= _BLINKS * _BRIDGE_S else _ALIKE_LONG_SHARE
+        wander_deg = min(last.spread, each.spread)
+        near = last.level * each.level > 0 and is_same_order(last.level, each.level, wander_deg, alike_share)
+        if not near or np.any(between > helm_band_deg(longer.level)):
+            return None
+        return replace(longer, first=last.first, end=each.end)
+
+    return merge_neighbours(list(held), joined)
 
 
 def merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
@@ -532,7 +582,7 @@ def execute_s(
     The line through the times of a tenth and a half of the change, extrapolated back to its start: noise about
     the old level does not shift it, and a drive with lag or limited rate has the same line.
     """
-    held_at_once = plateau.first - earliest < 2  # where a recording begins or goes on after a break
+    held_at_once = plateau.first - earliest < _FEWEST_BEFORE  # where a recording begins or goes on after a break
     if held_at_once or abs(plateau.level - before) <= plateau.spread:
         return float(time_s[plateau.first]), float(time_s[plateau.first])
     share = (values[earliest : plateau.end] - before) / (plateau.level - before)
@@ -559,7 +609,7 @@ def _half_by_fit(share: Floats, half: float) -> float:
     return float(np.clip(half + np.polyfit(share[first:last] - 0.5, rows, 2)[-1], first, last))
 
 
-_FEWEST_OF_FIT = 5
+_FEWEST_OF_FIT, _FEWEST_BEFORE = 5, 2
 _CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
 
 
@@ -580,6 +630,14 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
+CONTRADICTION = "the recorded orders do not precede the helm"
+
+
+def contradiction_of(executes: Sequence[Execute]) -> tuple[str, ...]:
+    """That recorded orders contradict the helm, which keeps a run from showing a criterion."""
+    return (CONTRADICTION,) if any(execute.contradicts for execute in executes) else ()
+
+
 def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, ...]:
     """What the indices count from where it was not recorded: the moment of the order, and midship."""
     notes = []
@@ -587,7 +645,7 @@ def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, 
         notes.append("orders were recorded as events: each was given before half of the recorded change, which the "
                      "intervals allow for")  # fmt: skip
     elif any(execute.contradicts for execute in executes):
-        notes.append("the recorded orders do not precede the helm: each is taken from the helm's movement")
+        notes.append(f"{CONTRADICTION}: each is taken from the helm's movement")
     elif motion.helm_order_deg is None:
         notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
     if not motion.is_midship and motion.length_m:

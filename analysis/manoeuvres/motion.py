@@ -8,11 +8,14 @@ The helm of a ship with rudders is their mean angle. Of a ship steered by thrust
 waterjets, it is the direction of their total thrust, taken as proportional to the square of the shaft speed:
 the common angle of similar drives, the angle of the one that runs when the others stand still, and zero for a
 drive that pulls while facing aft. Drives at the other end of the ship, which turn her by the opposite angle,
-are recognised by that and counted with their sign. A ship with neither has no helm.
+are recognised by that and counted with their sign. Of a ship with neither, but with propellers to port and to
+starboard, it is the angle whose tangent is the difference of both thrusts over their sum, positive where port
+pushes more and turns her to starboard: 0 for like propellers, 45 deg for one alone. Any other ship has no helm.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
@@ -20,7 +23,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import RUDDER, Actuator, Actuators, name_of_order
+from acquisition.core.actuators import RUDDER, Actuator, Actuators, actuators_in, name_of_order
 from acquisition.core.angles import circular_mean, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Bools, Complexes, Floats
 from acquisition.core.channels import POSE, POSE_AND_VELOCITY, VELOCITY, is_circular
@@ -47,8 +50,13 @@ _PATH_HALF_WIDTH_S = 20.0
 _SLOPE_HALF_WIDTH_S, _SLOPE_ROWS = 2.0, 3.0  # as narrow as possible: indices come from wider fits
 _WILD = 3.0  # factor on the change exceeded in a fiftieth of the recording: a splice, not motion
 _NORMAL_MAD = 1.4826
+_MEDIAN_OF_FIVE = 1.1  # white noise in means of running medians of five, by that in means of the values
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
+_LONGEST_GAP_S = 60.0  # longer ones part a recording: what is interpolated over them is no helm and no way
 _RUDDER = "rudder"  # steering that works without thrust
+BY_DIFFERENCE = "thrust"  # steering by propellers to both sides
+_SIDES = (re.compile(r"(^|_)(port|left|bb|ps)(_|$)"), re.compile(r"(^|_)(starboard|stbd|right|sb)(_|$)"))
+_STILL_SHARE = 0.2  # of the mean side thrust, that it changes by in a turn that lasts for the whole recording
 _AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 
 
@@ -57,17 +65,18 @@ class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
 
     ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind
-    that ``steering`` names count it ("azimuth", "rudder", "nozzle"; "" for none); of one that steers by thrust it
-    means nothing where no drive runs. ``thrust`` is the sum of n|n| along the bow of all drives [rpm^2]. ``drives``
-    are the shafts of what drives the ship and ``tunnels`` those of tunnel thrusters [rpm], by channel, ``words``
-    what each is called; the shaft of a controllable propeller counts as what gives her thrust at full pitch.
-    ``known`` says where pose and speeds were measured; elsewhere they are interpolated. ``broken`` says where
-    position or heading jump as no ship does, as where a piece was cut out of a recording: nothing reaches across.
-    ``path_sd_m`` is the standard deviation of a point of the path, by how the positions wander about it.
-    ``orders_are_events`` says that the helm was recorded when it changed and filled in between, so that nobody
-    knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it is known, and
-    ``helm_rate_dps`` how fast the helm usually goes over. ``helm_order_deg`` is what the helm was ordered to, None
-    where orders were not recorded beside it.
+    that ``steering`` names count it ("azimuth", "rudder", "nozzle", "thrust" for propellers to both sides; "" for
+    none); of one that steers by thrust it means nothing where no drive runs. ``thrust`` is the sum of n|n| along
+    the bow of all drives [rpm^2]. ``drives`` are the shafts of what drives the ship and ``tunnels`` those of tunnel
+    thrusters [rpm], by channel, ``words`` what each is called; the shaft of a controllable propeller counts as what
+    gives her thrust at full pitch. ``known`` says where pose and speeds were measured; elsewhere they are
+    interpolated. ``broken`` says where position or heading jump as no ship does, as where a piece was cut out of a
+    recording, and where they are missing for more than a minute: nothing reaches across. ``path_sd_m`` is the
+    standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says that
+    the helm was recorded when it changed and filled in between, so that nobody knows when it began to. ``length_m``
+    is the ship's length between perpendiculars, if it is known, ``helm_rate_dps`` how fast the helm usually goes
+    over. ``helm_order_deg`` and ``thrust_order`` are what helm and thrust were ordered to, None where orders were
+    not recorded beside them.
     """
 
     origin_ns: int
@@ -91,12 +100,23 @@ class Motion:
     length_m: float | None = None
     helm_rate_dps: float = np.inf
     helm_order_deg: Floats | None = None
+    thrust_order: Floats | None = None
     is_midship: bool = False
 
     @property
     def steers_by_thrust(self) -> bool:
         """Whether the helm has no effect when no propulsor runs."""
         return self.steering != _RUDDER
+
+    @property
+    def turns_to_starboard(self) -> float:
+        """1 where a positive helm turns the ship to starboard, -1 to port."""
+        return 1.0 if self.steering in (_RUDDER, BY_DIFFERENCE) else -1.0
+
+    @property
+    def helm_setting(self) -> str:
+        """The name of the helm among the settings of a manoeuvre."""
+        return f"{self.steering}_angle_deg" if self.steering == BY_DIFFERENCE else f"{self.steering}_deg"
 
     @property
     def main_rpm(self) -> Floats:
@@ -178,11 +198,16 @@ def steering_of(actuators: Actuators) -> Actuators:
 
 
 def recorded_actuators(table: pd.DataFrame) -> Actuators:
-    """The actuators of a table's ship; a rudder alone if it has that angle and no actuator of hers."""
-    actuators = table_actuators(table)
+    """The actuators of a table's ship; of one that names none, and has no angle of theirs, those that its columns
+    tell; a rudder alone if it has that angle and no actuator of hers."""
+    actuators, trial = table_actuators(table), trial_of(table)
+    recorded = {str(name) for name in table if table[name].notna().any()}
+    if not (
+        trial.vessel or trial.actuators or any(each.angle and each.angle.name in recorded for each in actuators)
+    ):
+        actuators = actuators_in(name for name in table if name in recorded) or actuators
     theirs = {channel.name for each in actuators for channel in each.channels}
-    alone = RUDDER in table and not any(name in table and table[name].notna().any() for name in theirs)
-    return (Actuator(_RUDDER, _RUDDER),) if alone else actuators
+    return (Actuator(_RUDDER, _RUDDER),) if RUDDER in table and not theirs & recorded else actuators
 
 
 def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
@@ -198,9 +223,12 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
         raise InputError("the ship has no propulsion", fix="name the actuators in the trial")
     helms = [each.angle.name for each in steering if each.angle is not None]
     require(table, (*POSE, *(helms or [channel.name for channel in driving[0].channels])[:1]))
-    heading = _cleaned_heading(table)
-    grid = _with_sharp_settings(resample(table.assign(heading_deg=heading), _rate_hz(table)), table)
-    time_ns = times_ns(grid)
+    rate_hz, heading = _rate_hz(table), _cleaned_heading(table)
+    late_ns = _late_ns(table, NANO / rate_hz)
+    on_grid = table.assign(heading_deg=heading)
+    on_grid.index = pd.DatetimeIndex(table.index) - pd.to_timedelta(late_ns, unit="ns")
+    grid = _with_sharp_settings(resample(on_grid, rate_hz), on_grid)
+    time_ns = times_ns(grid) + late_ns
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     grid = _with_velocities(grid, step_s)
@@ -208,27 +236,31 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
-    reckoned, apart = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
-    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
+    reckoned, differences = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
+    apart = [running_median(each, 5) for each in differences]
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
-    broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
-    broken |= _jumps(off_course, step_s, _JUMP_DEG)
+    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
+    broken = _breaks(apart, off_course, known, _JUMP_S * fastest, step_s)
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     residuals = [whole - part for whole, part in zip(apart, slow, strict=True)]
     aside_mps = fastest * np.deg2rad(noise_of(turned))  # what the noise of the heading does to the speeds
     speed_noise_mps = float(np.hypot(max(noise_of(surge), noise_of(sway)), aside_mps))
-    spread = _path_spread_m(residuals, speed_noise_mps, step_s)
+    scatter_m = max(*map(noise_of, differences), _scatter_m(table, step_s))
+    spread = _path_spread_m(residuals, scatter_m, speed_noise_mps, step_s)
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     sideways = [each for each in actuators if not each.drives and each.angle is None]
     shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
     drives, tunnels = (dict(shafts[each] for each in some) for some in (driving, sideways))
     words = {name: _called(each) for each, (name, _) in shafts.items()}
     helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
-    kind = steering[0].steers_by if steering else ""
+    kind, order = steering[0].steers_by if steering else "", _ordered_helm(grid, steering)
+    sides = () if steering else drives_by_side(driving)
+    if sides:
+        kind, helm = BY_DIFFERENCE, _helm_by_difference(*(_thrust_of(grid, drives) for drives in sides))
     motion = Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
         known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
-        helm_order_deg=_ordered_helm(grid, steering),
+        helm_order_deg=order, thrust_order=_ordered_thrust(grid, driving),
     )  # fmt: skip
     return at_midship(motion, antenna_of(table))
 
@@ -316,6 +348,18 @@ def _rate_hz(table: pd.DataFrame) -> float:
     return float(np.round(rate)) if rate >= 1.0 else rate
 
 
+_IN_STEP = 0.98  # the mean of unit vectors at the phases of samples, above which they are in step
+
+
+def _late_ns(table: pd.DataFrame, step_ns: float) -> int:
+    """How far behind whole steps the headings were sampled [ns], 0 where they were not in step. A grid at the
+    samples needs no interpolation, which takes off noise that the intervals are to tell."""
+    times = times_ns(table)[table["heading_deg"].notna().to_numpy()]
+    phases = np.exp(2j * np.pi * (times % step_ns) / step_ns) if times.size else np.ones(1, dtype=complex)
+    mean = complex(phases.mean())
+    return round(float(np.angle(mean)) / (2.0 * np.pi) * step_ns) if abs(mean) > _IN_STEP else 0
+
+
 def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
     """The grid with the settings of a faster table sampled at its rows.
 
@@ -360,9 +404,19 @@ def _dead_reckoning(
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """The dead-reckoned path from speed and heading, north and east [m], and the positions' difference from it."""
     north, east = (integrate(each, step_s) for each in to_earth(surge, sway, heading))
-    apart = [running_median(fill_gaps(grid[name].to_numpy() - reckoned), 5)
-             for name, reckoned in (("north_m", north), ("east_m", east))]  # fmt: skip
+    apart = [
+        fill_gaps(grid[name].to_numpy() - reckoned) for name, reckoned in zip(POSE, (north, east), strict=False)
+    ]
     return (north, east), (apart[0], apart[1])
+
+
+def _breaks(apart: Sequence[Floats], off_course: Floats, known: Bools, least_m: float, step_s: float) -> Bools:
+    """Mask of where the positions jump off the reckoned path, or the heading off the turn, and of long gaps."""
+    broken = _jumps(apart[0], step_s, least_m) | _jumps(apart[1], step_s, least_m)
+    broken |= _jumps(off_course, step_s, _JUMP_DEG)
+    for first, end in stretches(~known, round(_LONGEST_GAP_S / step_s)):
+        broken[first:end] = True
+    return broken
 
 
 def _jumps(values: Floats, step_s: float, least: float) -> Bools:
@@ -382,10 +436,24 @@ def _smooth_pieces(values: Floats, broken: Bools, step_s: float) -> Floats:
     return result
 
 
-def _path_spread_m(residuals: Sequence[Floats], speed_noise_mps: float, step_s: float) -> float:
-    """The standard deviation of a point of the path [m], from how the positions wander about it and from noise."""
+def _scatter_m(table: pd.DataFrame, step_s: float) -> float:
+    """The standard deviation of positions about the path [m], as for one a step: what is on the grid was
+    interpolated or filtered."""
+    scatters = [0.0]
+    for name in POSE[:2]:
+        samples = table[name].dropna().sort_index()
+        interval_s = float(np.median(np.diff(times_ns(samples.to_frame())))) / NANO if len(samples) > 1 else step_s
+        scatters.append(noise_of(samples.to_numpy(dtype=float)) * np.sqrt(min(interval_s / step_s, 1.0)))
+    return float(max(scatters))
+
+
+def _path_spread_m(residuals: Sequence[Floats], scatter_m: float, speed_noise_mps: float, step_s: float) -> float:
+    """The standard deviation of a point of the path [m], from how the positions wander about it and from noise.
+
+    ``scatter_m`` is that of single positions; the median over five of them has a little more than their mean.
+    """
     wander_m = float(np.linalg.norm([_wander_m(residual, step_s) for residual in residuals]))
-    return float(np.hypot(wander_m, _path_sd_m(max(map(noise_of, residuals)), speed_noise_mps, step_s)))
+    return float(np.hypot(wander_m, _path_sd_m(_MEDIAN_OF_FIVE * scatter_m, speed_noise_mps, step_s)))
 
 
 def _wander_m(rest: Floats, step_s: float) -> float:
@@ -466,11 +534,48 @@ def _helm_and_thrust(
     return wrap_180(np.rad2deg(np.arctan2(aside, along))), ahead
 
 
+def drives_by_side(driving: Actuators) -> tuple[Actuators, Actuators] | tuple[()]:
+    """The propellers to port and to starboard, by their names; of a pair that its names do not tell the port one
+    comes first. Empty where they are not to both sides."""
+    port, starboard = (tuple(each for each in driving if side.search(each.name)) for side in _SIDES)
+    if len(driving) == 2 and not (port or starboard):
+        return driving[:1], driving[1:]
+    return (port, starboard) if port and starboard else ()
+
+
+def _thrust_of(grid: pd.DataFrame, drives: Actuators) -> Floats:
+    """n|n| of some propellers together [rpm^2]."""
+    shafts = [_shaft(grid, each) for each in drives]
+    return np.asarray(np.sum([rpm * np.abs(rpm) for rpm in shafts], axis=0))
+
+
+def _helm_by_difference(port: Floats, starboard: Floats) -> Floats:
+    """The helm of propellers to both sides [deg], from their n|n|."""
+    return np.rad2deg(np.arctan2(port - starboard, port + starboard))
+
+
 def _ordered_helm(grid: pd.DataFrame, steering: Actuators) -> Floats | None:
     """The mean order to the steering actuators [deg], None if none was recorded."""
     names = [name_of_order(each.angle.name) for each in steering if each.angle is not None]
     known = [name for name in names if name in grid and grid[name].notna().any()]
     return circular_mean([fill_gaps(unwrap(grid[name].to_numpy())) for name in known], axis=0) if known else None
+
+
+def _ordered_thrust(grid: pd.DataFrame, driving: Actuators) -> Floats | None:
+    """The thrust along the bow that was ordered of the drives whose orders were recorded [rpm^2], None if none
+    were."""
+    orders: dict[str, pd.Series] = {}
+    ordered = list[Actuator]()
+    for drive in driving:
+        names = {each.name: name_of_order(each.name) for each in drive.channels}
+        known = {name: grid[order] for name, order in names.items() if order in grid and grid[order].notna().any()}
+        if any(not name.endswith("_angle_deg") for name in known):
+            orders |= known
+            ordered.append(drive)
+    if not ordered:
+        return None
+    as_ordered = grid.assign(**orders)
+    return np.asarray(np.sum([_push(as_ordered, drive).real for drive in ordered], axis=0))
 
 
 def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
@@ -480,6 +585,8 @@ def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
 
 
 def _side_of(aside: Floats, first: Floats) -> float:
-    """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship."""
-    apart, others = aside - aside.mean(), first - first.mean()
+    """-1 for a propulsor whose side thrust opposes the first one's, as at the other end of the ship: by their
+    changes, or by the thrusts themselves where neither changes."""
+    still = all(values.std() < _STILL_SHARE * abs(values.mean()) for values in (aside, first))
+    apart, others = (values if still else values - values.mean() for values in (aside, first))
     return -1.0 if apart @ others < _AGAINST * np.sqrt((apart @ apart) * (others @ others)) else 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -32,6 +33,7 @@ from analysis.manoeuvres.measures import (
 )
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
 from analysis.manoeuvres.standards import FULL_ASTERN
+from analysis.tables.table import NANO
 
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0
@@ -41,7 +43,7 @@ _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
 _STOPPED_SHARE, _AT_REST_SHARE = 0.6, 0.1
 _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
-RECIPROCAL_DEG, _SAME_SHARE, _LONGEST_BETWEEN_S = 12.0, 0.03, 2 * 3600.0
+RECIPROCAL_DEG, _SAME_SHARE, LONGEST_BETWEEN_S = 12.0, 0.03, 2 * 3600.0
 REACHED_SHARE = 0.9
 _LONGEST_STEP_S = 16.0  # what a shaft may creep before and after a change from one held speed to the next
 _TRIED_STARTS = 9
@@ -170,7 +172,7 @@ def reciprocal_pairs(runs: Sequence[Course]) -> list[tuple[int, int]]:
 
 def _are_reciprocal(one: Course, other: Course) -> bool:
     apart = abs(float(difference(other.heading_deg, one.heading_deg)))
-    soon = (other.start - one.end).total_seconds() < _LONGEST_BETWEEN_S
+    soon = (other.start - one.end).total_seconds() < LONGEST_BETWEEN_S
     return soon and abs(apart - 180.0) < RECIPROCAL_DEG and is_same_setting(one.setting, other.setting)
 
 
@@ -206,17 +208,71 @@ def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float
     return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
 
 
+class EngineOrder(NamedTuple):
+    """An order to the engines that was marked by the crew: when [s], and its words."""
+
+    time_s: float
+    text: str
+
+
 class ShaftStep(NamedTuple):
     """A change from one held thrust to the next, with the moment of the order and half of what it is known within
-    [s]."""
+    [s].
+
+    ``source`` says where the order is known from. ``lag_s`` is how much earlier it may have been, where only the
+    shaft tells. ``contradicts`` says that orders were recorded, but none that the shaft could have followed.
+    """
 
     last: Plateau
     held: Plateau
     order_s: float
     within_s: float
+    source: str
+    lag_s: float = 0.0
+    contradicts: bool = False
 
 
-def shaft_steps(motion: Motion, free: Bools) -> list[ShaftStep]:
+_BY_SHAFT = "the order was not recorded: it is taken from the beginning of the shaft's change"
+_SHAFT_CONTRADICTS = "the recorded orders do not precede the shaft"
+_LONGEST_ENGINE_LAG_S = 60.0  # from an order to the first change of the shaft
+_HAND_S = 2.0  # by which a mark set by hand is early or late
+_ENGINE_ORDER = re.compile(
+    r"\bfull astern\b|\b(crash|emergency|inertia) stop\b(?!\W*(end|finish|complete))|\bstop(ped)? engines?\b"
+    r"|\bengines? stop(ped)?\b|^\W*stop\W*$", re.I,
+)  # fmt: skip
+
+
+def engine_orders(motion: Motion, events: Iterable[tuple[int, str]]) -> list[EngineOrder]:
+    """The orders to stop or reverse the engines among the marks of the crew (time [ns since 1970], text)."""
+    return [
+        EngineOrder((time_ns - motion.origin_ns) / NANO, text.strip())
+        for time_ns, text in events if _ENGINE_ORDER.search(text)
+    ]  # fmt: skip
+
+
+def _with_order(motion: Motion, step: ShaftStep, marks: Sequence[EngineOrder]) -> ShaftStep:
+    """A step with the recorded order that it follows, else with the mark of one, else as it is."""
+    latest_s = step.order_s + max(motion.step_s, step.within_s)
+    earliest_s = max(step.order_s - _LONGEST_ENGINE_LAG_S, float(motion.time_s[step.last.first]))
+    if motion.thrust_order is not None:
+        near = motion.between(earliest_s, latest_s + motion.step_s)
+        ordered = np.asarray(near.thrust_order)
+        wanted = np.sign(step.held.level - step.last.level)
+        change = wanted * (ordered - ordered[0])
+        if change[-1] > _STEP_SHARE * float(np.percentile(np.abs(motion.thrust_order), 99)):
+            ordered_s = crossing_s(
+                near.time_s, change, 0.5 * change[-1], earliest_s, latest_s + 2.0 * motion.step_s
+            )
+            return step._replace(order_s=ordered_s, within_s=0.5 * motion.step_s, source="", lag_s=0.0)
+        step = step._replace(contradicts=True)
+    hand = [mark for mark in marks if earliest_s <= mark.time_s <= latest_s + _HAND_S]
+    if not hand or step.held.level > step.last.level:
+        return step
+    source = f"the order is taken from the mark '{hand[-1].text}'"
+    return step._replace(order_s=hand[-1].time_s, within_s=_HAND_S, source=source, lag_s=0.0)
+
+
+def shaft_steps(motion: Motion, free: Bools, marks: Sequence[EngineOrder] = ()) -> list[ShaftStep]:
     """Every change from one held thrust to the next, where no other manoeuvre is."""
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
@@ -226,7 +282,8 @@ def shaft_steps(motion: Motion, free: Bools) -> list[ShaftStep]:
             before = level_before(motion, along, each, _LONGEST_STEP_S + change_s)
             start, half = execute_s(motion.time_s, along, each, before, last.first)
             within_s = float(np.hypot(motion.step_s, _UNSURE_SHARE * (half - start)))
-            steps.append(ShaftStep(last, each, start, within_s))
+            by_shaft = ShaftStep(last, each, start, within_s, _BY_SHAFT, max(half - start, motion.step_s))
+            steps.append(_with_order(motion, by_shaft, marks))
     return steps
 
 
@@ -236,7 +293,7 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
     straight, steady = straight_rows(smooth), steady_rows(smooth)
     found = list[Manoeuvre | LeftOut]()
     for step in shaft_steps(motion, free):
-        last, each, start, _ = step
+        last, each, start = step[:3]
         rows = slice(each.first, each.end)
         long = (each.end - each.first) * motion.step_s >= LEAST_RUN_S
         if not long or each.level < _IDLE_SHARE * largest or each.level - last.level < _STEP_SHARE * largest:
@@ -257,16 +314,18 @@ def find_accelerations(motion: Motion, smooth: Motion, free: Bools) -> list[Mano
     return found
 
 
-def find_stops(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | LeftOut]:
-    """Thrust stopped or reversed under way, until the ship has stopped.
+def find_stops(
+    motion: Motion, smooth: Motion, free: Bools, marks: Sequence[EngineOrder] = ()
+) -> list[Manoeuvre | LeftOut]:
+    """Thrust stopped or reversed under way, until the ship has stopped; ``marks`` are the crew's orders.
 
     Rejected if she still has more than a tenth of her speed at the end; one that loses less than two fifths is
     no candidate.
     """
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     found = list[Manoeuvre | LeftOut]()
-    for step in shaft_steps(motion, free):
-        last, each, start, _ = step
+    for step in shaft_steps(motion, free, marks):
+        last, each, start = step[:3]
         before = smooth.at("surge_mps", start)
         off = each.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
         after = smooth.surge_mps[each.first : each.end]
@@ -284,7 +343,7 @@ def find_stops(motion: Motion, smooth: Motion, free: Bools) -> list[Manoeuvre | 
 
 
 def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> Manoeuvre:
-    last, each, start, within_s = step
+    last, each, start, within_s = step[:4]
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     span, width = np.array([start, end]), half_width_s(part, (end - start) / 2.0)
@@ -293,8 +352,23 @@ def _change_of_speed(motion: Motion, kind: str, step: ShaftStep, end: float) -> 
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
              "stopping": FULL_ASTERN if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
-    notes = ("the order is taken from the beginning of the shaft's change",)
-    return manoeuvre_of(motion, kind, names[kind], span, "", settings, found, notes=notes)
+    if step.lag_s:
+        settings["order_lag_s"] = step.lag_s
+    shortfalls = (_SHAFT_CONTRADICTS,) if step.contradicts else ()
+    notes = tuple(note for note in (*shortfalls, step.source) if note)
+    run = manoeuvre_of(motion, kind, names[kind], span, "", settings, found, notes=notes, shortfalls=shortfalls)
+    return _with_earlier_order(run, step.lag_s)
+
+
+def _with_earlier_order(run: Manoeuvre, lag_s: float) -> Manoeuvre:
+    """A run whose order may have been given by up to ``lag_s`` before its shaft began to change: what counts from
+    the order may be longer by the time, or by the way in it."""
+    more = {"_s": lag_s, "_m": lag_s * abs(run.settings["approach_mps"])}
+    indices = {
+        name: replace(index, high=index.high + more.get(name[name.rfind("_"):], 0.0))
+        for name, index in run.indices.items() if name != "lateral_deviation_m"
+    }  # fmt: skip
+    return replace(run, indices={**run.indices, **indices})
 
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:

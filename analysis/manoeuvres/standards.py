@@ -11,7 +11,6 @@ of the value holds the limit, and is *not shown* where something is missing.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -38,7 +37,6 @@ _DRAUGHT_SHARE = 0.05  # of the full load draught, by which a trial's may differ
 _TEST_SPEED_SHARE = 0.9
 _STEADY_TURN_DEG = 2.0  # of heading in the time of one ship length: as much as noise shows of a steady approach
 _STEADY_SHARE = 0.05  # of the speed in that time
-_CONTRADICTS = re.compile(r"not steady|gathering way|orders do not precede")
 
 
 def first_overshoot_10_10_deg(length_per_speed_s: float) -> float:
@@ -220,7 +218,7 @@ def _weather_shortfall(what: str, scale: str, value: int | None, largest: int) -
 def _approach_shortfall(run: Manoeuvre, conditions: Conditions) -> str:
     """Whether the approach was not steady, or the orders contradict the helm. In the time of one ship length
     neither heading nor speed may change by more than what noise shows of them."""
-    noted = next((note for note in run.notes if _CONTRADICTS.search(note)), "")
+    noted = next(iter(run.shortfalls), "")
     speed_mps = run.settings.get("approach_mps", 0.0)
     if noted or not conditions.length_m or not speed_mps > 0.0:
         return noted
@@ -284,7 +282,8 @@ def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> M
         limit = criterion.limit(conditions.length_m, speed_mps)
         other_ship = any(reason.startswith(NOT_FOR_SHIP) for reason in missing)
         shortfalls = missing if other_ship else (*missing, *_test_shortfalls(run, criterion))
-        carried_m = current_mps * (run.end - run.start).total_seconds() if run.kind == "stopping" else 0.0
+        drifts = run.kind == "stopping" and not name.endswith("_current_removed")
+        carried_m = current_mps * (run.end - run.start).total_seconds() if drifts else 0.0
         judged = replace(index, low=index.low - carried_m, high=index.high + carried_m)
         ends = [criterion.limit(conditions.length_m, speed_mps + sign * current_mps) for sign in (1.0, -1.0)]
         results = {result_of(judged, end, shortfalls) for end in ends if end is not None}

@@ -18,46 +18,79 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Current, Manoeuvre, nominal_deg, side_of
+from analysis.manoeuvres.indices import Current, LeftOut, Manoeuvre, side_of
 from analysis.manoeuvres.measures import (
+    APPROACH_S,
     Plateau,
     along_and_across,
     approach_of,
     approach_settings,
     bootstrap_indices,
+    contradiction_of,
     count_notes,
     crossing_s,
     distance_m,
     half_width_s,
     helm_execute,
+    helm_settings,
+    helm_text,
     manoeuvre_of,
     mean_between,
     smooth_motion,
 )
 from analysis.manoeuvres.motion import Motion
 
-LEAST_CIRCLE_DEG, _LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
+LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
 _MARGIN_S = 20.0
 _SLOWEST_APPROACH = 0.3
 _STEADIEST_APPROACH = 0.25
 REMOVED = "_current_removed"
 
 
-def is_turn(motion: Motion, each: Plateau, fastest_mps: float) -> bool:
-    """Whether a held helm turns a ship, on a straight approach and under way, by at least 90 deg."""
+def turn_of(motion: Motion, each: Plateau, fastest_mps: float) -> Manoeuvre | LeftOut | None:
+    """The turn of a held helm, or the reason why it is none; None for one that turns the ship by less than 90 deg.
+
+    After a straight approach it is a turning circle from 180 deg of turn on. Without one, only what is steady
+    counts, which takes a turn of :data:`LEAST_STEADY_DEG`.
+    """
     heading = motion.heading_deg[each.first : each.end]
-    seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
-    before = approach_of(motion, helm_execute(motion, each).order_s - 1.0)
+    if turned < LEAST_TURN_OF_ONE_SIDE_DEG:
+        return None
+    kind = "turning_circle" if turned >= LEAST_CIRCLE_DEG else "course_change"
+    start, end = (motion.utc(float(motion.time_s[row])) for row in (each.first, each.end - 1))
     if motion.broken[each.first : each.end].any():
-        return False
-    with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
-    straight = abs(before["approach_yaw_rate_dps"]) < _STEADIEST_APPROACH * turned / seconds
-    return turned >= _LEAST_TURN_OF_ONE_SIDE_DEG and with_way and straight
+        return LeftOut(kind, start, end, "position or heading jump in it")
+    shortfall = _approach_shortfall(motion, each, turned, fastest_mps)
+    if shortfall and turned < LEAST_STEADY_DEG:
+        return LeftOut(kind, start, end, shortfall)
+    return turning_circle(motion, each, shortfall)
 
 
-def turning_circle(motion: Motion, each: Plateau) -> Manoeuvre:
-    """The turning circle, or the turn of less than half a circle, of a held helm, with its indices."""
+def _approach_shortfall(motion: Motion, each: Plateau, turned_deg: float, fastest_mps: float) -> str:
+    """Why there is no straight approach under way before a held helm; empty where there is."""
+    order_s = helm_execute(motion, each).order_s
+    before = approach_of(motion, order_s - 1.0)
+    rate_dps, speed_mps = abs(before["approach_yaw_rate_dps"]), before["approach_mps"]
+    mean_rate_dps = turned_deg / ((each.end - each.first) * motion.step_s)
+    begins = order_s - float(motion.time_s[0])
+    if begins < 2.0 * motion.step_s:
+        return "no approach: the recording begins with the helm over"
+    if rate_dps >= _STEADIEST_APPROACH * mean_rate_dps:
+        begun = (
+            "the recording begins in the turn" if begins < APPROACH_S else "the ship was turning before the order"
+        )
+        return f"no straight approach: {begun}, by {rate_dps:.2g} deg/s"
+    if speed_mps <= _SLOWEST_APPROACH * fastest_mps:
+        return f"no approach under way: the ship made {speed_mps:.2g} m/s of {fastest_mps:.2g} m/s before the order"
+    return ""
+
+
+def turning_circle(motion: Motion, each: Plateau, shortfall: str = "") -> Manoeuvre:
+    """The turning circle, or the turn of less than half a circle, of a held helm, with its indices.
+
+    After an approach with a ``shortfall`` those are left out that hang on it.
+    """
     execute = helm_execute(motion, each)
     start = execute.order_s
     end = float(motion.time_s[each.end - 1])
@@ -67,21 +100,33 @@ def turning_circle(motion: Motion, each: Plateau) -> Manoeuvre:
     width = half_width_s(part, quarter_s)
     times, within_s = np.array([start, end]), np.array([execute.order_within_s, 0.5 * motion.step_s])
     current = current_of(smooth_motion(part, width), start, end)
-    found = _with_drift_error(bootstrap_indices(part, times, width, circle_indices, within_s), current)
+    measure = steady_turn_indices if shortfall else circle_indices
+    found = _with_drift_error(bootstrap_indices(part, times, width, measure, within_s), current)
     settings = {
-        f"{motion.steering}_deg": each.level,
+        **helm_settings(part, each.level, start, end),
         "turned_deg": abs(turned),
-        "half_command_s": execute.half_command_s,
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
-        **approach_settings(part, start),
     }
-    kind, word = (
-        ("turning_circle", "turning circle") if abs(turned) >= LEAST_CIRCLE_DEG else ("course_change", "turn")
-    )
+    if not shortfall:
+        settings |= {"half_command_s": execute.half_command_s, **approach_settings(part, start)}
+    is_circle = abs(turned) >= LEAST_CIRCLE_DEG
+    kind, word = ("turning_circle", "turning circle") if is_circle else ("course_change", "turn")
+    without = f"{shortfall}; advance, transfer, tactical diameter and times count from the order after one"
+    notes = (without,) if shortfall else count_notes(motion, [execute])
+    shortfalls = (shortfall,) if shortfall else contradiction_of([execute])
     return manoeuvre_of(
-        motion, kind, f"{word} {nominal_deg(each.level):.0f} deg", times, side_of(turned), settings, found,
-        current=current, notes=count_notes(motion, [execute]),
+        motion, kind, f"{word} {helm_text(motion, each.level)}", times, side_of(turned), settings, found,
+        current=current, notes=notes, shortfalls=shortfalls,
     )  # fmt: skip
+
+
+def steady_turn_indices(motion: Motion, times: Floats) -> dict[str, float]:
+    """Those of :func:`circle_indices` that need no approach: what is steady, also with the current removed."""
+    values = circle_indices(motion, times)
+    return {name: value for name, value in values.items() if name.removesuffix(REMOVED) in _STEADY}
+
+
+_STEADY = ("steady_yaw_rate_dps", "steady_diameter_m", "steady_speed_mps", "drift_angle_deg")
 
 
 def circle_indices(motion: Motion, times: Floats) -> dict[str, float]:
@@ -170,6 +215,8 @@ def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_
 
 
 LEAST_TURN_DEG = 510.0
+LEAST_STEADY_DEG = 270.0
+"""From what turn on something of it is steady: the first half of a circle is not, and of the rest a quarter."""
 _STEADY_AFTER_DEG = 120.0
 _FEWEST_PAIRS = 10
 

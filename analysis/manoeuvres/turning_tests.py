@@ -173,7 +173,7 @@ def _has_settled(motion: Motion, run: Sequence[Plateau], each: Plateau) -> bool:
 def spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The direct spiral of its steps, with its indices."""
     times = motion.time_s[[row for each in steps for row in (each.first, each.end - 1)]]
-    sign = -1.0 if motion.steers_by_thrust else 1.0
+    sign = motion.turns_to_starboard
     levels = sign * np.array([motion.helm_deg[(each.first + each.end) // 2 : each.end].mean() for each in steps])
 
     settled = np.array([_has_settled(motion, steps, each) for each in steps])
@@ -278,7 +278,7 @@ def _held_rates(rate: Floats, first: int, end: int, band: float) -> list[Plateau
 
 def reverse_spiral(motion: Motion, steps: list[Plateau]) -> Manoeuvre:
     """The reverse spiral (Bech) of its steps: the mean helm for each rate, over its second half."""
-    sign, random = -1.0 if motion.steers_by_thrust else 1.0, np.random.default_rng(_SEED)
+    sign, random = motion.turns_to_starboard, np.random.default_rng(_SEED)
     parts = [slice((each.first + each.end) // 2, each.end) for each in steps]
     helms, rates = (np.array([mean_of_blocks(values[part]) for part in parts])
                     for values in (sign * motion.helm_deg, motion.yaw_rate_dps))  # fmt: skip
@@ -388,7 +388,7 @@ def _test(
     within_s = np.full(times.size, 0.5 * motion.step_s)
     within_s[: len(executes)] = [execute.order_within_s for execute in executes]
     found = bootstrap_indices(part, times, width, measure, within_s)
-    settings = {f"{motion.steering}_deg": helm_deg, **approach_settings(part, float(times[0]))}
+    settings = {motion.helm_setting: helm_deg, **approach_settings(part, float(times[0]))}
     if executes:
         settings["half_command_s"] = executes[0].half_command_s
     return manoeuvre_of(motion, kind, name, times[[0, -1]], side_of(side), settings, found)

@@ -22,19 +22,22 @@ from analysis.manoeuvres.measures import (
     approach_of,
     approach_settings,
     bootstrap_indices,
+    contradiction_of,
     count_notes,
     crossing_s,
     distance_m,
     half_width_s,
+    helm_band_deg,
     helm_change_s,
     helm_execute,
+    helm_settings,
     is_same_order,
     manoeuvre_of,
     mean_between,
     next_execute,
     peak,
 )
-from analysis.manoeuvres.motion import Motion
+from analysis.manoeuvres.motion import BY_DIFFERENCE, Motion
 
 FEWEST_SWINGS = 3
 _SHORTEST_SWING_S = 1.0
@@ -76,8 +79,9 @@ def _with_first(motion: Motion, chain: list[Plateau], extremes: Sequence[Plateau
     more = [*nearest, *chain]
     if not nearest or len(chain) < FEWEST_SWINGS - 1 or not _continues(motion, *more[:2]):
         return chain
-    begun = _first_row(motion, more)
-    turned = np.abs(np.diff(motion.heading_deg[[begun, *(each.end - 1 for each in more)]]))
+    turned = np.abs(_turns(motion, more))
+    if not is_same_order(more[0].level, -more[1].level):  # reversed on its way: the ship turns on in the next
+        turned[0] = abs(np.ptp(motion.heading_deg[[_first_row(motion, more), more[0].end - 1]]))
     return more if turned[0] > _FIRST_TURN_SHARE * 0.5 * np.median(turned[1:-1]) else chain
 
 
@@ -111,27 +115,41 @@ def _without_course_keeping(motion: Motion, chain: list[Plateau]) -> list[Platea
 
 def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     """Whether ``each`` is the next swing: other side, the same angle, at once."""
-    pause_s = (each.first - last.end) * motion.step_s
-    shortest_s = min(last.end - last.first, each.end - each.first) * motion.step_s
+    between = motion.helm_deg[last.end : each.first]
+    near = [np.abs(between - plateau.level) <= helm_band_deg(plateau.level) for plateau in (last, each)]
+    pause_s = float(np.sum(~(near[0] | near[1]))) * motion.step_s
+    held_s = sorted((plateau.end - plateau.first) * motion.step_s for plateau in (last, each))
+    longest_s = max(min(_LONGEST_PAUSE_S, 0.5 * held_s[1]), 0.5 * held_s[0])
     if motion.broken[last.first : each.end].any():
         return False
     cut_short = abs(last.level) < abs(each.level) and _is_cut_short(motion, last)
     return (
         last.level * each.level < 0
-        and (cut_short or is_same_order(last.level, -each.level))
-        and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s, helm_change_s(motion, last.level - each.level))
+        and (cut_short or is_same_order(last.level, -each.level, min(last.spread, each.spread)))
+        and pause_s <= max(longest_s, helm_change_s(motion, last.level - each.level))
     )
 
 
 def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
     """Whether the ship turns to the other side in each swing but the last, and none of them is a circle."""
-    ends = np.array([each.end - 1 for each in chain])
-    at_ends = motion.heading_deg[ends]
-    before = motion.heading_deg[_first_row(motion, chain)]
-    turned = np.diff(np.append(before, at_ends))
+    turned = _turns(motion, chain)
     sides = np.sign([each.level for each in chain])
     alternates = bool(np.all(turned[:-1] * sides[:-1] * (turned[0] * sides[0]) > 0))
     return alternates and bool(np.all(np.abs(turned) < _WIDEST_SWING_DEG))
+
+
+def _turns(motion: Motion, chain: list[Plateau]) -> Floats:
+    """How far the ship turns in each swing [deg], to starboard, until the helm passes amidships on its way to the
+    other side."""
+    ends = [*(_crossed_row(motion, *pair) for pair in pairwise(chain)), chain[-1].end - 1]
+    return np.diff(motion.heading_deg[[_first_row(motion, chain), *ends]])
+
+
+def _crossed_row(motion: Motion, last: Plateau, each: Plateau) -> int:
+    """The last row of a swing at which its helm is still on its side: one that wanders is held longer than it is
+    steady."""
+    between = motion.helm_deg[last.end : each.first] * np.sign(last.level)
+    return last.end - 1 + int(np.argmax(np.append(between, -1.0) <= 0.0))
 
 
 def executes_of(motion: Motion, chain: list[Plateau]) -> list[Execute]:
@@ -151,22 +169,23 @@ def zigzag(motion: Motion, chain: list[Plateau]) -> Manoeuvre:
     swing_s = float(np.median(np.diff(orders[:-1])))
     found = bootstrap_indices(part, times, half_width_s(part, 0.5 * swing_s), zigzag_indices, within_s)
     settings = _settings(part, chain, times)
-    angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
-    steady = () if "reach_s" in found else ("the approach was not steady",)
-    if steady == () and "speed_loss" not in found:
-        steady = ("the ship was still gathering way at the execute",)
-    name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}"
-    notes = (*steady, *count_notes(motion, executes))
+    angle, switch = settings[motion.helm_setting], settings["switch_deg"]
+    unsteady = () if "reach_s" in found else ("the approach was not steady",)
+    if not unsteady and "speed_loss" not in found:
+        unsteady = ("the ship was still gathering way at the execute",)
+    by_thrust = " by thrust" * (motion.steering == BY_DIFFERENCE)
+    name = f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, SWITCH_SHARE):.0f}{by_thrust}"
     return manoeuvre_of(
         motion, "zigzag", name, orders[[0, -1]], side_of(_first_side(part, orders)), settings, found,
-        executes=tuple(motion.utc(order) for order in orders[1:-1]), notes=notes,
+        executes=tuple(motion.utc(order) for order in orders[1:-1]),
+        notes=(*unsteady, *count_notes(motion, executes)), shortfalls=(*unsteady, *contradiction_of(executes)),
     )  # fmt: skip
 
 
 def _settings(part: Motion, chain: list[Plateau], times: Floats) -> dict[str, float]:
     heading = np.interp(times[0, :-1], part.time_s, part.heading_deg)
     return {
-        f"{part.steering}_deg": float(np.median([abs(each.level) for each in chain])),
+        **helm_settings(part, float(np.median([abs(each.level) for each in chain])), times[0, 0], times[0, -1]),
         "switch_deg": _switch_deg(heading),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(times[1, :-1] - times[0, :-1])),

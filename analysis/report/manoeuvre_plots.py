@@ -253,12 +253,12 @@ def _dimensions(
     turned = np.abs(motion.heading_deg - ahead_deg)
     quarter_s, half_s = (crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
     arrows: dict[str, tuple[Point, Point]] = {}
-    if np.isfinite(quarter_s):
+    if np.isfinite(quarter_s) and f"advance_m{suffix}" in manoeuvre.indices:
         ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
         away, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
         arrows = {"advance": ((away, 0.0), (away, ahead)), "transfer": ((0.0, above), (across, above))}
         axes.plot([away, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
-    if np.isfinite(half_s):
+    if np.isfinite(half_s) and f"tactical_diameter_m{suffix}" in manoeuvre.indices:
         ahead, across = along_and_across(motion, start, half_s, ahead_deg)
         arrows["tactical_diameter"] = (0.0, ahead), (across, ahead)
     look = {"arrowstyle": "<->", "color": RED, "linewidth": 1.0}

@@ -54,12 +54,13 @@ class Sailed:
     rpm: Floats
     helm_order_deg: Floats
     ahead_mps: Floats
+    rpm_order: Floats
 
 
 @dataclass(frozen=True, slots=True)
 class YardShip:
-    """A ship of ``length_m`` [m] with hull figures of her own, her helm's rate [deg/s], and the day's current and
-    wind [m/s, to and from deg]."""
+    """A ship of ``length_m`` [m] with hull figures of her own, her helm's rate [deg/s], how long her engine does
+    nothing after an order [s], and the day's current and wind [m/s, to and from deg]."""
 
     length_m: float
     froude: float = 0.14
@@ -72,6 +73,7 @@ class YardShip:
     wind_mps: float = 0.0
     wind_from_deg: float = 0.0
     hull: dict[str, float] = field(default_factory=lambda: dict(_HULL))
+    engine_dead_s: float = 0.0
 
     @property
     def speed_mps(self) -> float:
@@ -118,6 +120,7 @@ class YardShip:
         air = -self.wind_mps * cos(wind), -self.wind_mps * sin(wind)
         u, v, r, psi, north, east, delta, n = still, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, usual_rps
         rows, slew, last = [], 0.0, (0.0, 0.0)
+        dead_rows = round(self.engine_dead_s / STEP_S)
         det = (m + my) * (Iz + x_G**2 * m + Jz) - (x_G * m) ** 2
         for number in range(round(longest_s / STEP_S)):
             now = number * STEP_S
@@ -128,7 +131,7 @@ class YardShip:
                            zip((north, east), last, over, strict=True))  # fmt: skip
             last = over
             rows.append((now, north, east, psi, over[0] * c + over[1] * s, -over[0] * s + over[1] * c, r, delta,
-                         60.0 * n, order.helm_deg, u))  # fmt: skip
+                         60.0 * n, order.helm_deg, u, 60.0 * order.shaft * usual_rps))  # fmt: skip
             if until(now, psi * 180.0 / pi, u):
                 break
             U = max(hypot(u, v), 1e-3)
@@ -170,7 +173,8 @@ class YardShip:
             limit = self.helm_rate_dps * pi / 180.0
             slew = max(-limit, min(limit, wanted))
             delta += slew * STEP_S
-            n += (order.shaft * usual_rps - n) * STEP_S / self.shaft_lag_s
+            obeyed_rps = rows[max(number - dead_rows, 0)][-1] / 60.0
+            n += (obeyed_rps - n) * STEP_S / self.shaft_lag_s
         columns = np.array(rows).T
         columns[[3, 6, 7]] = np.rad2deg(columns[[3, 6, 7]])
         return Sailed(*columns)

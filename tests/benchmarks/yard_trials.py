@@ -8,7 +8,8 @@ noise, an antenna off midship, the order recorded beside the helm or not. The tr
 noise, of the midship point, from the moment of the order (IMO MSC.137(76), 4.2). Two minutes on one core.
 
 ``--near-limits`` takes one test of each ship, gives her the length by which its true value lies within 5 % of the
-limit, and counts how often a criterion is said to be met that is not, and the other way round.
+limit (the first overshoot of 20/20, whose limit is 25 deg for every ship, within 15 %), and counts how often a
+criterion is said to be met that is not, and the other way round.
 """
 
 from __future__ import annotations
@@ -31,8 +32,12 @@ START = pd.Timestamp("2026-06-01", tz="UTC")
 NEAR_LIMITS = (
     ("turning_circle", "advance_m", 4.5), ("turning_circle", "tactical_diameter_m", 5.0),
     ("zigzag_10_10", "initial_turning_m", 2.5), ("stopping", "track_reach_m", 15.0),
+    ("zigzag_10_10", "overshoot_1_from_order_deg", (5.0, 0.5, 10.0, 30.0)),
+    ("zigzag_10_10", "overshoot_2_from_order_deg", (17.5, 0.75, 10.0, 30.0)),
+    ("zigzag_20_20", "overshoot_1_from_order_deg", (25.0, 0.0, 0.0, 0.0)),
 )  # fmt: skip
-"""Test, index, and its limit in ship lengths."""
+"""Test, index, and its limit: in ship lengths, or of an angle what it is at L/V = 0, what a second of L/V adds, and
+between which L/V [s] (MSC.137(76), 5.3)."""
 _SWINGS = 4
 
 
@@ -90,7 +95,9 @@ def ship_of(number: int) -> tuple[YardShip, Recorder, float]:
         float(random.choice([0.05, 0.2])), 0.05, 0.03, float(random.choice([0.05, 0.2])), antenna_m,
         bool(random.integers(2)),
     )  # fmt: skip
-    return ship, recorder, float(random.choice([-1.0, 1.0]))
+    side = float(random.choice([-1.0, 1.0]))
+    lag_s = float(random.uniform(3.0, 20.0))
+    return replace(ship, shaft_lag_s=lag_s, engine_dead_s=float(random.uniform(0.0, 0.5)) * lag_s), recorder, side
 
 
 def sail(ship: YardShip, test: str, side: float) -> tuple[Sailed, Truth]:
@@ -194,6 +201,7 @@ def record(ship: YardShip, sailed: Sailed, how: Recorder, seed: int) -> pd.DataF
     if how.orders:
         row = np.searchsorted(sailed.time_s, time_s, side="right") - 1
         columns["rudder_order_angle_deg"] = sailed.helm_order_deg[row]
+        columns["propeller_order_rpm"] = sailed.rpm_order[row]
     times = START + pd.to_timedelta(time_s, unit="s")
     table = pd.DataFrame(columns, index=times.rename("time"))
     actuators = (Actuator("propeller", "propeller"), Actuator("rudder", "rudder"))
@@ -241,13 +249,33 @@ def _judge_run(test: str, run: Manoeuvre, truth: Truth, table: pd.DataFrame, sco
     return wrong
 
 
+def length_near_limit(
+    limit: float | tuple[float, float, float, float], true: float, ratio: float, speed_mps: float
+) -> float | None:
+    """The length [m] by which a true value has this ratio to its limit, None where there is none: limits of angles
+    lie between two values, or are one."""
+    if not isinstance(limit, tuple):
+        return true / (limit * ratio)
+    base_deg, per_s, shortest_s, longest_s = limit
+    if not per_s:
+        return None
+    pace_s = (true / ratio - base_deg) / per_s
+    return pace_s * speed_mps if shortest_s < pace_s < longest_s else None
+
+
 def judge_near_limit(number: int) -> tuple[str, float, str] | None:
-    """The index, its true value by its limit, and the result of one test of a ship; None where it is not found."""
+    """The index, its true value by its limit, and the result of one test of a ship; None where it is not found, or
+    cannot be near its limit."""
     ship, how, side = ship_of(number)
-    test, name, lengths = NEAR_LIMITS[number % len(NEAR_LIMITS)]
+    test, name, limit = NEAR_LIMITS[number % len(NEAR_LIMITS)]
     sailed, truth = sail(replace(ship, current_mps=0.0) if test == "stopping" else ship, test, side)
-    ratio = float(np.random.default_rng(number).uniform(0.95, 1.05))
-    length_m = truth.indices[name] / (lengths * ratio)
+    ratio, true = float(np.random.default_rng(number).uniform(0.95, 1.05)), truth.indices[name]
+    speed_mps = float(np.interp(truth.orders_s[0], sailed.time_s, sailed.ahead_mps))
+    length_m = length_near_limit(limit, true, ratio, speed_mps)
+    if length_m is None:
+        ratio, length_m = true / 25.0, ship.length_m
+        if test != "zigzag_20_20" or abs(ratio - 1.0) > 0.15:
+            return None
     known = Conditions(
         length_m=length_m, draught_m=8.0, full_load_draught_m=8.0, trim_m=0.0, water_depth_m=80.0, beaufort=3,
         sea_state=2, current_mps=0.0 if test == "stopping" else ship.current_mps,
@@ -263,7 +291,15 @@ def near_limits(numbers: range) -> None:
     judged = [entry for number in numbers if (entry := judge_near_limit(number)) is not None]
     above = [result for _, ratio, result in judged if ratio > 1.0]
     below = [result for _, ratio, result in judged if ratio <= 1.0]
-    print(f"{len(judged)} of {len(numbers)} tests within 5 % of a limit found")
+    print(f"{len(judged)} of {len(numbers)} tests near a limit found, of angles only where the limit can be near")
+    wrong = {
+        "wrong met": [entry for entry in judged if entry[1] > 1.0 and entry[2] == "met"],
+        "wrong not met": [entry for entry in judged if entry[1] <= 1.0 and entry[2] == "not_met"],
+    }
+    for words, entries in wrong.items():
+        print(f"    {words}: {len(entries)}", *entries)
+    for name in dict.fromkeys(entry[0] for entry in judged):
+        print(f"    {name}: {sum(entry[0] == name for entry in judged)}")
     for words, results in (("above", above), ("below", below)):
         counts = {result: results.count(result) for result in ("met", "not_met", "cannot_be_said", "not_shown")}
         print(f"    {len(results)} {words} it: {counts}")

@@ -109,7 +109,7 @@ def test_a_value_above_the_limit_is_told_though_something_is_missing() -> None:
 
 
 def test_an_unsteady_approach_shows_nothing() -> None:
-    (row,) = rows_of(circle("port", 600.0, notes=("the approach was not steady",)))
+    (row,) = rows_of(circle("port", 600.0, shortfalls=("the approach was not steady",)))
     assert (row.result, row.missing) == ("not_shown", ("the approach was not steady",))
 
 
@@ -269,3 +269,37 @@ def test_a_current_widens_the_way_of_a_stop() -> None:
     carried = replace(LARGE, current_mps=0.5, speed_at_85_percent_mcr_mps=7.0)
     assert shown(stop, conditions=carried)["track reach", ""][0] == "cannot_be_said"
     assert shown(stop, conditions=replace(LARGE, current_mps=None))["track reach", ""][0] == "not_shown"
+
+
+def straight_run(seconds_before: float, **settings: float) -> Manoeuvre:
+    """A straight run that ends so long before :data:`START`."""
+    end = START - pd.Timedelta(seconds=seconds_before)
+    indices = {"speed_over_ground_mps": index_of("speed_over_ground_mps", 7.0, 0.1)}
+    return Manoeuvre(
+        "speed_run", "speed run 100 rpm on 0 deg", end - pd.Timedelta(minutes=2), end, "", settings, indices
+    )
+
+
+def change_of_course(rudder_deg: float) -> Manoeuvre:
+    indices = {"initial_turning_m": index_of("initial_turning_m", 200.0, 5.0, 180.0, "course_change")}
+    settings = {"rudder_deg": rudder_deg, "approach_mps": 7.0, "turned_deg": 120.0}
+    return Manoeuvre("course_change", f"turn {rudder_deg:.0f} deg", START, START, "port", settings, indices)
+
+
+def test_approaches_are_no_rows_of_the_indices_but_speed_runs_are() -> None:
+    test, turn = circle("port", 600.0), replace(circle("port", 600.0), settings={"turned_deg": 190.0})
+    assert [row.name for row in rows_of(straight_run(10.0), test)] == ["tactical_diameter_m"]
+    assert len(rows_of(straight_run(60.0), test)) == 2
+    assert len(rows_of(straight_run(10.0), turn)) == 2  # to the reciprocal course
+
+
+def test_a_small_turn_is_a_row_only_where_it_is_a_test_of_the_standard() -> None:
+    assert rows_of(change_of_course(15.0)) == []
+    assert [row.name for row in rows_of(change_of_course(10.0))] == ["initial_turning_m"]
+
+
+def test_shortfalls_of_a_run_go_with_it_through_json() -> None:
+    run = circle("port", 600.0, shortfalls=("the approach was not steady",))
+    assert Manoeuvre.from_json(run.as_json()) == run
+    old = {name: value for name, value in run.as_json().items() if name != "shortfalls"}
+    assert Manoeuvre.from_json(old) == replace(run, shortfalls=())

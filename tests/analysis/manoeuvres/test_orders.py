@@ -42,8 +42,9 @@ def test_every_index_of_large_ships_counts_from_the_order_and_its_interval_holds
 
 
 def test_no_criterion_is_met_that_is_not() -> None:
-    for number in range(12):
-        _, ratio, result = judge_near_limit(number)
+    judged = [entry for number in range(14) if (entry := judge_near_limit(number)) is not None]
+    assert len(judged) >= 8  # overshoots cannot always be near their limits
+    for _, ratio, result in judged:
         assert result != "met" or ratio <= 1.0
         assert result != "not_met" or ratio > 1.0
 

@@ -1,0 +1,145 @@
+"""Manoeuvres of small craft are found whatever steers them, however often they swing, with noise on the helm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.core.actuators import Actuator
+from analysis.manoeuvres import LeftOut, Manoeuvre, manoeuvres_and_left_out
+from analysis.manoeuvres.criteria import index_rows
+from analysis.manoeuvres.motion import drives_by_side
+from tests.analysis.manoeuvres.small_craft import (
+    AZIMUTHS,
+    PROPELLERS,
+    RUDDER,
+    Craft,
+    sail_circle,
+    sail_zigzag,
+)
+
+STEERING = {"rudder": RUDDER, "azimuths": AZIMUTHS, "propellers": PROPELLERS}
+CRAFT = st.builds(
+    Craft,
+    length_m=st.floats(1.0, 10.0), speed_mps=st.floats(0.5, 1.5),
+    actuators=st.sampled_from([*STEERING.values()]),
+    helm_rate_dps=st.sampled_from([10.0, 20.0, 60.0]), noise_deg=st.floats(0.05, 0.8),
+    wander_deg=st.floats(0.0, 1.0),
+    rate_hz=st.sampled_from([2.0, 5.0, 10.0]),
+)  # fmt: skip
+properties = settings(max_examples=15, deadline=None, derandomize=True)
+
+
+def steered(table: pd.DataFrame) -> tuple[list[Manoeuvre], tuple[LeftOut, ...]]:
+    runs, left_out = manoeuvres_and_left_out(table)
+    return [run for run in runs if run.kind not in ("speed_run", "acceleration", "stopping")], left_out
+
+
+def lead_s(craft: Craft) -> float:
+    return max(20.0, 10.0 * craft.pace_s)
+
+
+@given(
+    craft=CRAFT, swings=st.integers(4, 12), angle_deg=st.sampled_from([15.0, 20.0, 30.0]), seed=st.integers(0, 99)
+)
+@properties
+def test_a_zigzag_is_one_with_all_its_swings(craft: Craft, swings: int, angle_deg: float, seed: int) -> None:
+    sailed = sail_zigzag(craft, swings, angle_deg, angle_deg, seed, lead_s(craft))
+    (run,), _ = steered(sailed.table)
+    assert run.kind == "zigzag"
+    assert abs(run.settings["swings"] - swings) <= 1.0  # the last may end before it is held
+    start_s = (run.start - sailed.table.index[0]).total_seconds()
+    assert start_s == pytest.approx(sailed.orders_s[0], abs=1.0 + 1.0 / craft.rate_hz)
+    assert run.settings["switch_deg"] == pytest.approx(angle_deg, abs=4.0)
+
+
+@given(craft=CRAFT, angle_deg=st.sampled_from([-30.0, 15.0, 25.0]), seed=st.integers(0, 99))
+@properties
+def test_a_circle_is_one_to_the_side_of_its_helm(craft: Craft, angle_deg: float, seed: int) -> None:
+    (run,), _ = steered(sail_circle(craft, angle_deg, 560.0, seed, lead_s(craft)).table)
+    assert (run.kind, run.side) == ("turning_circle", "starboard" if angle_deg > 0 else "port")
+    assert {"advance_m", "tactical_diameter_m", "steady_diameter_m"} <= set(run.indices)
+    assert run.shortfalls == ()
+
+
+@given(craft=CRAFT, turned_deg=st.floats(300.0, 800.0), seed=st.integers(0, 99))
+@properties
+def test_a_circle_without_an_approach_has_what_needs_none(craft: Craft, turned_deg: float, seed: int) -> None:
+    angle_deg = 20.0
+    (run,), _ = steered(sail_circle(craft, angle_deg, turned_deg, seed, 0.0).table)
+    assert run.kind == "turning_circle"
+    plain = {name.removesuffix("_current_removed") for name in run.indices}
+    assert plain <= {"steady_diameter_m", "steady_yaw_rate_dps", "steady_speed_mps", "drift_angle_deg"}
+    rate_dps = 0.35 / craft.pace_s * angle_deg
+    index = run.indices["steady_yaw_rate_dps"]
+    assert index.value == pytest.approx(rate_dps, rel=0.05)
+    assert "approach" in run.shortfalls[0]
+    assert any("advance" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("steering", STEERING)
+def test_a_rudder_that_wanders_by_two_degrees_ends_no_turn(steering: str) -> None:
+    craft = Craft(3.6, 1.2, STEERING[steering], wander_deg=2.0, noise_deg=0.5, rate_hz=2.0)
+    for seed in range(5):
+        (run,), _ = steered(sail_circle(craft, 30.0, 525.0, seed, lead_s(craft)).table)
+        assert run.settings["turned_deg"] == pytest.approx(525.0, abs=40.0)
+
+
+@pytest.mark.parametrize(("turned_deg", "kind"), [(120.0, "course_change"), (200.0, "turning_circle")])
+def test_a_turn_too_short_without_an_approach_is_left_out_with_the_reason(turned_deg: float, kind: str) -> None:
+    runs, left_out = steered(sail_circle(Craft(), 20.0, turned_deg, 1, 0.0).table)
+    assert runs == []
+    assert [each.kind for each in left_out] == [kind]
+    assert "no approach" in left_out[0].why
+
+
+def test_two_swings_are_left_out_with_the_reason() -> None:
+    runs, left_out = steered(sail_zigzag(Craft(), 2, 20.0, 20.0, 1, 20.0).table)
+    assert runs == []
+    assert ["zigzag" in each.kind and "less than 3" in each.why for each in left_out] == [True]
+
+
+def test_a_recording_with_nothing_in_it_says_why() -> None:
+    sailed = sail_circle(Craft(), 20.0, 560.0, 1, 60.0)
+    still = sailed.table.iloc[:150].assign(surge_mps=0.01, north_m=0.0, east_m=0.0, propeller_rpm=0.0)
+    still.attrs = sailed.table.attrs
+    runs, left_out = manoeuvres_and_left_out(still)
+    assert runs == ()
+    assert [each.kind for each in left_out] == ["manoeuvre"]
+
+
+def test_helm_by_propellers_is_named_and_is_no_rudder_of_the_standard() -> None:
+    craft = Craft(actuators=PROPELLERS)
+    (run,), _ = steered(sail_zigzag(craft, 5, 20.0, 20.0, 1, 20.0).table)
+    assert run.name == "zigzag 20/20 by thrust"
+    assert run.settings["port_less_starboard_rpm"] > 0.0
+    assert run.helm_deg is None
+    assert not any(row.criterion for row in index_rows([run]))
+
+
+@pytest.mark.parametrize(
+    ("names", "sides"),
+    [
+        (("port", "starboard"), 2), (("n1", "n2"), 2), (("port_outer", "port_inner", "starboard"), 3),
+        (("fore", "middle", "aft"), 0), (("portable",), 0),
+    ],
+)  # fmt: skip
+def test_propellers_steer_if_they_are_to_both_sides(names: tuple[str, ...], sides: int) -> None:
+    assert sum(map(len, drives_by_side(tuple(Actuator(name, "propeller") for name in names)))) == sides
+
+
+def test_a_pair_set_alike_steers_nothing() -> None:
+    craft = replace(Craft(), actuators=PROPELLERS)
+    runs, _ = steered(sail_circle(craft, 0.0, 360.0, 1, 20.0).table.iloc[:600])
+    assert runs == []
+
+
+def test_a_table_that_names_no_ship_is_steered_by_what_its_columns_tell() -> None:
+    table = sail_zigzag(Craft(actuators=PROPELLERS), 5, 20.0, 20.0, 1, 20.0).table
+    table.attrs = {}
+    (run,), _ = steered(table)
+    assert run.name == "zigzag 20/20 by thrust"
