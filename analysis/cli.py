@@ -248,7 +248,10 @@ def manoeuvres(
     ] = None,
     conditions: Annotated[
         Path | None,
-        typer.Option(help="A TOML file with the conditions of the trial, to show the criteria of the standards."),
+        typer.Option(
+            help="A TOML file with the conditions of the trial, to show the criteria of the standards; default: "
+            "conditions.toml beside the recording."
+        ),
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="Show every index, including each overshoot.")] = False,
     own: Annotated[
@@ -258,23 +261,33 @@ def manoeuvres(
     as_json: AsJson = False,
 ) -> None:
     """Find manoeuvres and compute their indices."""
-    from acquisition.config.conditions import load_conditions
+    from acquisition.config.run_sheet import statement_from_text, statement_text
     from acquisition.core.progress import bar
     from acquisition.core.terminal import Terminal
     from acquisition.recording.grouping import whole_recordings
-    from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
+    from analysis.manoeuvres.report import (
+        manoeuvres_of,
+        summary,
+        terminal_tables,
+        trial_criteria_lines,
+        with_trial_currents,
+        write_report,
+    )
 
     with bar("manoeuvres") as progress:
         found, recordings = [], whole_recordings(files)
-        given = None if conditions is None else load_conditions(conditions)
         for number, parts in enumerate(recordings, start=1):
-            found.append(manoeuvres_of(parts, length, own or (), given))
+            statement = statement_from_text(statement_text(conditions, parts[0]))
+            found.append(manoeuvres_of(parts, length, own or (), statement))
             progress(number / len(recordings))
+        found = with_trial_currents(found)
     if as_json:
         echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
             Terminal().print(terminal_tables(each, every=every))
+        for line in trial_criteria_lines(found):
+            echo(line)
     if output is not None:
         for path in write_report(found, output, length):
             echo(path, err=as_json)

@@ -194,11 +194,12 @@ def manoeuvres(
         ``cannot_be_said`` or ``not_shown`` where there is a ``limit``, and ``missing`` lists what is missing to
         show the criterion.
     """
-    from acquisition.config.conditions import Conditions, load_conditions
+    from acquisition.config.conditions import Conditions
+    from acquisition.config.run_sheet import Statement, load_statement
     from analysis.manoeuvres.report import manoeuvres_of
 
-    known = conditions if isinstance(conditions, Conditions | None) else load_conditions(conditions)
-
+    known = Statement(conditions=conditions) if isinstance(conditions, Conditions) else None
+    known = load_statement(conditions) if isinstance(conditions, str | Path) else known
     rows = [
         {"manoeuvre": each.name, "kind": each.kind, "side": each.side, "start": each.start, "index": name,
          "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -100,10 +99,3 @@ class Conditions:
 
 
 Conditions.__pydantic_config__ = {"extra": "forbid"}  # type: ignore[attr-defined]
-
-
-def load_conditions(path: Path | str) -> Conditions:
-    """The conditions that a TOML file gives, by their names. Raises :class:`ConfigurationError`."""
-    from acquisition.config.toml_file import load_toml
-
-    return load_toml(path, Conditions)

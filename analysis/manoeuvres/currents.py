@@ -1,4 +1,4 @@
-"""The current of a trial, taken off runs that have no circle of their own to tell it.
+"""The current of a trial, taken off runs that have no circle of their own to show it.
 
 Circles of more than 510 deg give the drift north and east, pairs of reciprocal runs that along their course, with
 what the wind does to the speed. All that were sailed within two hours of a run count, weighted by their intervals.
@@ -20,7 +20,7 @@ from analysis.manoeuvres.indices import Current, Index, Manoeuvre, index_of
 from analysis.manoeuvres.measures import half_width_s, smooth_motion
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.runs import LONGEST_BETWEEN_S, stopping_indices
-from analysis.manoeuvres.turning_circle import REMOVED, circle_indices, remove_current
+from analysis.manoeuvres.turning_circle import LEAST_TURN_DEG, REMOVED, circle_indices, remove_current
 from analysis.manoeuvres.zigzag import zigzag_indices
 
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
@@ -43,8 +43,8 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
     seen, pairs = list[Observation](), set[float]()
     for run in runs:
         time = run.start + (run.end - run.start) / 2
-        if run.current is not None:
-            current = run.current
+        if run.current is not None and run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG:
+            current = run.current  # other runs have theirs from these circles
             seen.append(Observation(time, (1.0, 0.0), current.north_mps, current.north_within_mps))
             seen.append(Observation(time, (0.0, 1.0), current.east_mps, current.east_within_mps))
         pair = run.settings.get("reciprocal_pair")
@@ -81,9 +81,14 @@ def _weighted(direction: Floats, along: Floats, within: Floats) -> tuple[Floats,
     return inverse @ (direction.T @ (weights * along)), np.sqrt(np.diag(inverse))
 
 
-def remove_currents(motion: Motion, runs: Sequence[Manoeuvre]) -> list[Manoeuvre]:
-    """The runs, those without a current of their own with the ways through the water, where the trial tells it."""
-    observations = observations_of(runs)
+def remove_currents(
+    motion: Motion, runs: Sequence[Manoeuvre], elsewhere: Sequence[Observation] = ()
+) -> list[Manoeuvre]:
+    """The runs, those without a current of their own with the ways through the water, where the trial shows it.
+
+    ``elsewhere`` is what other recordings of the trial show of it.
+    """
+    observations = [*observations_of(runs), *elsewhere]
     currents = {
         place: current for place, run in enumerate(runs)
         if run.kind in _KINDS and run.current is None and (current := current_at(run.start, observations))
@@ -114,7 +119,7 @@ def _removed(motion: Motion, run: Manoeuvre, current: Current) -> Manoeuvre:
     }  # fmt: skip
     if not indices:
         return run
-    note = "the current removed is that of other runs of the recording, and what it may have changed by"
+    note = "the current removed is that of other runs of the trial, and what it may have changed by"
     return replace(run, indices={**run.indices, **indices}, current=current, notes=(*run.notes, note))
 
 

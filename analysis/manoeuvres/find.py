@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
 from acquisition.core.named_code import OwnCodeError, file_of, load, own_code, require_call
 from analysis.conditions import recorded_conditions, with_stronger_wind
-from analysis.manoeuvres.currents import remove_currents
+from analysis.manoeuvres.currents import Observation, observations_of, remove_currents
 from analysis.manoeuvres.indices import LeftOut, Manoeuvre
 from analysis.manoeuvres.measures import (
     WIDEST_S,
@@ -124,11 +125,7 @@ def manoeuvres_and_left_out(
     ``own`` are a user's finders, ``FILE.py:FUNCTION`` or entry points of ``seatrial.manoeuvres``: functions
     from :class:`Motion` to :class:`Manoeuvre`s, which may overlap those found here.
     """
-    recorded = recorded_conditions(trial_of(table), table)
-    conditions = with_stronger_wind((conditions or Conditions()).with_known(recorded), recorded)
-    conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
-    if conditions.length_m is not None and not conditions.length_m > 0.0:
-        raise InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
+    conditions = conditions_of_table(table, length_m, conditions)
     motion, in_time = motion_of(table, conditions.length_m), attrgetter("start")
     bounds = motion.utc(float(motion.time_s[0])), motion.utc(float(motion.time_s[-1]))
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
@@ -153,6 +150,53 @@ def manoeuvres_and_left_out(
     elif not every and not left_out:
         left_out = [LeftOut("manoeuvre", *bounds, _reason_for_none(motion, smooth))]
     return tuple(every), tuple(left_out)
+
+
+def conditions_of_table(
+    table: pd.DataFrame, length_m: float | None = None, stated: Conditions | None = None
+) -> Conditions:
+    """The conditions of a recording: what is stated, completed by what the recording itself shows.
+
+    Raises :class:`InputError` for a length that is none.
+    """
+    recorded = recorded_conditions(trial_of(table), table)
+    conditions = with_stronger_wind((stated or Conditions()).with_known(recorded), recorded)
+    conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
+    if conditions.length_m is not None and not conditions.length_m > 0.0:
+        raise InputError("the ship's length is not positive", why=f"it is {conditions.length_m} m")
+    return conditions
+
+
+class RecordedRuns(NamedTuple):
+    """The manoeuvres of one recording, with its table and what is stated of its conditions."""
+
+    table: pd.DataFrame
+    runs: Sequence[Manoeuvre]
+    stated: Conditions
+
+
+def runs_of_trial(recordings: Sequence[RecordedRuns]) -> list[tuple[Manoeuvre, ...]]:
+    """The manoeuvres of the recordings of one trial: what one shows of the current counts for the others.
+
+    A recording that has a current itself, stated or from a circle, keeps its own.
+    """
+    observations = [seen for recording in recordings for seen in observations_of(recording.runs)]
+    trial = [run for recording in recordings for run in recording.runs]
+    return [_with_trial(recording, observations, trial) for recording in recordings]
+
+
+def _with_trial(
+    recording: RecordedRuns, observations: Sequence[Observation], trial: Sequence[Manoeuvre]
+) -> tuple[Manoeuvre, ...]:
+    runs, conditions = tuple(recording.runs), conditions_of_table(recording.table, stated=recording.stated)
+    if not runs or conditions.current_mps is not None or any(run.current for run in runs):
+        return runs
+    with_current = remove_currents(motion_of(recording.table, conditions.length_m), runs, observations)
+    currents = [run.current for run in with_current if run.current is not None]
+    if not currents:
+        return runs
+    speed_mps = max(float(np.hypot(current.north_mps, current.east_mps)) for current in currents)
+    return add_limits(with_current, replace(conditions, current_mps=speed_mps), trial)
 
 
 def _runs_by_shaft(

@@ -6,7 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,11 +14,12 @@ import numpy as np
 import pandas as pd
 
 from acquisition.config.conditions import Conditions
+from acquisition.config.run_sheet import Statement, conditions_of
 from acquisition.config.vessel_file import length_of_ship
 from acquisition.core.files import write_text, written_together
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.criteria import criteria_of, headline_of_criteria, index_rows, shortfalls_of
-from analysis.manoeuvres.find import manoeuvres_and_left_out
+from analysis.manoeuvres.find import RecordedRuns, manoeuvres_and_left_out, runs_of_trial
 from analysis.manoeuvres.indices import UNITS, Index, LeftOut, Manoeuvre, as_json, unit_of
 from analysis.manoeuvres.standards import NOT_FOR_SHIP
 from analysis.manoeuvres.turning_circle import REMOVED
@@ -38,32 +39,48 @@ class RecordingManoeuvres:
     table: pd.DataFrame
     manoeuvres: tuple[Manoeuvre, ...]
     left_out: tuple[LeftOut, ...] = ()
+    stated: Conditions = field(default_factory=Conditions)
 
 
 def manoeuvres_of(
-    files: Files, length_m: float | None = None, own: Sequence[str] = (), conditions: Conditions | None = None
+    files: Files, length_m: float | None = None, own: Sequence[str] = (), statement: Statement | None = None
 ) -> RecordingManoeuvres:
     """The manoeuvres of a recording or its parts, named by its event marks, and those of a user's ``own`` kinds.
 
-    Without ``length_m`` the length is that of the ``conditions``, of the recording, or of the vessel file of the
-    ship that it names. Raises :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
+    ``statement`` is what a person states of the trial besides the recording. Without ``length_m`` the length is
+    that of the statement, of the recording, or of the vessel file of the ship that it names. Raises
+    :class:`InputError`, and :class:`DataShortageError` for a recording without channels.
     """
     from acquisition.recording.grouping import read_together
     from analysis.tables.table import table_of
 
     recording = read_together(files)
+    if statement is not None:
+        recording = replace(recording, trial=statement.added_to(recording.trial))
     table = table_of(recording)
-    conditions = conditions or Conditions()
-    conditions = conditions if length_m is None else replace(conditions, length_m=length_m)
-    of_ship = Conditions(length_m=length_of_ship(recording.trial.vessel, recording.path.parent))
-    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, own, conditions.with_known(of_ship))
-    return RecordingManoeuvres(str(recording.path), table, runs, left_out)
+    carried_m = length_m or conditions_of(recording.trial).length_m
+    known_m = carried_m or length_of_ship(recording.trial.vessel, recording.path.parent)
+    stated = Conditions(length_m=known_m)
+    runs, left_out = manoeuvres_and_left_out(table, None, recording.events, own, stated)
+    return RecordingManoeuvres(str(recording.path), table, runs, left_out, stated)
+
+
+def with_trial_currents(found: Sequence[RecordingManoeuvres]) -> list[RecordingManoeuvres]:
+    """The recordings with their manoeuvres as those of one trial of each ship (:func:`.runs_of_trial`)."""
+    by_vessel: dict[str, list[RecordingManoeuvres]] = {}
+    for recording in found:
+        by_vessel.setdefault(trial_of(recording.table).vessel, []).append(recording)
+    runs: dict[str, tuple[Manoeuvre, ...]] = {}
+    for recordings in by_vessel.values():
+        judged = runs_of_trial([RecordedRuns(entry.table, entry.manoeuvres, entry.stated) for entry in recordings])
+        runs |= {recording.recording: trial for recording, trial in zip(recordings, judged, strict=True)}
+    return [replace(recording, manoeuvres=runs[recording.recording]) for recording in found]
 
 
 def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
     return {
-        "criteria": _criteria_of_ships(found),
+        "criteria": criteria_by_vessel(_runs_by_vessel(found)),
         "recordings": [
             {
                 "recording": each.recording,
@@ -77,11 +94,11 @@ def summary(found: Sequence[RecordingManoeuvres], length_m: float | None = None)
     }
 
 
-def _criteria_of_ships(found: Sequence[RecordingManoeuvres]) -> list[dict[str, Any]]:
+def _runs_by_vessel(found: Sequence[RecordingManoeuvres]) -> dict[str, list[Manoeuvre]]:
     runs: dict[str, list[Manoeuvre]] = {}
     for recording in found:
         runs.setdefault(trial_of(recording.table).vessel, []).extend(recording.manoeuvres)
-    return criteria_by_vessel(runs)
+    return runs
 
 
 def criteria_by_vessel(runs: Mapping[str, Sequence[Manoeuvre]]) -> list[dict[str, Any]]:
@@ -201,8 +218,15 @@ def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group
             table.add_row(*map(Text, row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
     blocks += [Text(""), *(Text(left_out_line(each), style="dim") for each in found.left_out)]
-    blocks += [Text(line) for line in criteria_lines(found.manoeuvres)]
     return Group(*blocks)
+
+
+def trial_criteria_lines(found: Sequence[RecordingManoeuvres]) -> list[str]:
+    """What the recordings of each ship show together of IMO's criteria, and what is missing."""
+    by_vessel = _runs_by_vessel(found)
+    lines = {vessel: criteria_lines(runs) for vessel, runs in by_vessel.items()}
+    several = sum(map(bool, lines.values())) > 1
+    return [f"{vessel}: {line}" if several else line for vessel, every in lines.items() for line in every]
 
 
 def criteria_lines(runs: Iterable[Manoeuvre]) -> list[str]:
@@ -262,6 +286,7 @@ def write_report(
         entry |= {"recording": provenance["recording"], "provenance": provenance}
     page = render(
         "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
+        criteria=trial_criteria_lines(found),
         subtitle="Indices after ITTC 7.5-04-02-01; criteria of IMO MSC.137(76)",
     )  # fmt: skip
     plain = folder / "manoeuvres.json"

@@ -253,17 +253,19 @@ def result_of(index: Index, limit: float, missing: Sequence[str]) -> str:
     return MET if 0.0 < index.value <= index.high <= limit else CANNOT_BE_SAID
 
 
-def add_limits(runs: Iterable[Manoeuvre], conditions: Conditions) -> tuple[Manoeuvre, ...]:
-    """The runs of one trial with limits and results on the indices that have them, and notes with the reasons.
+def add_limits(
+    runs: Iterable[Manoeuvre], conditions: Conditions, trial: Sequence[Manoeuvre] = ()
+) -> tuple[Manoeuvre, ...]:
+    """Runs with limits and results on the indices that have them, and notes with the reasons.
 
-    The largest helm is that of all zigzags and turns of the trial.
+    The largest helm is that of all zigzags and turns of the ``trial``, or of the runs where they are all of it.
     """
-    trial = tuple(runs)
-    largest_deg = largest_helm_deg(trial)
-    drifts = [float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in trial if run.current]
+    judged = tuple(runs)
+    largest_deg = largest_helm_deg(trial or judged)
+    drifts = [float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in judged if run.current]
     if conditions.current_mps is None and drifts:
         conditions = replace(conditions, current_mps=max(drifts))
-    return tuple(_add_limits(run, conditions, largest_deg) for run in trial)
+    return tuple(_add_limits(run, conditions, largest_deg) for run in judged)
 
 
 def largest_helm_deg(runs: Iterable[Manoeuvre]) -> float:
@@ -289,7 +291,8 @@ def _add_limits(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> M
         results = {result_of(judged, end, shortfalls) for end in ends if end is not None}
         result = "" if limit is None else results.pop() if len(results) == 1 else CANNOT_BE_SAID
         indices[name] = replace(judged, limit=limit, result=result, missing=shortfalls)
-    return replace(run, indices=indices, notes=(*run.notes, *_helm_notes(run, conditions, largest_deg)))
+    notes = dict.fromkeys((*run.notes, *_helm_notes(run, conditions, largest_deg)))
+    return replace(run, indices=indices, notes=tuple(notes))
 
 
 def _helm_notes(run: Manoeuvre, conditions: Conditions, largest_deg: float) -> list[str]:

@@ -24,6 +24,7 @@ from analysis.conditions import recorded_conditions
 from analysis.estimation.smoother import smooth
 from analysis.manoeuvres import Manoeuvre
 from analysis.manoeuvres.criteria import CriterionResult, IndexRow, criteria_of, index_rows
+from analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from analysis.products import Options, Products, analyse
 from analysis.report.run_sheet import Ship
 from analysis.speed_power import Conditions, SpeedPower, power_columns, speed_power
@@ -99,7 +100,22 @@ class Case:
             raise DataShortageError(
                 "no recording can be read", why="; ".join(f"{name}: {why}" for name, why in left_out.items())
             )
-        return made, left_out
+        return self._with_trial_currents(made), left_out
+
+    def _with_trial_currents(self, made: dict[str, Products]) -> dict[str, Products]:
+        """The recordings with their manoeuvres as those of one trial of each ship."""
+        judged = dict(made)
+        for vessel in dict.fromkeys(products.recording.trial.vessel for products in made.values()):
+            names = [name for name, products in made.items() if products.recording.trial.vessel == vessel]
+            recorded = [self._recorded_runs(made[name], self.named_paths[name]) for name in names]
+            for name, runs in zip(names, runs_of_trial(recorded), strict=True):
+                judged[name] = replace(made[name], manoeuvres=runs)
+        return judged
+
+    def _recorded_runs(self, products: Products, path: Path) -> RecordedRuns:
+        ship = self._ship_of(products.recording.trial, path)
+        length_m = None if ship is None else ship.between_perpendiculars_m
+        return RecordedRuns(products.table, products.manoeuvres, Conditions(length_m=length_m))
 
     def _products_of(self, parts: Sequence[Path], name: str) -> Products:
         """The analysis of one recording; channels of motion and wind that it lacks are there, and empty."""
