@@ -287,8 +287,11 @@ def headline_of_criteria(results: Sequence[CriterionResult], subject: str = "The
         return f"{subject} meets IMO {RESOLUTION}: all {total} criteria are shown and met."
     not_for_her = next((why for entry in results for why in entry.missing if why.startswith(NOT_FOR_SHIP)), "")
     parts = [f"{len(by_result[MET])} of {total} criteria of IMO {RESOLUTION} are shown and met"]
-    parts = [f"IMO {RESOLUTION}: {not_for_her}; its limits stand for information"] if not_for_her else parts
-    for name, words in ((NOT_MET, "not met"), (CANNOT_BE_SAID, "cannot be said, as the interval holds the limit")):
+    parts = [f"IMO {RESOLUTION}: {not_for_her}; its limits are for information only"] if not_for_her else parts
+    for name, words in (
+        (NOT_MET, "not met"),
+        (CANNOT_BE_SAID, "cannot be said, as the interval contains the limit"),
+    ):
         if by_result[name]:
             parts.append(f"{words}: {_sided_names(by_result[name])}")
     parts += [] if not_for_her else [f"{len(by_result[NOT_SHOWN])} are not shown"]

@@ -649,5 +649,5 @@ def count_notes(motion: Motion, executes: Sequence[Execute] = ()) -> tuple[str, 
     elif motion.helm_order_deg is None:
         notes.append("orders were not recorded: each is taken from the beginning of the helm's movement")
     if not motion.is_midship and motion.length_m:
-        notes.append("the antenna's place on the ship is not known: the intervals allow for any")
+        notes.append("the antenna's position on the ship is not known: the intervals cover any")
     return tuple(notes)

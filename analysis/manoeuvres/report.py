@@ -121,10 +121,14 @@ def plain_name(name: str) -> str:
     return plain.removesuffix(unit).replace("_", " ") + (", current removed" if removed else "")
 
 
+_MOST_FIGURES = 4  # of a value, whatever its interval: no antenna knows a ship's place to millimetres
+
+
 def index_cells(index: Index) -> tuple[str, str, str, str]:
     """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
     width = 0.5 * (index.high - index.low)
-    digits = _digits(width, 2) if width > 0 else _digits(index.value, 4)
+    most = _digits(index.value or width, _MOST_FIGURES)
+    digits = min(_digits(width, 2), most) if width > 0 else most
     interval = f"{index.low:.{digits}f} to {index.high:.{digits}f}" if np.isfinite(width) else ""
     lengths = f"{index.lengths:.2f}" if index.lengths is not None else ""
     limit = f"{index.limit:.1f} {index.unit}" if index.limit is not None else ""

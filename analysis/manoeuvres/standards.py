@@ -143,14 +143,25 @@ def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
     if length_shortfall.startswith(NOT_FOR_SHIP):
         return (length_shortfall,)
     shortfalls = (
-        length_shortfall, _loading_shortfall(conditions), _trim_shortfall(conditions),
-        _depth_shortfall(conditions),
-        _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
-        _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
-        "" if _is_known(conditions, "current_mps") else "the current is not known",
-        _approach_shortfall(run, conditions), _speed_shortfall(run, conditions),
+        length_shortfall, *condition_shortfalls(conditions).values(), _approach_shortfall(run, conditions),
+        _speed_shortfall(run, conditions),
     )  # fmt: skip
     return tuple(shortfall for shortfall in shortfalls if shortfall)
+
+
+def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
+    """By each condition that the standards ask of a trial (5.2; MSC/Circ.1053) why it is not shown; empty where it is
+    fulfilled."""
+    return {
+        f"draught within {_DRAUGHT_SHARE:.0%} of the full load draught".replace("%", " %"): _loading_shortfall(conditions),
+        "even keel": _trim_shortfall(conditions),
+        f"at least {_DEEP_DRAUGHTS:.0f} draughts of water": _depth_shortfall(conditions),
+        f"wind of force {_LARGEST_BEAUFORT} at most":
+            _weather_shortfall("the wind", "force", conditions.beaufort, _LARGEST_BEAUFORT),
+        f"sea state {_LARGEST_SEA_STATE} at most":
+            _weather_shortfall("the sea", "state", conditions.sea_state, _LARGEST_SEA_STATE),
+        "current known": "" if _is_known(conditions, "current_mps") else "the current is not known",
+    }  # fmt: skip
 
 
 def _test_shortfalls(run: Manoeuvre, criterion: Criterion) -> tuple[str, ...]:

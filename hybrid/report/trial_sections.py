@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from acquisition.config.conditions import Conditions
 from acquisition.core.errors import ConfigurationError, DataShortageError
+from analysis.conditions import recorded_conditions
 from analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
-from analysis.manoeuvres.standards import RESOLUTION
+from analysis.manoeuvres.standards import RESOLUTION, condition_shortfalls
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import events_of
@@ -233,6 +235,22 @@ def indices_of_sheets(case: Case) -> IndexComparisons:
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
     starts = {run.manoeuvre.start for run in pictured(case.runs, rows)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
+
+
+def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
+    """The conditions that the standards ask of a trial, each with whether it was fulfilled in all recordings with a
+    test, or the first reason why not."""
+    shortfalls: dict[str, list[str]] = {}
+    for name, made in _of_vessel(case, vessel).items():
+        runs = [run for run in made.manoeuvres if any(index.result for index in run.indices.values())]
+        conditions = recorded_conditions(made.recording.trial, made.table)
+        drift_mps = max((float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in runs if run.current),
+                        default=None)  # fmt: skip
+        if runs:
+            current = Conditions(current_mps=drift_mps, length_m=case.length_of(name))
+            for asked, shortfall in condition_shortfalls(conditions.with_known(current)).items():
+                shortfalls.setdefault(asked, []).append(shortfall)
+    return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
 
 
 def length_of_vessel(case: Case, vessel: str) -> float | None:

@@ -11,9 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acquisition.config.conditions import Conditions
 from acquisition.core.arrays import Floats
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.currents import Observation, current_at
+from analysis.manoeuvres.find import RecordedRuns, runs_of_trial
 from tests.benchmarks.yard_ship import Sailed, YardShip
 from tests.benchmarks.yard_trials import Recorder, record, sail
 
@@ -150,3 +152,30 @@ def test_a_circle_of_less_than_its_own_current_is_corrected_as_well() -> None:
         assert abs(one.value - other.value) < 0.5 * (one.high - one.low + other.high - other.low)
         assert abs(one.value - other.value) < abs(shorter.indices[name].value - one.value)
     assert replace(whole, notes=()) != replace(shorter, notes=())
+
+
+def recorded_runs(table: pd.DataFrame) -> RecordedRuns:
+    return RecordedRuns(table, find_manoeuvres(table, 120.0), Conditions(length_m=120.0))
+
+
+def test_current_of_a_circle_counts_for_the_other_recordings_of_the_trial() -> None:
+    """A yard records each run by itself: a stop half an hour after the circle loses the current, and is judged with
+    it; what is judged once more stays as it is."""
+    circle, stop = (record(SHIP, sailed(test)[0], QUIET, 0) for test in ("turning_circle", "stopping"))
+    stop = stop.set_axis(stop.index + pd.Timedelta("30min"))
+    recorded = [recorded_runs(table) for table in (circle, stop)]
+    alone, together = recorded[1].runs, runs_of_trial(recorded)[1]
+    assert [run for run in alone if run.current] == []
+    (run,) = (run for run in together if run.kind == "stopping")
+    index = run.indices["track_reach_m_current_removed"]
+    assert index.low <= reach_in_water_m(*sailed("stopping")) <= index.high
+    assert "the current is not known" not in index.missing
+    again = runs_of_trial([recorded[0], recorded[1]._replace(runs=together)])
+    assert again[1] == together
+
+
+def test_current_of_yesterday_says_nothing_of_today() -> None:
+    circle, stop = (record(SHIP, sailed(test)[0], QUIET, 0) for test in ("turning_circle", "stopping"))
+    stop = stop.set_axis(stop.index + pd.Timedelta("1D"))
+    recorded = [recorded_runs(table) for table in (circle, stop)]
+    assert runs_of_trial(recorded)[1] == recorded[1].runs

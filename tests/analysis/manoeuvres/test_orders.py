@@ -73,8 +73,8 @@ def test_indices_are_those_of_midship_wherever_the_antenna_stands(place_m: tuple
         assert known.indices[name].value == pytest.approx(value, abs=5.0), name
         assert unknown.indices[name].low < value < unknown.indices[name].high, name
     assert unknown.indices["advance_m"].value != pytest.approx(truth.indices["advance_m"], abs=30.0)
-    assert any("antenna's place" in note for note in unknown.notes)
-    assert not any("antenna's place" in note for note in known.notes)
+    assert any("antenna's position" in note for note in unknown.notes)
+    assert not any("antenna's position" in note for note in known.notes)
 
 
 @given(st.builds(

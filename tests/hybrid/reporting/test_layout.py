@@ -117,5 +117,11 @@ def test_what_is_stated_beside_the_recordings_is_in_the_report(page: Path) -> No
         "semi-balanced spade",
     ):
         assert words in text
-    assert "4 of 13 criteria of IMO MSC.137(76) are shown and met" in text
+    assert "8 of 13 criteria of IMO MSC.137(76) are shown and met" in text
     assert (page.parent / "criteria.json").is_file()
+
+
+def test_conditions_of_the_standards_stand_beside_those_of_the_trial(page: Path) -> None:
+    text = re.sub(r"<[^>]+>", " ", page.read_text(encoding="utf-8"))
+    assert re.search(r"draught within 5 % of the full load draught\s+fulfilled", text)
+    assert re.search(r"wind of force 5 at most\s+fulfilled", text)

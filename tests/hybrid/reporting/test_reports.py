@@ -111,7 +111,7 @@ def test_a_trial_has_the_report_of_a_deliverable(circles: Path) -> None:
     )
     assert re.search(r"test\s+index\s+port: mean, 95 %\s+starboard: mean, 95 %", text)
     assert "not shown" in text
-    assert "the standards are for ships of 100 m and more, not 7 m; its limits stand for information" in text
+    assert "the standards are for ships of 100 m and more, not 7 m; its limits are for information only" in text
     found = json.loads((page.parent / "indices.json").read_text())["circles"]
     assert {each["side"] for each in found if each["kind"] == "turning_circle"} == {"port", "starboard"}
 
