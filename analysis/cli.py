@@ -343,8 +343,8 @@ def batch(
     conditions: Annotated[
         Path | None,
         typer.Option(
-            help="A TOML file that states what the recordings do not: [conditions], [particulars], [instruments], "
-            "[trial]; default: conditions.toml in the folder."
+            help="A TOML file that states what the recordings do not: conditions, particulars, instruments, "
+            "run sheet; default: conditions.toml in the folder."
         ),
     ] = None,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Do not repair anything.")] = False,

@@ -6,7 +6,7 @@ distance to 10 deg of turn to a helm of 10 deg, overshoots to the 10/10 and 20/2
 full astern stop. The standards are for ships of 100 m and more and for chemical tankers and gas carriers, fully
 loaded and on even keel, in deep water and calm, after a steady approach at the test speed (5.2; MSC/Circ.1053,
 2.2.1.2). A criterion is *met* or *not met* only where all of that is known; it *cannot be said* where the interval
-of the value holds the limit, and is *not shown* where something is missing.
+of the value contains the limit, and is *not shown* where something is missing.
 """
 
 from __future__ import annotations
@@ -150,10 +150,11 @@ def missing_of(run: Manoeuvre, conditions: Conditions) -> tuple[str, ...]:
 
 
 def condition_shortfalls(conditions: Conditions) -> dict[str, str]:
-    """By each condition that the standards ask of a trial (5.2; MSC/Circ.1053) why it is not shown; empty where it is
-    fulfilled."""
+    """By each condition that the standards ask of a trial (5.2; MSC/Circ.1053) why it is not shown, empty where it
+    is fulfilled."""
+    share = f"{_DRAUGHT_SHARE * 100.0:.0f} %"
     return {
-        f"draught within {_DRAUGHT_SHARE:.0%} of the full load draught".replace("%", " %"): _loading_shortfall(conditions),
+        f"draught within {share} of the full load draught": _loading_shortfall(conditions),
         "even keel": _trim_shortfall(conditions),
         f"at least {_DEEP_DRAUGHTS:.0f} draughts of water": _depth_shortfall(conditions),
         f"wind of force {_LARGEST_BEAUFORT} at most":

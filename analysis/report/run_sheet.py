@@ -22,6 +22,7 @@ from analysis.conditions import beaufort, recorded_conditions
 from analysis.kinematics import mean_wind
 from analysis.manoeuvres.criteria import mean_of
 from analysis.manoeuvres.indices import index_of
+from analysis.manoeuvres.turning_circle import LEAST_TURN_DEG
 from analysis.quality.samples import ASSUMED
 from analysis.tables.table import sha256_of
 
@@ -269,7 +270,8 @@ def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
     """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
     of two turns half of their range.
     """
-    found = [each.current for each in manoeuvres if each.current is not None]
+    circles = (run for run in manoeuvres if run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG)
+    found = [run.current for run in circles if run.current is not None]
     if not found:
         return (
             "unknown: no turn of one and a half circles" if stated_mps is None else f"{stated_mps:g} m/s, as stated"

@@ -314,8 +314,8 @@ def report(
     conditions: Annotated[
         Path | None,
         typer.Option(
-            help="A TOML file that states what the recordings do not: [conditions], [particulars], [instruments], "
-            "[trial]; default: conditions.toml beside the recordings."
+            help="A TOML file that states what the recordings do not: conditions, particulars, instruments, "
+            "run sheet; default: conditions.toml beside the recordings."
         ),
     ] = None,
     pdf: Annotated[bool, typer.Option("--pdf/--no-pdf", help="Also write each page as PDF.")] = True,

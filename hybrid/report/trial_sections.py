@@ -15,7 +15,7 @@ from analysis.conditions import recorded_conditions
 from analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, plain_name
-from analysis.manoeuvres.standards import RESOLUTION, condition_shortfalls
+from analysis.manoeuvres.standards import NOT_FOR_SHIP, RESOLUTION, condition_shortfalls
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import events_of
@@ -239,18 +239,22 @@ def indices_of_sheets(case: Case) -> IndexComparisons:
 
 def standard_conditions(case: Case, vessel: str) -> list[list[str]]:
     """The conditions that the standards ask of a trial, each with whether it was fulfilled in all recordings with a
-    test, or the first reason why not."""
+    test, or the first reason why not; none of a ship that the standards are not for."""
     shortfalls: dict[str, list[str]] = {}
     for name, made in _of_vessel(case, vessel).items():
-        runs = [run for run in made.manoeuvres if any(index.result for index in run.indices.values())]
-        conditions = recorded_conditions(made.recording.trial, made.table)
-        drift_mps = max((float(np.hypot(run.current.north_mps, run.current.east_mps)) for run in runs if run.current),
-                        default=None)  # fmt: skip
-        if runs:
-            current = Conditions(current_mps=drift_mps, length_m=case.length_of(name))
-            for asked, shortfall in condition_shortfalls(conditions.with_known(current)).items():
-                shortfalls.setdefault(asked, []).append(shortfall)
+        if not any(_is_judged(run) for run in made.manoeuvres):
+            continue
+        drifts = [run.current.as_json()["speed_mps"] for run in made.manoeuvres if run.current is not None]
+        seen = Conditions(current_mps=max(drifts, default=None), length_m=case.length_of(name))
+        conditions = recorded_conditions(made.recording.trial, made.table).with_known(seen)
+        for asked, shortfall in condition_shortfalls(conditions).items():
+            shortfalls.setdefault(asked, []).append(shortfall)
     return [[asked, next(filter(None, reasons), "fulfilled")] for asked, reasons in shortfalls.items()]
+
+
+def _is_judged(run: Manoeuvre) -> bool:
+    judged = [index for index in run.indices.values() if index.result]
+    return any(not any(reason.startswith(NOT_FOR_SHIP) for reason in index.missing) for index in judged)
 
 
 def length_of_vessel(case: Case, vessel: str) -> float | None:

@@ -56,7 +56,7 @@ def test_what_nobody_wrote_down_says_so(tmp_path: Path) -> None:
 
 def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
     start = pd.Timestamp("2026-01-01", tz="UTC")
-    turns = [Manoeuvre("turning_circle", "circle", start, start, "port", {}, {}, current=each)
+    turns = [Manoeuvre("turning_circle", "circle", start, start, "port", {"turned_deg": 560.0}, {}, current=each)
              for each in (Current(0.0, 0.3, 0.01, 0.01), Current(0.0, 0.5, 0.01, 0.01))]  # fmt: skip
     said = sheet_of(tmp_path, Trial(), turns)["current"]
     assert said.startswith("0.40 \u00b1 0.11 m/s towards 90\u00b0 (the range of both)")

@@ -83,7 +83,7 @@ def test_one_side_above_the_limit_is_not_met() -> None:
 def test_an_interval_that_holds_the_limit_cannot_be_said() -> None:
     (row,) = rows_of(circle("port", 899.0, 5.0), circle("starboard", 640.0))
     assert row.result == "cannot_be_said"
-    assert "holds the limit: tactical diameter to port" in headline_of_criteria(criteria_of([row]))
+    assert "contains the limit: tactical diameter to port" in headline_of_criteria(criteria_of([row]))
 
 
 @pytest.mark.parametrize(
