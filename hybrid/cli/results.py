@@ -49,7 +49,7 @@ def speed_power(
     conditions: Annotated[
         Path | None,
         typer.Option(
-            help="A TOML file with the ship's data and the conditions, which goes above the [conditions] of the "
+            help="A TOML file with the ship's data and the conditions, which goes above those of the "
             "recordings; default: conditions.toml beside the files."
         ),
     ] = None,
