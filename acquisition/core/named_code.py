@@ -26,7 +26,7 @@ from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.errors import ConfigurationError, SeatrialError
 from acquisition.core.files import read_regular
 
-_LOG, _TOLD = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
+_LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 
 
 class OwnCodeError(ConfigurationError):
@@ -115,9 +115,9 @@ def own_code(name: str, file: str) -> Iterator[None]:
         lines = [line for frame, line in walk_tb(trace) if frame.f_code.co_filename == file]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         where = f"{file}, line {line}" if line else file
-        if (where, str(error)) not in _TOLD:  # sources are retried: log each error once
+        if (where, str(error)) not in _LOGGED:  # sources are retried: log each error once
             _LOG.error("".join(format_exception(type(error), error, trace, chain=False)).rstrip())
-            _TOLD.add((where, str(error)))
+            _LOGGED.add((where, str(error)))
         why = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
         raise OwnCodeError(
             f"{name.rpartition('/')[2]} failed", where=where, why=why, fix="correct it there"
