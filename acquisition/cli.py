@@ -139,15 +139,15 @@ def _check_departure(
     from acquisition.logger.preflight import check_before_departure
 
     echo(f"listening for {duration_s:g} s", err=True)
-    found = check_before_departure(trial, duration_s, folder, stop)
+    readiness = check_before_departure(trial, duration_s, folder, stop)
     if as_json:
-        echo(json.dumps(found.as_json()))
+        echo(json.dumps(readiness.as_json()))
     else:
-        Terminal().print(preflight_table(found))
-    if found.obstacles:
-        echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
+        Terminal().print(preflight_table(readiness))
+    if readiness.obstacles:
+        echo(f"not ready: {'; '.join(readiness.obstacles)}", err=True)
         raise typer.Exit(1)
-    echo(f"ready: all {len(found.channels)} channels come", err=True)
+    echo(f"ready: all {len(readiness.channels)} channels come", err=True)
 
 
 @writes("output")
@@ -181,22 +181,22 @@ def discover(
             raise StorageError("already exists", where=str(output), fix="choose another file, or delete it")
         places = parse_places(inputs) if inputs else usual_places()
         if any(place.type != "file" for place in places):
-            echo(f"listening for {duration:g} s at {', '.join(each.text for each in places)}", err=True)
+            echo(f"listening for {duration:g} s at {', '.join(place.text for place in places)}", err=True)
         folder, name = (Path(), "discovered") if output is None else (output.parent, output.stem)
         with bar("listening") as progress:
-            found = run(places, duration, name, vessel, dbc, folder, stop, progress)
+            discovery = run(places, duration, name, vessel, dbc, folder, stop, progress)
     if as_json:
-        echo(json.dumps(found.as_json()))
-    elif found.survey is not None:
+        echo(json.dumps(discovery.as_json()))
+    elif discovery.survey is not None:
         from acquisition.core.terminal import Terminal
 
         console = Terminal()
-        for table in tables(found):
+        for table in tables(discovery):
             console.print(table)
-    if found.survey is None:
-        raise InputError(nothing_found(found))
+    if discovery.survey is None:
+        raise InputError(nothing_found(discovery))
     if output is not None:
-        write_text(output, found.configuration)
+        write_text(output, discovery.configuration)
         echo(f"wrote {output}; `seatrial record {output} --check` says whether it still comes", err=True)
 
 
@@ -294,10 +294,10 @@ def import_(
 
 
 def _pairs(answers: list[str]) -> dict[str, str]:
-    for each in answers:
-        if "=" not in each:
-            raise typer.BadParameter(f"{each!r} is not KEY=VALUE", param_hint="--answer")
-    return {key.strip(): value.strip() for key, _, value in (each.partition("=") for each in answers)}
+    for answer in answers:
+        if "=" not in answer:
+            raise typer.BadParameter(f"{answer!r} is not KEY=VALUE", param_hint="--answer")
+    return {key.strip(): value.strip() for key, _, value in (answer.partition("=") for answer in answers)}
 
 
 def _agree(raw: RawTable, answers: dict[str, str], vessel: str | None, yes: bool, preview: Path | None) -> Proposal:
@@ -342,10 +342,10 @@ def info(
     from acquisition.recording.reader import describe
 
     recording = read_together(files)
-    found = describe(recording)
+    description = describe(recording)
     events = events_of(recording)
     if as_json:
-        echo(json.dumps({**found, "events": [event.as_json() for event in events]}))
+        echo(json.dumps({**description, "events": [event.as_json() for event in events]}))
         return
     from acquisition.core.terminal import Terminal
     from acquisition.logger.missing import by_reason, missing_in
@@ -354,13 +354,13 @@ def info(
     tell = partial(Terminal().print, highlight=False, soft_wrap=True)
     unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
     tell(
-        f"{', '.join(map(str, recording.paths))}  {'closed properly' if found['closed'] else unclosed}",
+        f"{', '.join(map(str, recording.paths))}  {'closed properly' if description['closed'] else unclosed}",
         style="bold",
     )
-    if found["messages"]:
-        tell(f"{found['start']} to {found['end']}")
-    tell(f"{found['duration_s']:.1f} s, {found['messages']:,} messages")
-    for key, value in found["trial"].items():
+    if description["messages"]:
+        tell(f"{description['start']} to {description['end']}")
+    tell(f"{description['duration_s']:.1f} s, {description['messages']:,} messages")
+    for key, value in description["trial"].items():
         if key != "channels":  # they are in the table
             tell(f"{key.replace('_', ' ')}: {value}", style="dim")
     part = recording.metadata.get("part", {})
@@ -368,10 +368,10 @@ def info(
         tell(recording.clock)
     elif part.get("follows"):
         tell(f"part {part['number']}, follows {part['follows']}: {part['reason']}")
-    Terminal().print(_channel_table(found["channels"], found["trial"]))
+    Terminal().print(_channel_table(description["channels"], description["trial"]))
     for names, reason in by_reason(missing_in(recording.path, recording.series)).items():
         tell(f"missing: {names}: {reason}")
-    for topic, count in found["raw"].items():
+    for topic, count in description["raw"].items():
         tell(f"{topic}: {count:,} raw messages")
     if recording.predictions:
         tell(f"/prediction: {recording.predictions:,} predictions made beside the recorder")
@@ -434,11 +434,11 @@ def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
                            ("gap s", "right"), ("sources", "left")):  # fmt: skip
         table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
-    known = known_channels({"trial": trial})
+    channels_by_name = known_channels({"trial": trial})
     order = {name: number for number, name in enumerate(channels_of_table(channels, {"trial": trial}))}
-    for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
+    for name, summary in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
-            name, channel_unit(name, known), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
-            f"{each['longest_gap_s']:.2f}", ", ".join(each["sources"]),
+            name, channel_unit(name, channels_by_name), f"{summary['count']:,}", f"{summary['rate_hz']:.2f}",
+            f"{summary['longest_gap_s']:.2f}", ", ".join(summary["sources"]),
         )  # fmt: skip
     return table

@@ -111,20 +111,20 @@ def emulate(
             schedule += [(moment, encoder, transmitters[-1]) for moment in moments]
         if not schedule:
             raise InputError("contains none of the configuration's channels", where=str(path))
-        schedule.sort(key=lambda each: each[0].time_ns)
-        for each in transmitters:
-            each.ready()
+        schedule.sort(key=lambda entry: entry[0].time_ns)
+        for transmitter in transmitters:
+            transmitter.ready()
         return _play(schedule, speed, progress or (lambda share: None))
     finally:
-        for each in transmitters:
-            each.close()
+        for transmitter in transmitters:
+            transmitter.close()
 
 
 def _play(schedule: list[tuple[Moment, Encoder, Transmitter]], speed: float, progress: Progress) -> Playback:
     first_ns = schedule[0][0].time_ns
     span_ns = max(schedule[-1][0].time_ns - first_ns, 1)
     started_s = time.monotonic()
-    given: Counter[str] = Counter()
+    offered: Counter[str] = Counter()
     sent: Counter[str] = Counter()
     packets_sent, latest_s = 0, 0.0
     for moment, encoder, transmitter in schedule:
@@ -136,12 +136,12 @@ def _play(schedule: list[tuple[Moment, Encoder, Transmitter]], speed: float, pro
         packets = encoder.encode(moment)
         transmitter.send(packets)
         packets_sent += len(packets)
-        given.update(moment.values.keys())
+        offered.update(moment.values.keys())
         for packet in packets:
             sent.update(packet.carries)
         progress((moment.time_ns - first_ns) / span_ns)
     took_s = time.monotonic() - started_s
-    return Playback(len(schedule), packets_sent, dict(sent), dict(given - sent), took_s, latest_s)
+    return Playback(len(schedule), packets_sent, dict(sent), dict(offered - sent), took_s, latest_s)
 
 
 class Transmitter:
@@ -196,8 +196,10 @@ class _CanTransmitter(Transmitter):
         super().__init__(config, open_bus(config))
 
     def _write(self, packets: list[Packet]) -> None:
-        for each in packets:
-            message = self._make(arbitration_id=each.identifier, data=each.payload, is_extended_id=each.extended)
+        for packet in packets:
+            message = self._make(
+                arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
+            )
             self._link.send(message)
 
     def close(self) -> None:

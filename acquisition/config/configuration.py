@@ -128,7 +128,7 @@ class TrialConfig:
             for source in self.sources
             if isinstance(source, CanFrames) and source.dbc is not None
         }
-        packs = {f"{each.name}{PACK_ENDING}": each.text.encode() for each in self.packs}
+        packs = {f"{pack.name}{PACK_ENDING}": pack.text.encode() for pack in self.packs}
         return {CONFIGURATION: self.text.encode(), **dbc, **packs}
 
     @property
@@ -143,7 +143,7 @@ class TrialConfig:
     @property
     def known_channels(self) -> ChannelsByName:
         """The channels by name, including declared ones."""
-        return with_declared(tuple(each.channel for each in self.declared))
+        return with_declared(tuple(declaration.channel for declaration in self.declared))
 
     @property
     def expected_channels(self) -> frozenset[str]:
@@ -159,7 +159,7 @@ class TrialConfig:
     def watched_channels(self) -> tuple[str, ...]:
         """The channels watched for gaps: the trial's, and declared ones listed for a source."""
         names = self.required_channels
-        declared = (each.channel.name for each in self.declared)
+        declared = (declaration.channel.name for declaration in self.declared)
         return (*names, *(name for name in declared if name in self.expected_channels and name not in names))
 
     @property
@@ -184,16 +184,16 @@ def parse_config(text: str, path: Path | str, carried: Carried | None = None) ->
     file, ship = parse_for_ship(text, path, _File, carried)
     if not file.source:
         raise ConfigurationError("has no source", where=str(path), fix="add a [[source]] section")
-    known = with_declared(tuple(each.channel for each in ship.declared))
+    channels_by_name = with_declared(tuple(declaration.channel for declaration in ship.declared))
     _check_names(file.source, path)
-    _check_units(file.source, known, text, path)
-    _check_channels(file.source, ship, known, text, path)
+    _check_units(file.source, channels_by_name, text, path)
+    _check_channels(file.source, ship, channels_by_name, text, path)
     _check_kinds(file.source, path)
     _check_inputs(file.source, text, path)
     _check_dbc(file.source, path)
     listed = {name for source in file.source for name in source.channels}
-    declared = [each.channel for each in ship.declared if each.channel.group == "declared"]
-    channels = declared_as_text(each for each in declared if each.name in listed)
+    declared = [declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"]
+    channels = declared_as_text(channel for channel in declared if channel.name in listed)
     trial = file.trial.as_trial(file.conditions, file.instruments, file.particulars)
     actuators = stated_text(ship.actuators, trial.vessel) if ship.is_known else as_text(ship.actuators)
     return TrialConfig(
@@ -223,13 +223,15 @@ def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
             raise ConfigurationError(f"source name {name!r} is not valid in a topic", where=where, fix=fix)
 
 
-def _check_units(sources: tuple[AnySource, ...], known: Mapping[str, Channel], text: str, path: Path | str) -> None:
+def _check_units(
+    sources: tuple[AnySource, ...], channels_by_name: Mapping[str, Channel], text: str, path: Path | str
+) -> None:
     for number, source in enumerate(sources):
         key = next(key for kind, key in _MAPS.items() if isinstance(source, kind))
         mapped: dict[str, Any] = getattr(source, key)
         for channel, entry in mapped.items():
             try:
-                entry.step_to(known[channel])
+                entry.step_to(channels_by_name[channel])
             except ConfigurationError as error:
                 line = line_of(text, ["source", number, key, channel, "unit"])
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
@@ -240,14 +242,14 @@ _MAPS = {CanFrames: "signals", MavlinkLinks: "named_values", MqttLinks: "values"
 
 
 def _check_channels(
-    sources: tuple[AnySource, ...], ship: Ship, known: Mapping[str, Channel], text: str, path: Path | str
+    sources: tuple[AnySource, ...], ship: Ship, channels_by_name: Mapping[str, Channel], text: str, path: Path | str
 ) -> None:
     """Refuse a channel that no message of the source can carry: it would never have a value."""
     for number, source in enumerate(sources):
         possible = possible_channels(source, ship.actuators, ship.declared)
         for channel in source.channels:
             if channel not in possible:
-                otherwise = _SENTENCES_HINT if is_setting(known[channel]) else _DECLARATION_HINT
+                otherwise = _SENTENCES_HINT if is_setting(channels_by_name[channel]) else _DECLARATION_HINT
                 fix = _MAPPING_HINT.get(source.type.partition("_")[0], otherwise)
                 where = f"{path}, line {line_of(text, ['source', number, 'channels'])}"
                 what = f"no message on source {source.name!r} carries {channel}"
@@ -264,7 +266,7 @@ def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
 
 
 def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
-    for source in (each for each in sources if isinstance(each, CanFrames)):
+    for source in (section for section in sources if isinstance(section, CanFrames)):
         where = f"{path}, source {source.name!r}"
         if source.dbc is not None and not source.dbc.is_file():
             what = "is not a file" if source.dbc.exists() else "does not exist"
@@ -284,14 +286,14 @@ def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -
                 raise ConfigurationError(what, where=where, why=why, fix=fix)
 
 
-def _shared_input(one: AnySource, other: AnySource) -> str:
+def _shared_input(first: AnySource, second: AnySource) -> str:
     """The key of the input that two sources would both open; empty if there is none."""
-    if isinstance(one, _LISTENING) and isinstance(other, _LISTENING) and one.port == other.port:
-        first, second = (_LOCAL.get(each.address, each.address) for each in (one, other))
-        return "port" if first == second or "" in (first, second) else ""
-    if isinstance(one, _SERIAL) and isinstance(other, _SERIAL):
-        first, second = (os.path.realpath(each.device) for each in (one, other))  # a device may have several names
-        return "device" if first == second else ""
+    if isinstance(first, _LISTENING) and isinstance(second, _LISTENING) and first.port == second.port:
+        addresses = {_LOCAL.get(source.address, source.address) for source in (first, second)}
+        return "port" if len(addresses) == 1 or "" in addresses else ""
+    if isinstance(first, _SERIAL) and isinstance(second, _SERIAL):
+        devices = {os.path.realpath(source.device) for source in (first, second)}  # a device may have several names
+        return "device" if len(devices) == 1 else ""
     return ""
 
 
@@ -319,7 +321,7 @@ _MOTION = frozenset(MOTION) | {
     "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
 }  # fmt: skip
 _ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
-_NAUTICAL = frozenset(each.name for each in AUXILIARY if not is_setting(each)) - _ATTITUDE - {"heave_m"}
+_NAUTICAL = frozenset(channel.name for channel in AUXILIARY if not is_setting(channel)) - _ATTITUDE - {"heave_m"}
 """What both NMEA protocols are read for besides the motion: every auxiliary channel but these."""
 
 
@@ -332,8 +334,8 @@ def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
     if isinstance(source, MavlinkLinks):
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
     if isinstance(source, MqttSource) and not source.topics:
-        made = {each for pair, more in PAIRS.items() if set(pair) <= source.values.keys() for each in more}
-        return frozenset(source.values.keys() | made)
+        derived = {channel for pair, more in PAIRS.items() if set(pair) <= source.values.keys() for channel in more}
+        return frozenset(source.values.keys() | derived)
     nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
     nautical |= set() if isinstance(source, CanSource) else _in_sentences(actuators)
     if isinstance(source, MqttLinks):
@@ -348,7 +350,11 @@ def _declared_from(source: AnySource, declared: Declarations) -> set[str]:
     kinds: list[type] = [MavlinkField] if isinstance(source, MavlinkLinks) else []
     kinds += [SentenceField, Transducer] if isinstance(source, LineSource | MqttLinks) else []
     kinds += [GroupField] if isinstance(source, CanFrames) and _has_groups(source) else []
-    return {each.channel.name for each in declared if any(type(origin) in kinds for origin in each.origins)}
+    return {
+        declaration.channel.name
+        for declaration in declared
+        if any(type(origin) in kinds for origin in declaration.origins)
+    }
 
 
 def _has_groups(source: CanFrames) -> bool:
@@ -360,18 +366,18 @@ def _has_groups(source: CanFrames) -> bool:
 
 def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:
     """The actuator channels in NMEA 2000 parameter groups: rudders and their orders, shafts by their engines."""
-    steering = (each for each in actuators if each.name in rudders(actuators))
-    angles = {channel.name for each in steering for channel in (*each.channels, *each.orders)}
+    steering = (actuator for actuator in actuators if actuator.name in rudders(actuators))
+    angles = {channel.name for rudder in steering for channel in (*rudder.channels, *rudder.orders)}
     return angles | {f"{name}_rpm" for name in source.reduction_ratios}
 
 
 def _in_sentences(actuators: Actuators) -> set[str]:
     """The channels of actuators, and of orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
-    whole = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
+    fully_carried = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
     numbered = shaft_numbers(numbered_shafts(actuators))
     return {
         channel.name
-        for each in actuators
-        for channel in (*each.channels, *each.orders)
-        if each.name in whole or (each.name in numbered and channel.unit != "deg")
+        for actuator in actuators
+        for channel in (*actuator.channels, *actuator.orders)
+        if actuator.name in fully_carried or (actuator.name in numbered and channel.unit != "deg")
     }

@@ -125,10 +125,10 @@ class MavlinkField(Conversion):
 Origin = SentenceField | Transducer | GroupField | MavlinkField
 
 
-def _kind_of(given: Any) -> str | None:
+def _kind_of(origin: Any) -> str | None:
     """The kind of an origin, by the key that only this kind has."""
     kinds = ("sentence", "transducer", "group", "message")
-    return next((f"by {key}" for key in kinds if isinstance(given, dict) and key in given), None)
+    return next((f"by {key}" for key in kinds if isinstance(origin, dict) and key in origin), None)
 
 
 _AnyOrigin = Annotated[
@@ -203,8 +203,8 @@ def find_pack(name: str, folder: Path) -> Path:
     for path in (folder / file, PACKS / file):
         if path.is_file():
             return path
-    known = ", ".join(sorted(each.stem for each in PACKS.glob("*.toml")))
-    raise ConfigurationError(f"pack {name!r} does not exist", fix=f"name a file, or one of {known}")
+    pack_names = ", ".join(sorted(pack.stem for pack in PACKS.glob("*.toml")))
+    raise ConfigurationError(f"pack {name!r} does not exist", fix=f"name a file, or one of {pack_names}")
 
 
 def read_packs(
@@ -238,29 +238,29 @@ def _carried_pack(pack: PackSection, carried: Mapping[str, str]) -> PackFile:
 def declarations_of(
     sections: tuple[ChannelSection, ...],
     packs: tuple[PackFile, ...],
-    known: Mapping[str, Channel],
+    ship_channels: Mapping[str, Channel],
     text: str,
     path: Path | str,
 ) -> Declarations:
     """The declarations of a file and its packs; the file's take precedence over a pack's.
 
-    ``known`` are the ship's channels. Raises :class:`ConfigurationError` naming the file and the line.
+    Raises :class:`ConfigurationError` naming the file and the line.
     """
-    for name, count in Counter(each.name for each in sections).items():
+    for name, count in Counter(section.name for section in sections).items():
         if count > 1:
             what, fix = f"channel {name} is declared twice", "list all its origins in one `from`"
             raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['channel'])}", fix=fix)
-    said = [(each, path, text, number) for number, each in enumerate(sections)]
+    candidates = [(section, path, text, number) for number, section in enumerate(sections)]
     for pack in packs:
-        said += [(each, pack.path, pack.text, number) for each, number in _of_pack(pack)]
-    found: dict[str, DeclaredChannel] = {}
-    for section, where, of, number in said:
-        if section.name not in found:
+        candidates += [(section, pack.path, pack.text, number) for section, number in _of_pack(pack)]
+    declarations: dict[str, DeclaredChannel] = {}
+    for section, where, of, number in candidates:
+        if section.name not in declarations:
             try:
-                found[section.name] = _declared(section, known)
+                declarations[section.name] = _declared(section, ship_channels)
             except ConfigurationError as error:
                 raise error.at(f"{where}, line {line_of(of, ['channel', number, 'name'])}") from error
-    return tuple(found.values())
+    return tuple(declarations.values())
 
 
 def _of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
@@ -273,24 +273,24 @@ def _of_pack(pack: PackFile) -> Iterator[tuple[ChannelSection, int]]:
                 yield section, number
 
 
-def _filled(given: Any, each: str, number: int) -> Any:
+def _filled(node: Any, device: str, number: int) -> Any:
     """A declaration with the name and number of one device filled in."""
-    if isinstance(given, dict):
-        return {key: _filled(value, each, number) for key, value in given.items()}
-    if isinstance(given, list):
-        return [_filled(value, each, number) for value in given]
-    if not isinstance(given, str):
-        return given
-    return number if given == "{number}" else given.replace("{each}", each).replace("{number}", str(number))
+    if isinstance(node, dict):
+        return {key: _filled(value, device, number) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_filled(value, device, number) for value in node]
+    if not isinstance(node, str):
+        return node
+    return number if node == "{number}" else node.replace("{each}", device).replace("{number}", str(number))
 
 
-def _declared(section: ChannelSection, known: Mapping[str, Channel]) -> DeclaredChannel:
+def _declared(section: ChannelSection, ship_channels: Mapping[str, Channel]) -> DeclaredChannel:
     name = section.name
-    if name in known:
+    if name in ship_channels:
         if section.unit is not None or section.range is not None or section.state or section.meaning:
             fix = "give only its name and `from`, or choose another name"
             raise ConfigurationError(f"{name} is already a channel of the ship", fix=fix)
-        channel = known[name]
+        channel = ship_channels[name]
     elif section.unit is None or section.range is None:
         lacking = "unit" if section.unit is None else "range"
         raise ConfigurationError(f"channel {name} has no {lacking}", fix="add it")
@@ -318,9 +318,9 @@ def carried_by(declared: Declarations, channels: Iterable[str], kind: Any) -> li
     """The channels and origins of one kind, among those listed for a source."""
     wanted = frozenset(channels)
     return [
-        (each.channel, origin)
-        for each in declared
-        if each.channel.name in wanted
-        for origin in each.origins
+        (declaration.channel, origin)
+        for declaration in declared
+        if declaration.channel.name in wanted
+        for origin in declaration.origins
         if isinstance(origin, kind)
     ]

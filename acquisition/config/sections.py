@@ -68,8 +68,8 @@ Model = TypeVar("Model")
 
 def _actuators(info: ValidationInfo) -> Actuators:
     """The actuators listed in the file being read, else R/V Gunnerus'."""
-    known: Actuators = (info.context or {}).get("actuators", DEFAULT)
-    return known
+    actuators: Actuators = (info.context or {}).get("actuators", DEFAULT)
+    return actuators
 
 
 def _own_channel(name: str, info: ValidationInfo) -> str:
@@ -78,22 +78,22 @@ def _own_channel(name: str, info: ValidationInfo) -> str:
 
 def check_channel(name: str, actuators: Actuators = DEFAULT, declared: Declared = ()) -> str:
     """Check the name of a ship's or a declared channel. Raises :class:`ValueError` with similar names."""
-    known = channel_names(actuators, declared)
-    if name not in known:
-        near = get_close_matches(name, known, n=1, cutoff=0.4) or trial_names(actuators)
+    names = channel_names(actuators, declared)
+    if name not in names:
+        near = get_close_matches(name, names, n=1, cutoff=0.4) or trial_names(actuators)
         raise ValueError(f"is no channel; did you mean {' '.join(near)}?")
     return name
 
 
 def _own_shaft(name: str, info: ValidationInfo) -> str:
-    known = shafts(_actuators(info))
-    if name not in known:
-        raise ValueError(f"is not a shaft of the ship; its shafts are {', '.join(known) or 'none'}")
+    ship_shafts = shafts(_actuators(info))
+    if name not in ship_shafts:
+        raise ValueError(f"is not a shaft of the ship; its shafts are {', '.join(ship_shafts) or 'none'}")
     return name
 
 
 def _own_rotor(name: str, info: ValidationInfo) -> str:
-    turning = [each.name for each in _actuators(info) if each.channels[0].unit == "rpm"]
+    turning = [actuator.name for actuator in _actuators(info) if actuator.channels[0].unit == "rpm"]
     if name not in turning:
         raise ValueError(f"is not an actuator with rpm; those are {', '.join(turning) or 'nothing'}")
     return name
@@ -185,18 +185,22 @@ def parse_for_ship(
     Raises :class:`ConfigurationError` naming the line.
     """
     raw, folder = parse_toml(text, path), Path(path).resolve().parent
-    given = validate({each.name: raw[each.name] for each in fields(_Ship) if each.name in raw}, text, path, _Ship)
-    listed = check_listed(given.actuator, text, path)
+    ship_file = validate(
+        {section.name: raw[section.name] for section in fields(_Ship) if section.name in raw}, text, path, _Ship
+    )
+    listed = check_listed(ship_file.actuator, text, path)
     attached = None if carried is None else carried.actuators
-    actuators = listed or attached or actuators_of_ship(str(given.trial.vessel), folder)
+    actuators = listed or attached or actuators_of_ship(str(ship_file.trial.vessel), folder)
     is_known = bool(actuators) if carried is None or listed else carried.ship_is_known
     actuators = actuators or DEFAULT
-    packs = read_packs(given.pack, folder, None if carried is None else carried.packs, text, path)
-    hers = {name: BY_NAME[name] for name in channel_names(actuators)}
-    declared = declarations_of(given.channel, packs, hers, text, path)
+    packs = read_packs(ship_file.pack, folder, None if carried is None else carried.packs, text, path)
+    ship_channels = {name: BY_NAME[name] for name in channel_names(actuators)}
+    declared = declarations_of(ship_file.channel, packs, ship_channels, text, path)
     context = {
         "actuators": actuators,
-        "declared": tuple(each.channel for each in declared if each.channel.name not in hers),
+        "declared": tuple(
+            declaration.channel for declaration in declared if declaration.channel.name not in ship_channels
+        ),
         "folder": folder,
         "dbc_files": None if carried is None else carried.dbc_files,
     }
@@ -206,7 +210,7 @@ def parse_for_ship(
 def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
     """The actuators listed in a file, none if there are none. Raises :class:`ConfigurationError`."""
     try:
-        return check_actuators(Actuator(each.name, each.kind) for each in listed) if listed else ()
+        return check_actuators(Actuator(section.name, section.kind) for section in listed) if listed else ()
     except ConfigurationError as error:
         raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
 
@@ -246,16 +250,16 @@ class Thrusters(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _fill_in(cls, given: Any, info: ValidationInfo) -> Any:
-        if not isinstance(given, dict):
-            return given
+    def _fill_in(cls, raw: Any, info: ValidationInfo) -> Any:
+        if not isinstance(raw, dict):
+            return raw
         usual = thruster_numbers(_actuators(info))
-        unknown = given.keys() - usual.keys() - {"channels_from"}
+        unknown = raw.keys() - usual.keys() - {"channels_from"}
         if unknown:
             raise ValueError(
                 f"there is no thruster {', '.join(sorted(unknown))}; the thrusters are {', '.join(usual) or 'none'}"
             )
-        return {**usual, **given}
+        return {**usual, **raw}
 
     @model_validator(mode="after")
     def _check(self) -> Thrusters:
@@ -431,16 +435,20 @@ def _short(name: str) -> str:
     return name
 
 
-def _usual_named_values(given: Any, info: ValidationInfo) -> Any:
+def _usual_named_values(raw: Any, info: ValidationInfo) -> Any:
     """By default, the channels that MAVLink's RPM cannot carry, by short names: ``port_ang``, ``stbd_ang``."""
-    if given is not None:
-        return given
+    if raw is not None:
+        return raw
     actuators = _actuators(info)
     carried = {f"{name}_rpm" for name in shafts(actuators)[:2]}
-    units = {each.name: each.unit for each in control_channels(actuators) if each.name not in carried}
+    units = {channel.name: channel.unit for channel in control_channels(actuators) if channel.name not in carried}
     short = {name: _short(name) for name in units}
-    fits = Counter(each for each in short.values() if len(each) <= _MOST_LETTERS)
-    return {name: {"name": each, "unit": units[name]} for name, each in short.items() if fits[each] == 1}
+    fits = Counter(short_name for short_name in short.values() if len(short_name) <= _MOST_LETTERS)
+    return {
+        name: {"name": short_name, "unit": units[name]}
+        for name, short_name in short.items()
+        if fits[short_name] == 1
+    }
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -506,17 +514,17 @@ def covers(pattern: str, topics: str) -> bool:
     return len(theirs) == len(pattern.split("/"))
 
 
-def overlap(one: str, other: str) -> bool:
+def overlap(pattern: str, other_pattern: str) -> bool:
     """Whether some topic matches both patterns.
 
     >>> overlap("ship/+/Heading", "ship/MRU/+"), overlap("ship/MRU/Roll", "ship/MRU/Pitch")
     (True, False)
     """
-    shorter, longer = sorted((one.split("/"), other.split("/")), key=len)
-    for level, beside in zip(shorter, longer, strict=False):
-        if "#" in (level, beside):
+    shorter, longer = sorted((pattern.split("/"), other_pattern.split("/")), key=len)
+    for level, other_level in zip(shorter, longer, strict=False):
+        if "#" in (level, other_level):
             return True
-        if "+" not in (level, beside) and level != beside:
+        if "+" not in (level, other_level) and level != other_level:
             return False
     return len(shorter) == len(longer) or longer[len(shorter)] == "#"
 
@@ -581,11 +589,11 @@ class MqttSource(_Mqtt):
     def __post_init__(self) -> None:
         if not self.topics and not self.values:
             raise ValueError("has no input: give it topics or values")
-        for number, one in enumerate(self.topics):
-            for other in self.topics[:number]:
-                if overlap(one, other) and not covers(one, other) and not covers(other, one):
+        for number, topic in enumerate(self.topics):
+            for earlier in self.topics[:number]:
+                if overlap(topic, earlier) and not covers(topic, earlier) and not covers(earlier, topic):
                     raise ValueError(
-                        f"topics {one} and {other} overlap: some brokers deliver common messages twice"
+                        f"topics {topic} and {earlier} overlap: some brokers deliver common messages twice"
                     )
 
     @property
@@ -601,8 +609,8 @@ class MqttSource(_Mqtt):
     @property
     def subscriptions(self) -> list[str]:
         """The topics to subscribe to, none of them covered by another."""
-        wanted = list(dict.fromkeys([*self.topics, *(each.topic for each in self.values.values())]))
-        return [one for one in wanted if not any(covers(other, one) for other in wanted if other != one)]
+        wanted = list(dict.fromkeys([*self.topics, *(entry.topic for entry in self.values.values())]))
+        return [topic for topic in wanted if not any(covers(wider, topic) for wider in wanted if wider != topic)]
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -613,13 +621,13 @@ class MqttFileSource(_Mqtt):
     path: AbsolutePath
 
 
-def _own_values(given: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
+def _own_values(raw: object, info: ValidationInfo) -> dict[str, dict[str, str]]:
     """The channels that a user's code may provide, each under its own topic, in the channel's unit."""
-    if given:
+    if raw:
         raise ValueError("is not for a source of your own, which returns channels by name, in their units")
     declared = (info.context or {}).get("declared", ())
-    known, names = with_declared(declared), channel_names(_actuators(info), declared)
-    return {name: {"topic": f"own/{name}", "unit": known[name].unit} for name in names}
+    channels, names = with_declared(declared), channel_names(_actuators(info), declared)
+    return {name: {"topic": f"own/{name}", "unit": channels[name].unit} for name in names}
 
 
 def _whole_path(name: str, info: ValidationInfo) -> str:

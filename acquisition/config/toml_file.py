@@ -83,7 +83,7 @@ def validate(
     try:
         return TypeAdapter(model).validate_python(raw, context=context)
     except ValidationError as error:
-        first = min(error.errors(), key=lambda each: each["type"] not in _UNKNOWN_KEY)
+        first = min(error.errors(), key=lambda details: details["type"] not in _UNKNOWN_KEY)
         keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]
         if first["type"].startswith("union_tag"):
             keys.append("type")
@@ -102,8 +102,8 @@ def _hint(key: str, location: Sequence[str | int], model: type[Model]) -> str:
     definitions = schema.get("$defs", {})
     tables = [schema]
     for part in location[:-1]:  # the tag of a union leads nowhere in the schema
-        tables = [table for each in tables for table in _members(each, part, definitions)] or tables
-    possible = _keys_of(option for each in tables for option in _options(each, definitions))
+        tables = [table for parent in tables for table in _members(parent, part, definitions)] or tables
+    possible = _keys_of(option for table in tables for option in _options(table, definitions))
     if near := get_close_matches(key, possible - {key}, n=1):
         return f"did you mean {near[0]}?"
     is_elsewhere = key in _keys_of((schema, *definitions.values()))
@@ -119,7 +119,7 @@ def _options(node: dict[str, Any], definitions: dict[str, Any]) -> list[dict[str
     if "$ref" in node:
         return _options(definitions[node["$ref"].rpartition("/")[2]], definitions)
     members = node.get("anyOf") or node.get("oneOf") or ()
-    return [option for each in members for option in _options(each, definitions)] or [node]
+    return [option for member in members for option in _options(member, definitions)] or [node]
 
 
 def _members(node: dict[str, Any], part: str | int, definitions: dict[str, Any]) -> list[dict[str, Any]]:
@@ -129,9 +129,9 @@ def _members(node: dict[str, Any], part: str | int, definitions: dict[str, Any])
         return [{"$ref": tags[part]}]
     options = _options(node, definitions)
     if isinstance(part, int):
-        return [each["items"] for each in options if isinstance(each.get("items"), dict)]
-    entries = [each.get("properties", {}).get(part, each.get("additionalProperties")) for each in options]
-    return [each for each in entries if isinstance(each, dict)]
+        return [option["items"] for option in options if isinstance(option.get("items"), dict)]
+    entries = [option.get("properties", {}).get(part, option.get("additionalProperties")) for option in options]
+    return [entry for entry in entries if isinstance(entry, dict)]
 
 
 def line_of(text: str, keys: Sequence[str | int]) -> int:
@@ -156,7 +156,7 @@ def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
         if table := _TABLE.match(line):
             parts = tuple(part.strip().strip("\"'") for part in table["path"].split("."))
             if table["array"]:
-                counts = {other: count for other, count in counts.items() if other[: len(parts)] != parts} | {
+                counts = {path: count for path, count in counts.items() if path[: len(parts)] != parts} | {
                     parts: counts.get(parts, -1) + 1  # nested arrays count from 0 again in each element
                 }
             prefix = _indexed(parts, counts)
@@ -195,5 +195,5 @@ def _explain(error: Any) -> str:
     if error["type"] in ("missing", "missing_argument"):
         return "is missing"
     message = str(error["msg"]).removeprefix("Value error, ")
-    given = error.get("input")
-    return f"{given!r}: {message}" if isinstance(given, str | int | float) else message
+    value = error.get("input")
+    return f"{value!r}: {message}" if isinstance(value, str | int | float) else message

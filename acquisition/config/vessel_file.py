@@ -46,14 +46,14 @@ def vessel_of_ship(ship: str, folder: Path) -> Path | None:
     """
     ship = Path(ship).stem if ship.endswith(".toml") else ship
     for place in (VESSELS, folder, Path.cwd()) if ship else ():
-        told = {path: _ships_told(path) for path in sorted(place.glob("*.toml"))}
-        named = [path for path, names in told.items() if ship in names]
-        found = [path for path in named if path.stem == ship] or named
-        if len(found) > 1:
-            what = f"{' and '.join(path.name for path in found)} are both of the ship {ship!r}"
+        names_by_path = {path: _ship_names(path) for path in sorted(place.glob("*.toml"))}
+        named = [path for path, names in names_by_path.items() if ship in names]
+        matches = [path for path in named if path.stem == ship] or named
+        if len(matches) > 1:
+            what = f"{' and '.join(path.name for path in matches)} are both of the ship {ship!r}"
             raise ConfigurationError(what, where=str(place), fix="choose one with --vessel, or rename one")
-        if found:
-            return found[0]
+        if matches:
+            return matches[0]
     return None
 
 
@@ -62,7 +62,7 @@ def name_of_ship(vessel: str | Path) -> str:
     return str(vessel_tree(find_vessel(vessel))["name"])
 
 
-def _ships_told(path: Path) -> tuple[str, ...]:
+def _ship_names(path: Path) -> tuple[str, ...]:
     """The names of a vessel file: the file's own, and the one in it; none for another TOML file."""
     try:
         tree = parse_toml(read_text(path), path)
@@ -89,7 +89,7 @@ def load_actuators(vessel: str | Path) -> Actuators:
     path = find_vessel(vessel)
     listed = vessel_tree(path).get("actuator", [])
     try:
-        return check_actuators(Actuator(str(each["name"]), str(each["kind"])) for each in listed)
+        return check_actuators(Actuator(str(entry["name"]), str(entry["kind"])) for entry in listed)
     except (TypeError, KeyError) as error:
         fix = "write an [[actuator]] with name and kind for each"
         raise ConfigurationError("has actuators without name or kind", where=str(path), fix=fix) from error
@@ -133,7 +133,9 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
 def _check_names(tree: Tree, path: Path) -> None:
     """Actuators are merged by name. Raises :class:`ConfigurationError` for a name that is no text."""
     listed = tree.get("actuator", [])
-    names = [each.get("name", "") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
+    names = (
+        [entry.get("name", "") for entry in listed if isinstance(entry, dict)] if isinstance(listed, list) else []
+    )
     if not all(isinstance(name, str) for name in names):
         fix = 'write name = "NAME" in each [[actuator]]'
         raise ConfigurationError("has an actuator whose name is no text", where=str(path), fix=fix)
@@ -158,8 +160,8 @@ def _merged(below: Tree, above: Tree) -> Tree:
 
 
 def _merged_by_name(below: list[Any], above: list[Any]) -> list[Any]:
-    merged = {each.get("name"): each for each in below if isinstance(each, dict)}
-    for each in above:
-        name = each.get("name") if isinstance(each, dict) else None
-        merged[name] = _merged(merged[name], each) if name in merged else each
+    merged = {entry.get("name"): entry for entry in below if isinstance(entry, dict)}
+    for entry in above:
+        name = entry.get("name") if isinstance(entry, dict) else None
+        merged[name] = _merged(merged[name], entry) if name in merged else entry
     return list(merged.values())

@@ -41,7 +41,7 @@ class Actuator:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The control channels of this actuator."""
-        return tuple(CONTROLS[each].channel(self.name) for each in KINDS[self.kind].controls)
+        return tuple(CONTROLS[control].channel(self.name) for control in KINDS[self.kind].controls)
 
     @property
     def noun(self) -> str:
@@ -56,12 +56,12 @@ class Actuator:
     @property
     def angle(self) -> Channel | None:
         """The channel of its steering angle, None if it has none."""
-        return next((each for each in self.channels if each.unit == "deg"), None)
+        return next((channel for channel in self.channels if channel.unit == "deg"), None)
 
     @property
     def steers_by(self) -> str:
         """The control that is its steering angle: azimuth, rudder or nozzle; empty if it has none."""
-        return next((each for each in KINDS[self.kind].controls if each in ANGLES), "")
+        return next((control for control in KINDS[self.kind].controls if control in ANGLES), "")
 
     @property
     def is_at_bow(self) -> bool:
@@ -73,8 +73,8 @@ class Actuator:
         """The auxiliary channels of the orders to this actuator."""
         order = f"Order to the {'' if self.name == self.kind else self.name.replace('_', ' ') + ' '}"
         return tuple(
-            replace(each, name=name_of_order(each.name), group="auxiliary", meaning=f"{order}{control}")
-            for control, each in zip(KINDS[self.kind].controls, self.channels, strict=True)
+            replace(channel, name=name_of_order(channel.name), group="auxiliary", meaning=f"{order}{control}")
+            for control, channel in zip(KINDS[self.kind].controls, self.channels, strict=True)
         )
 
 
@@ -165,7 +165,7 @@ def _kind_by_rule(stem: str, endings: set[str]) -> str:
 
 def name_of_order(control: str) -> str:
     """The channel of the orders to a control channel: ``port_rpm`` is ordered as ``port_order_rpm``."""
-    ending = next(each for each in _ENDINGS if control.endswith(each))
+    ending = next(suffix for suffix in _ENDINGS if control.endswith(suffix))
     return f"{control.removesuffix(ending)}{_ORDER}{ending}"
 
 
@@ -200,27 +200,27 @@ def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     result = tuple(actuators)
     if not result:
         raise ConfigurationError("the ship has no actuator", fix="list at least one, each with name and kind")
-    names = [each.name for each in result]
-    for each in result:
-        if each.kind not in KINDS:
-            what = f"actuator {each.name}: no kind {each.kind!r}"
+    names = [actuator.name for actuator in result]
+    for actuator in result:
+        if actuator.kind not in KINDS:
+            what = f"actuator {actuator.name}: no kind {actuator.kind!r}"
             raise ConfigurationError(what, fix=f"write one of {', '.join(KINDS)}")
-        if not NAME_PATTERN.fullmatch(each.name) or each.name.endswith(_ORDER):
+        if not NAME_PATTERN.fullmatch(actuator.name) or actuator.name.endswith(_ORDER):
             fix = f"use small letters, digits and _, beginning with a letter and not ending in {_ORDER}"
-            raise ConfigurationError(f"actuator name {each.name!r} cannot be part of a channel's name", fix=fix)
-        if names.count(each.name) > 1:
-            raise ConfigurationError(f"two actuators are called {each.name!r}", fix="give each its own name")
+            raise ConfigurationError(f"actuator name {actuator.name!r} cannot be part of a channel's name", fix=fix)
+        if names.count(actuator.name) > 1:
+            raise ConfigurationError(f"two actuators are called {actuator.name!r}", fix="give each its own name")
     return result
 
 
 def names_of(actuators: Actuators, kind: str) -> tuple[str, ...]:
     """The names of the actuators of one kind."""
-    return tuple(each.name for each in actuators if each.kind == kind)
+    return tuple(actuator.name for actuator in actuators if actuator.kind == kind)
 
 
 def shafts(actuators: Actuators) -> tuple[str, ...]:
     """The names of the propulsors, which protocols number; of a pair the port one comes first."""
-    return tuple(each.name for each in actuators if each.drives)
+    return tuple(actuator.name for actuator in actuators if actuator.drives)
 
 
 def rudders(actuators: Actuators) -> tuple[str, ...]:
@@ -239,14 +239,14 @@ def numbered_shafts(actuators: Actuators) -> Actuators:
     From port to starboard; beyond three their numbers do not follow from the list.
     """
     thrusters = thruster_numbers(actuators)
-    drives = tuple(each for each in actuators if each.drives)
-    return tuple(each for each in drives if each.name not in thrusters) or drives
+    drives = tuple(actuator for actuator in actuators if actuator.drives)
+    return tuple(drive for drive in drives if drive.name not in thrusters) or drives
 
 
 def shaft_numbers(numbered: Actuators) -> dict[str, int]:
     """The number of each shaft in RPM and PRC: from the centre line odd to starboard, even to port, 0 on it."""
     numbers = {1: (0,), 2: (2, 1), 3: (2, 0, 1)}.get(len(numbered), ())
-    return {each.name: number for each, number in zip(numbered, numbers, strict=False)}
+    return {shaft.name: number for shaft, number in zip(numbered, numbers, strict=False)}
 
 
 def shaft_of_number(number: float | None, numbered: Actuators) -> Actuator | None:
@@ -261,14 +261,14 @@ def shaft_of_number(number: float | None, numbered: Actuators) -> Actuator | Non
 def thruster_numbers(actuators: Actuators) -> dict[str, int]:
     """The number of each thruster in TRD and TRC (IEC 61162-1), in order: odd at the bow, even at the stern."""
     stern, bow = count(2, 2), count(1, 2)
-    thrusters = (each for each in actuators if each.kind in ("azimuth", "tunnel"))
-    return {each.name: next(bow if each.is_at_bow else stern) for each in thrusters}
+    thrusters = (actuator for actuator in actuators if actuator.kind in ("azimuth", "tunnel"))
+    return {thruster.name: next(bow if thruster.is_at_bow else stern) for thruster in thrusters}
 
 
 @lru_cache(maxsize=64)
 def control_channels(actuators: Actuators) -> tuple[Channel, ...]:
     """The control channels of a ship, actuator by actuator."""
-    return tuple(channel for each in actuators for channel in each.channels)
+    return tuple(channel for actuator in actuators for channel in actuator.channels)
 
 
 @lru_cache(maxsize=64)
@@ -279,19 +279,23 @@ def control_names(actuators: Actuators) -> tuple[str, ...]:
 
 def kind_of_control(name: str, actuators: Actuators) -> str:
     """The kind of the actuator that a control channel belongs to. Raises :class:`KeyError` for none."""
-    return {channel.name: each.kind for each in actuators for channel in each.channels}[name]
+    return {channel.name: actuator.kind for actuator in actuators for channel in actuator.channels}[name]
 
 
 def part_of_control(name: str, actuators: Actuators) -> str:
     """The name of a control channel's control: a shaft, an azimuth ... Raises :class:`KeyError` for none."""
-    pairs = (pair for each in actuators for pair in zip(KINDS[each.kind].controls, each.channels, strict=True))
+    pairs = (
+        pair
+        for actuator in actuators
+        for pair in zip(KINDS[actuator.kind].controls, actuator.channels, strict=True)
+    )
     return {channel.name: control for control, channel in pairs}[name]
 
 
 @lru_cache(maxsize=64)
 def order_channels(actuators: Actuators) -> tuple[Channel, ...]:
     """The auxiliary channels of the orders to a ship's actuators."""
-    return tuple(channel for each in actuators for channel in each.orders)
+    return tuple(channel for actuator in actuators for channel in actuator.orders)
 
 
 def actuators_in(names: Iterable[str]) -> Actuators:
@@ -303,7 +307,7 @@ def actuators_in(names: Iterable[str]) -> Actuators:
     for name in names:
         channel = channel_by_rule(name)
         if channel is not None and channel.group == "command":
-            ending = next(each for each in _ENDINGS if name.endswith(each))
+            ending = next(suffix for suffix in _ENDINGS if name.endswith(suffix))
             stems.setdefault(name.removesuffix(ending), set()).add(ending)
     return tuple(Actuator(stem, _kind_by_rule(stem, endings)) for stem, endings in stems.items())
 
@@ -320,7 +324,7 @@ def stated_text(actuators: Actuators, vessel: str) -> str:
 
 
 def _listed(actuators: Actuators) -> str:
-    return ", ".join(f"{each.name}:{each.kind}" for each in actuators)
+    return ", ".join(f"{actuator.name}:{actuator.kind}" for actuator in actuators)
 
 
 @lru_cache(maxsize=64)
@@ -333,5 +337,5 @@ def from_text(text: str) -> Actuators:
 
 
 _LISTED = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))["actuator"]
-DEFAULT: Actuators = check_actuators(Actuator(each["name"], each["kind"]) for each in _LISTED)
+DEFAULT: Actuators = check_actuators(Actuator(entry["name"], entry["kind"]) for entry in _LISTED)
 """The actuators of recordings that do not state any: R/V Gunnerus', from her vessel file."""

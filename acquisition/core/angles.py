@@ -79,10 +79,10 @@ def is_other_convention(channel: Channel, values: Floats) -> bool:
     closed = -180.0 if channel.low < 0.0 else 360.0
     ours, theirs = ((-180.0, 0.0), (180.0, 360.0)) if channel.low < 0.0 else ((180.0, 360.0), (-180.0, 0.0))
     contradicting = (values > ours[0]) & (values < ours[1])
-    other = (outside >= theirs[0]) & (outside < theirs[1])
+    in_other_turn = (outside >= theirs[0]) & (outside < theirs[1])
     if (outside == closed).all():
         return True
-    whole_turn = bool((other | (outside == closed)).all()) and not contradicting.any()
+    whole_turn = bool((in_other_turn | (outside == closed)).all()) and not contradicting.any()
     beyond_south = channel.low >= 0.0 and bool((outside < -_SEAM_DEG).all())
     return (whole_turn and (np.unique(outside).size >= 3 or beyond_south)) or counted_on(values, impossible)
 

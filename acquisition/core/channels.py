@@ -123,7 +123,7 @@ def is_circular(name: str) -> bool:
 @lru_cache(maxsize=64)
 def with_declared(declared: Declared) -> ChannelsByName:
     """The channels by name, including those that a trial declares."""
-    return ChannelsByName({**BY_NAME, **{each.name: each for each in declared}}) if declared else BY_NAME
+    return ChannelsByName({**BY_NAME, **{channel.name: channel for channel in declared}}) if declared else BY_NAME
 
 
 def declared_in(attributes: Mapping[Any, Any]) -> Declared:
@@ -143,14 +143,14 @@ def channels_known_to(trial: Trial) -> ChannelsByName:
 
 def channels_of_trial(trial: Trial) -> dict[str, Channel]:
     """Every channel that a recording of a trial may have, by name, in order."""
-    known, declared = channels_known_to(trial), declared_from_text(trial.channels)
-    return {name: known[name] for name in channel_names(from_text(trial.actuators), declared)}
+    channels, declared = channels_known_to(trial), declared_from_text(trial.channels)
+    return {name: channels[name] for name in channel_names(from_text(trial.actuators), declared)}
 
 
 def channels_of_table(columns: Iterable[Any], attributes: Mapping[Any, Any]) -> dict[str, Channel]:
     """Every channel that a table may have, by name, in order: from its ``attrs``, else from its columns."""
-    known, declared = known_channels(attributes), declared_in(attributes)
-    return {name: known[name] for name in channel_names(actuators_of(columns, attributes), declared)}
+    channels, declared = known_channels(attributes), declared_in(attributes)
+    return {name: channels[name] for name in channel_names(actuators_of(columns, attributes), declared)}
 
 
 @lru_cache(maxsize=64)
@@ -180,8 +180,8 @@ def channel_names(actuators: Actuators, declared: Declared = ()) -> tuple[str, .
     A ship with listed rudders has no auxiliary rudder.
     """
     orders = (channel.name for channel in order_channels(actuators))
-    auxiliary = (each.name for each in _AUXILIARY if each.name != RUDDER or not rudders(actuators))
-    return (*trial_names(actuators), *auxiliary, *orders, *(each.name for each in declared))
+    auxiliary = (channel.name for channel in _AUXILIARY if channel.name != RUDDER or not rudders(actuators))
+    return (*trial_names(actuators), *auxiliary, *orders, *(channel.name for channel in declared))
 
 
 def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
@@ -190,12 +190,12 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     A table whose control columns all belong to the default list is one of that ship, even if some are missing;
     a rudder among them is then an auxiliary channel, unless nothing else steers.
     """
-    said = ((attributes or {}).get("trial") or {}).get("actuators", "")
-    if said:
-        return from_text(said)
-    others = (_FIXED - {RUDDER}) | {each.name for each in declared_in(attributes or {})}
-    found = actuators_in(name for name in map(str, columns) if name not in others)
-    driving = tuple(each for each in found if each.channels[0].name != RUDDER)
-    steers = bool(driving) and len(driving) < len(found) and not any(each.angle for each in driving)
-    hers = {each.name for each in driving} <= {each.name for each in DEFAULT} and not steers
-    return DEFAULT if hers else found
+    text = ((attributes or {}).get("trial") or {}).get("actuators", "")
+    if text:
+        return from_text(text)
+    fixed_names = (_FIXED - {RUDDER}) | {channel.name for channel in declared_in(attributes or {})}
+    inferred = actuators_in(name for name in map(str, columns) if name not in fixed_names)
+    driving = tuple(actuator for actuator in inferred if actuator.channels[0].name != RUDDER)
+    steers = bool(driving) and len(driving) < len(inferred) and not any(actuator.angle for actuator in driving)
+    is_default = {actuator.name for actuator in driving} <= {actuator.name for actuator in DEFAULT} and not steers
+    return DEFAULT if is_default else inferred

@@ -44,10 +44,12 @@ def read_in_child(script: Path, reader: str, path: Path) -> Any:
             raise
         code = process.wait()
         stderr.seek(0)
-        said = stderr.read().decode(errors="replace").strip().splitlines()
+        error_lines = stderr.read().decode(errors="replace").strip().splitlines()
     if code == _REFUSED:
         raise InputError(
-            f"is not a readable {path.suffix} table", where=str(path), why=said[-1][:_MOST_LETTERS] if said else ""
+            f"is not a readable {path.suffix} table",
+            where=str(path),
+            why=error_lines[-1][:_MOST_LETTERS] if error_lines else "",
         )
     if code or not received:
         memory, seconds = int(limits[0]), int(limits[1])

@@ -151,14 +151,14 @@ def judge_heading(moves: Complexes, readings: Mapping[str, Floats], recorded: st
     sensed = {
         (unit, sense): drift_of(moves, sense * angles) for unit, angles in readings.items() for sense in (1.0, -1.0)
     }
-    unit, sense = best = min(sensed, key=lambda each: sensed[each].variance)
+    unit, sense = best = min(sensed, key=lambda candidate: sensed[candidate].variance)
     drift, constant = sensed[best], drift_of(moves, np.zeros(moves.size))
-    others = [constant.variance, *(other.variance for reading, other in sensed.items() if reading != best)]
+    rival_variances = [constant.variance, *(rival.variance for reading, rival in sensed.items() if reading != best)]
     is_decided = (
         np.count_nonzero(np.abs(moves) > 0.0) >= _FEWEST
         and constant.variance > _LEAST_COURSE
         and drift.variance < _MOST_DRIFT
-        and min(others) > _BEYOND_OTHERS * drift.variance
+        and min(rival_variances) > _BEYOND_OTHERS * drift.variance
         and sensed[unit, -sense].variance > _BEYOND_OTHER_SENSE * drift.variance
         and _turns(readings[unit])
     )
@@ -200,9 +200,10 @@ def conventions_of_course(moves: Complexes, heading_deg: Floats) -> tuple[Headin
         return ()
     mean = circular_mean(heading_deg)
     return tuple(
-        each
-        for each in HEADINGS[1:]
-        if abs(drift_of(moves, np.full(moves.size, each.scale * mean + each.offset_deg)).mean_deg) < _SWING_DEG
+        convention
+        for convention in HEADINGS[1:]
+        if abs(drift_of(moves, np.full(moves.size, convention.scale * mean + convention.offset_deg)).mean_deg)
+        < _SWING_DEG
     )
 
 
@@ -220,11 +221,11 @@ def judge_axes(moves: Complexes, travelled: Mapping[str, Complexes]) -> tuple[st
 
     ``travelled`` are the moves [n, m] that the speeds make in each.
     """
-    fits = {axes: _axes_fit(moves, made) for axes, made in travelled.items()}
+    fits = {axes: _axes_fit(moves, speed_moves) for axes, speed_moves in travelled.items()}
     best = min(fits, key=lambda axes: fits[axes].left)
-    others = min(fit.left for axes, fit in fits.items() if axes != best)
-    left = fits[best].left
-    is_decided = left < _MOST_LEFT and others > max(_LEAST_OTHERS, _BEYOND_OTHER_SENSE * left)
+    next_best = min(fit.left for axes, fit in fits.items() if axes != best)
+    residual = fits[best].left
+    is_decided = residual < _MOST_LEFT and next_best > max(_LEAST_OTHERS, _BEYOND_OTHER_SENSE * residual)
     return (best if is_decided and fits[best].factor > 0.0 else ""), fits
 
 

@@ -52,14 +52,14 @@ def declare(name: str, unit: str, low: float, high: float, meaning: str = "", st
 def as_text(channels: Iterable[Channel]) -> str:
     """Declared channels as JSON for a recording's metadata; empty for none."""
     keys = "name", "unit", "low", "high", "meaning", "state"
-    said = [{key: getattr(each, key) for key in keys} for each in channels]
-    return json.dumps(said) if said else ""
+    entries = [{key: getattr(channel, key) for key in keys} for channel in channels]
+    return json.dumps(entries) if entries else ""
 
 
 @lru_cache(maxsize=64)
 def declared_from_text(text: str) -> Declared:
     """The inverse of :func:`as_text`; text that is no list of channels (another program's) declares none."""
     try:
-        return tuple(declare(**each) for each in parse_json(text)) if text else ()
+        return tuple(declare(**entry) for entry in parse_json(text)) if text else ()
     except (ValueError, TypeError):
         return ()

@@ -325,8 +325,8 @@ def expect_suffix(path: Path | str, *suffixes: str) -> str:
     path = Path(path)
     kind = path.suffix.lower() or (suffixes[0] if len(suffixes) == 1 else "")
     if kind not in suffixes:
-        *others, last = suffixes
-        named = f"{', '.join(others)} or {last}" if others else last
+        *leading, last = suffixes
+        named = f"{', '.join(leading)} or {last}" if leading else last
         raise InputError(
             f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {named}"
         )

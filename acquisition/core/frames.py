@@ -111,8 +111,8 @@ def label_parts(source: str) -> tuple[str, str, list[str]]:
     >>> label_parts("bus/35:130306 apparent derived")
     ('bus', '35', ['130306', 'apparent', 'derived'])
     """
-    line, _, rest = source.partition("/")
-    device, _, words = rest.partition(":")
+    line, _, device_and_message = source.partition("/")
+    device, _, words = device_and_message.partition(":")
     return line, device, words.split(" ")
 
 

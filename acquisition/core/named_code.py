@@ -26,7 +26,7 @@ from acquisition.core.budget import CONFIGURATION_BYTES
 from acquisition.core.errors import ConfigurationError, SeatrialError
 from acquisition.core.files import read_regular
 
-_LOG, _TOLD = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
+_LOG, _LOGGED = logging.getLogger("seatrial.own"), set[tuple[str, str]]()
 
 
 class OwnCodeError(ConfigurationError):
@@ -57,8 +57,8 @@ def in_file(name: str) -> tuple[Path, str] | None:
 
 def absolute(name: str, folder: Path | None = None) -> str:
     """``FILE.py:NAME`` with an absolute path, relative to ``folder``; other names unchanged."""
-    found = in_file(name)
-    return name if found is None else f"{((folder or Path()) / found[0]).resolve()}:{found[1]}"
+    location = in_file(name)
+    return name if location is None else f"{((folder or Path()) / location[0]).resolve()}:{location[1]}"
 
 
 def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
@@ -68,14 +68,14 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
     """
     if ours and name in ours:
         return imported(ours[name])
-    if (found := in_file(name)) is not None:
-        return _attribute(*found)
+    if (location := in_file(name)) is not None:
+        return _attribute(*location)
     entries = _entries(group)
     if name not in entries:
-        known = [*(ours or ()), *entries]
-        near = get_close_matches(name, known, n=1)
+        names = [*(ours or ()), *entries]
+        near = get_close_matches(name, names, n=1)
         mean = f"did you mean {near[0]}? " if near else ""
-        among = f"use one of {', '.join(known)}, or " if known else "give "
+        among = f"use one of {', '.join(names)}, or " if names else "give "
         raise ConfigurationError(
             f"no {group.removesuffix('s')} is called {name!r}", fix=f"{mean}{among}FILE.py:NAME of your own"
         )
@@ -85,8 +85,8 @@ def load(name: str, group: str, ours: Mapping[str, str] | None = None) -> Any:
 
 def digest_of(name: str, group: str) -> str:
     """The SHA-256 of the file with a user's code, which is not executed; "" for ours and for a missing file."""
-    entry, found = _entries(group).get(name), in_file(name)
-    file = found[0] if found else None
+    entry, location = _entries(group).get(name), in_file(name)
+    file = location[0] if location else None
     if entry is not None:
         spec = find_spec(entry.module)
         file = Path(spec.origin) if spec is not None and spec.origin else None
@@ -115,9 +115,9 @@ def own_code(name: str, file: str) -> Iterator[None]:
         lines = [line for frame, line in walk_tb(trace) if frame.f_code.co_filename == file]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         where = f"{file}, line {line}" if line else file
-        if (where, str(error)) not in _TOLD:  # sources are retried: log each error once
+        if (where, str(error)) not in _LOGGED:  # sources are retried: log each error once
             _LOG.error("".join(format_exception(type(error), error, trace, chain=False)).rstrip())
-            _TOLD.add((where, str(error)))
+            _LOGGED.add((where, str(error)))
         why = error.msg if isinstance(error, SyntaxError) else f"{type(error).__name__}: {error}"
         raise OwnCodeError(
             f"{name.rpartition('/')[2]} failed", where=where, why=why, fix="correct it there"
@@ -129,8 +129,8 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
 
     ``method`` names the method of the class ``code`` to check.
     """
-    given = ("self", *arguments) if method else arguments
-    wanted = f"{method or name.rpartition(':')[2]}({', '.join(given)})"
+    parameters = ("self", *arguments) if method else arguments
+    wanted = f"{method or name.rpartition(':')[2]}({', '.join(parameters)})"
     called = getattr(code, method, None) if method else code
     try:
         inspect.signature(called).bind(*([code] if method else []), *arguments)  # type: ignore[arg-type]
@@ -141,7 +141,7 @@ def require_call(code: Any, name: str, *arguments: str, method: str = "") -> Non
 
 
 def _entries(group: str) -> dict[str, EntryPoint]:
-    return {each.name: each for each in entry_points(group=f"seatrial.{group}")}
+    return {entry_point.name: entry_point for entry_point in entry_points(group=f"seatrial.{group}")}
 
 
 def _attribute(file: Path, name: str) -> Any:
@@ -154,11 +154,13 @@ def _attribute(file: Path, name: str) -> Any:
     module = _executed(file.resolve(), content)
     if name and hasattr(module, name):
         return getattr(module, name)
-    own = [key for key, each in vars(module).items() if getattr(each, "__module__", "") == module.__name__]
-    defined = ", ".join(own) or "nothing"
+    defined_names = [
+        key for key, member in vars(module).items() if getattr(member, "__module__", "") == module.__name__
+    ]
+    defined = ", ".join(defined_names) or "nothing"
     what = f"defines no {name}" if name else "is a file: which of what it defines is meant is to be said"
     raise ConfigurationError(
-        what, where=str(file), why=f"it defines {defined}", fix=f"write {file}:{(own or ['NAME'])[0]}"
+        what, where=str(file), why=f"it defines {defined}", fix=f"write {file}:{(defined_names or ['NAME'])[0]}"
     )
 
 

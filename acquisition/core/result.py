@@ -87,11 +87,11 @@ class ModelResult(Result):
 
     @property
     def first_lines(self) -> list[str]:
-        return [str(each) for each in (self.measurements, self.model) if each]
+        return [str(part) for part in (self.measurements, self.model) if part]
 
     @property
     def remarks(self) -> dict[str, list[str]]:
         """The first entries of its JSON object."""
-        said = [self.measurements] if self.measurements else []
-        said += [] if self.model is None else self.model.remarks.get("remarks", [])
-        return {"remarks": said} if said else {}
+        remarks = [self.measurements] if self.measurements else []
+        remarks += [] if self.model is None else self.model.remarks.get("remarks", [])
+        return {"remarks": remarks} if remarks else {}

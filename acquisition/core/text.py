@@ -23,7 +23,7 @@ def printable(said: Said) -> Said:
     if isinstance(said, str):
         return _OBEYED.sub(lambda match: _escape(match[0]), said)  # type: ignore[return-value]
     if isinstance(said, dict):
-        return {printable(key): printable(each) for key, each in said.items()}  # type: ignore[return-value]
+        return {printable(key): printable(value) for key, value in said.items()}  # type: ignore[return-value]
     if isinstance(said, list | tuple):
         return type(said)(map(printable, said))
     return said

@@ -249,8 +249,8 @@ def date_order(
     possible = [order for order in ORDERS if all(order in stamp.orders for stamp in stamps)]
     if len(possible) == 1:
         return possible[0], "no other order is possible"
-    beside = list(stated)
-    agreeing = [order for order in possible if beside and _agrees(beside, order)]
+    references = list(stated)
+    agreeing = [order for order in possible if references and _agrees(references, order)]
     if len(agreeing) == 1:
         return agreeing[0], "as the date beside it"
     spans = sorted((_span_days(stamps, order), order) for order in possible)

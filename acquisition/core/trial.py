@@ -81,12 +81,12 @@ class Trial:
         """The inverse of :meth:`as_metadata`; unknown keys are ignored."""
         texts = dict(metadata)
         texts["name"] = texts.pop("trial", "")
-        known: dict[str, str | float] = {}
+        values: dict[str, str | float] = {}
         for field in fields(cls):
             if texts.get(field.name):
                 numeric = "float" in str(field.type)
-                known[field.name] = float(texts[field.name]) if numeric else texts[field.name]
-        return cls(**known)  # type: ignore[arg-type]
+                values[field.name] = float(texts[field.name]) if numeric else texts[field.name]
+        return cls(**values)  # type: ignore[arg-type]
 
 
 def _encodable(text: str) -> str:

@@ -115,11 +115,11 @@ def to_house(house: str, unit: str) -> Linear:
         >>> to_house("degC", "K").apply(273.15)
         0.0
     """
-    given, unit = unit, canonical(unit)
-    sizes = next((each for each in _SIZES.values() if house in each), {house: 1.0})
+    stated_unit, unit = unit, canonical(unit)
+    sizes = next((by_unit for by_unit in _SIZES.values() if house in by_unit), {house: 1.0})
     if unit not in sizes:
         raise ConfigurationError(
-            f"unit {given!r} does not measure a quantity in {house}", fix=f"use one of {', '.join(sizes)}"
+            f"unit {stated_unit!r} does not measure a quantity in {house}", fix=f"use one of {', '.join(sizes)}"
         )
     zero = _ZEROS.get(unit, 0.0) - _ZEROS.get(house, 0.0)
     return Linear(sizes[unit] / sizes[house], zero / sizes[house])

@@ -101,7 +101,7 @@ class DeclaredReaders(dict[Carrier, list[Reader]]):
 
     def channels_in(self, kind: Carrier) -> frozenset[str]:
         """The channels that these messages carry: what they would say of them otherwise counts no more."""
-        return frozenset(each.channel.name for each in self.get(kind, ()))
+        return frozenset(entry.channel.name for entry in self.get(kind, ()))
 
 
 def make_decoders(config: AnySource, actuators: Actuators = DEFAULT, declared: Declarations = ()) -> list[Decoder]:
@@ -133,7 +133,8 @@ def decoders_by_protocol(
     if isinstance(config, MqttLinks):
         from acquisition.decoders.mqtt import MqttDecoder
 
-        return {"mqtt": [MqttDecoder(config, decoder, with_declared(tuple(each.channel for each in declared)))]}
+        channels = with_declared(tuple(declaration.channel for declaration in declared))
+        return {"mqtt": [MqttDecoder(config, decoder, channels)]}
     sentences: list[Decoder] = [decoder]
     if config.type == "can_file":
         return {"can": _of_can(config, actuators, declared), "nmea0183": sentences}
@@ -154,5 +155,5 @@ def _of_can(config: CanFrames, actuators: Actuators, declared: Declarations) -> 
     )
     if config.dbc is None:
         return [nmea2000]
-    known = with_declared(tuple(each.channel for each in declared))
-    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000, known)]
+    channels = with_declared(tuple(declaration.channel for declaration in declared))
+    return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000, channels)]

@@ -68,7 +68,9 @@ class BusDevices:
     def claim(self, address: int, payload: bytes) -> bool:
         """A device claims an address by its NAME, 8 bytes; tells whether the address changed hands."""
         name = f"{int.from_bytes(payload, 'little'):016x}"
-        former_address = next((each for each, holder in self._name_at.items() if holder == name), None)
+        former_address = next(
+            (held_address for held_address, holder in self._name_at.items() if holder == name), None
+        )
         if former_address == address:
             return False
         if former_address is not None:

@@ -80,9 +80,11 @@ def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tu
         message = database.get_message_by_name(entry.message)
         return message, message.get_signal_by_name(entry.signal)
     except KeyError as error:
-        known = ", ".join(f"{each.name}.{signal.name}" for each in database.messages for signal in each.signals)
+        signal_names = ", ".join(
+            f"{frame.name}.{signal.name}" for frame in database.messages for signal in frame.signals
+        )
         raise ConfigurationError(
-            f"has no signal {entry.message}.{entry.signal}", where=str(path), fix=f"it has {known}"
+            f"has no signal {entry.message}.{entry.signal}", where=str(path), fix=f"it has {signal_names}"
         ) from error
 
 
@@ -138,7 +140,7 @@ class DbcDecoder(Decoder):
         path: Path,
         signals: dict[str, Signal],
         buses: Nmea2000Decoder,
-        known: Mapping[str, Channel] = BY_NAME,
+        channels: Mapping[str, Channel] = BY_NAME,
     ) -> None:
         super().__init__()
         self._buses = buses
@@ -147,7 +149,7 @@ class DbcDecoder(Decoder):
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
             wanted = self._wanted.setdefault(frame_key(message), (message, []))
-            wanted[1].append(_Wanted(channel, signal, entry.step_to(known[channel])))
+            wanted[1].append(_Wanted(channel, signal, entry.step_to(channels[channel])))
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
@@ -161,11 +163,11 @@ class DbcDecoder(Decoder):
         bus = self._buses.bus(frame)
         device = bus.devices.label(address) if extended else f"{frame.identifier:03X}{bus.devices.at_bus}"
         values = [
-            (each.channel, value)
-            for each in wanted
+            (entry.channel, value)
+            for entry in wanted
             # of multiplexed signals a frame carries some only
-            if each.signal.name in raw and bus.devices.may_provide(device, each.channel)
-            if (value := self._value(raw[each.signal.name], each, extended)) is not None
+            if entry.signal.name in raw and bus.devices.may_provide(device, entry.channel)
+            if (value := self._value(raw[entry.signal.name], entry, extended)) is not None
         ]
         return bus.clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
 

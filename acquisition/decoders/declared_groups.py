@@ -46,7 +46,7 @@ class _GroupChannel(NamedTuple):
 
     def read(self, address: int, message: Message) -> Value | None:
         """The value, or the reason why there is none; None where the message is about something else."""
-        if self.address not in (None, address) or any(message.read(each) != code for each, code in self.where):
+        if self.address not in (None, address) or any(message.read(field) != code for field, code in self.where):
             return None
         value = message.read(self.field)
         return value if isinstance(value, str) else self.step.apply(value)
@@ -64,20 +64,23 @@ class DeclaredGroups(DeclaredReaders[int, _GroupChannel]):
         self.shortest: dict[int, int] = {}
         for channel, origin in wanted:
             with complaints_about(channel):
-                found = _group_channel(channel, origin)
-            self.setdefault(origin.group, []).append(found)
+                group_channel = _group_channel(channel, origin)
+            self.setdefault(origin.group, []).append(group_channel)
             if _is_fast(origin.group) and origin.group not in SHORTEST_BYTES:
-                last_bit = max(each.start + each.bits for each in (found.field, *(each for each, _ in found.where)))
+                last_bit = max(
+                    field.start + field.bits
+                    for field in (group_channel.field, *(condition for condition, _ in group_channel.where))
+                )
                 self.shortest[origin.group] = max(self.shortest.get(origin.group, 1), -(-last_bit // 8))
 
     def read(self, group: int, address: int, message: Message) -> list[tuple[str, Value]]:
         """The channels in a message, each with its value or the reason why there is none."""
-        found: dict[str, Value] = {}
-        for each in self.get(group, ()):
-            value = each.read(address, message)
-            if value is not None and isinstance(found.get(each.channel.name, ""), str):
-                found[each.channel.name] = value
-        return list(found.items())
+        values: dict[str, Value] = {}
+        for group_channel in self.get(group, ()):
+            value = group_channel.read(address, message)
+            if value is not None and isinstance(values.get(group_channel.channel.name, ""), str):
+                values[group_channel.channel.name] = value
+        return list(values.items())
 
 
 def _group_channel(channel: Channel, origin: GroupField) -> _GroupChannel:
@@ -100,12 +103,12 @@ def _field(name: str, origin: GroupField) -> KnownField:
                 f"group {origin.group} has no bits {name}", fix="write first bit:number of bits"
             )
         return KnownField(Field(start, bits, origin.step, origin.signed, _follows_j1939(origin.group)), None)
-    known = canboat_fields(origin.group)
-    if name not in known:
-        why = f"it has {', '.join(known)}" if known else "canboat's database does not tell of it, or of several"
+    fields = canboat_fields(origin.group)
+    if name not in fields:
+        why = f"it has {', '.join(fields)}" if fields else "canboat's database does not tell of it, or of several"
         fix = 'name one of them, or write its place: field = "first bit:number of bits", with `step`'
         raise ConfigurationError(f"group {origin.group} has no field {name!r}", why=why, fix=fix)
-    return known[name]
+    return fields[name]
 
 
 LIBRARY = threading.Lock()
@@ -135,12 +138,12 @@ def canboat_fields(group: int) -> Mapping[str, KnownField]:
     if len(variants) != 1:
         return {}
     return {
-        each.id: KnownField(_as_field(group, each), each.unit)
-        for each in variants[0].fields
-        if each.bit_offset is not None
-        and each.bit_length is not None
-        and not each.offset
-        and each.field_type in _NUMBERS | _CODES
+        field.id: KnownField(_as_field(group, field), field.unit)
+        for field in variants[0].fields
+        if field.bit_offset is not None
+        and field.bit_length is not None
+        and not field.offset
+        and field.field_type in _NUMBERS | _CODES
     }
 
 
@@ -153,7 +156,7 @@ def _is_signed(group: int, info: Any) -> bool:
     """Whether all ones are a value, one step below zero, and not the code for none: the library does not say."""
     ones = ((1 << info.bit_length) - 1) << info.bit_offset
     message = decoded(group, ones.to_bytes(max(-(-ones.bit_length() // 8), 8), "little"))
-    raw = {each.id: each.raw_value for each in message.fields}[info.id] if message else None
+    raw = {field.id: field.raw_value for field in message.fields}[info.id] if message else None
     return isinstance(raw, int | float) and raw < 0
 
 
@@ -165,7 +168,7 @@ def _is_fast(group: int) -> bool:
         return True
     if group < _NMEA2000_FROM or group == single[0]:
         return False
-    return any(each.packet_type == "Fast" for each in variants_of(group))
+    return any(variant.packet_type == "Fast" for variant in variants_of(group))
 
 
 def _follows_j1939(group: int) -> bool:

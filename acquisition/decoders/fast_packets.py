@@ -79,7 +79,7 @@ class FastPackets:
         if len(partial.parts) < partial.places:
             return None
         _close(stream, number)
-        return b"".join(partial.parts[each] for each in range(partial.places))[: partial.length]
+        return b"".join(partial.parts[index] for index in range(partial.places))[: partial.length]
 
     def forget(self, address: int) -> None:
         """Another device has this address now: what the former one began will not be continued."""
@@ -88,9 +88,9 @@ class FastPackets:
 
     def _begin(self, stream: _Stream, number: int, monotonic_ns: int) -> _Partial:
         stream.begun += 1
-        for other, partial in list(stream.partials.items()):
+        for earlier, partial in list(stream.partials.items()):
             if stream.begun - partial.begun >= _MOST_BEGUN_SINCE:
-                self._drop(stream, other)
+                self._drop(stream, earlier)
         stream.closed = None if stream.closed == number else stream.closed
         stream.partials[number] = partial = _Partial(stream.begun, monotonic_ns)
         return partial
@@ -111,8 +111,8 @@ def _continues(partial: _Partial, place: int, length: int, monotonic_ns: int) ->
         return False
     if place:
         return place < partial.places
-    whole = _Partial(0, 0, length=length)
-    return max(partial.parts) < whole.places and len(partial.parts) < whole.places - 1
+    message = _Partial(0, 0, length=length)
+    return max(partial.parts) < message.places and len(partial.parts) < message.places - 1
 
 
 def _close(stream: _Stream, number: int) -> None:

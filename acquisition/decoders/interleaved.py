@@ -18,7 +18,7 @@ from acquisition.decoders import Notices
 
 _LEAST_APART = {"deg": 5.0, "dps": 1.0, "mps": 1.0, "rpm": 20.0, "percent": 20.0, "m": 1.0}
 """Levels are further apart, by the unit at the end of a quantity's name: ten steps of a coarse instrument."""
-_FEWEST, _MOST, _EVERY = 17, 65, 8  # values that are judged, and how many come from one judgement to the next
+_FEWEST, _MOST, _STRIDE = 17, 65, 8  # values that are judged, and how many come from one judgement to the next
 _FEWEST_TURNS = 8
 _BETWEEN = (0.25, 0.75)  # of the distance: steps of such a size belong to neither kind
 _EVEN = 0.12  # how much turns may differ from their median, as a fraction of it; of waves it is 0.3
@@ -70,7 +70,7 @@ class InterleavedSources:
             return _assign(series.sources, value, came_ns, unit)
         series.values.append(value)
         series.count += 1
-        if series.count >= _FEWEST and (series.count - _FEWEST) % _EVERY == 0:
+        if series.count >= _FEWEST and (series.count - _FEWEST) % _STRIDE == 0:
             values, least = [*series.values], _LEAST_APART[unit]
             parts = (values[-_FEWEST:], values)  # a turn between spoils the longer one
             levels = next(filter(None, (two_levels(part, least, circular=unit == "deg") for part in parts)), None)
@@ -88,19 +88,19 @@ def two_levels(values: Sequence[float], least: float, *, circular: bool) -> tupl
     """
     steps = [_difference(later, former, circular) for former, later in pairwise(values)]
     largest = sorted(map(abs, steps))[-_FEWEST_TURNS:]
-    apart = largest[_FEWEST_TURNS // 2]
-    places = [place for place, step in enumerate(steps) if abs(step) > _BETWEEN[1] * apart]
+    distance = largest[_FEWEST_TURNS // 2]
+    places = [place for place, step in enumerate(steps) if abs(step) > _BETWEEN[1] * distance]
     turns = [steps[place] for place in places]
-    between = sum(abs(step) > _BETWEEN[0] * apart for step in steps) - len(turns)
-    beside = sum(place + 1 in places or place - 1 in places for place in places)
+    between = sum(abs(step) > _BETWEEN[0] * distance for step in steps) - len(turns)
+    adjacent = sum(place + 1 in places or place - 1 in places for place in places)
     in_turn = all(former * later < 0.0 for former, later in pairwise(turns))
     if (
-        apart < least
+        distance < least
         or len(turns) < _FEWEST_TURNS
         or between
-        or max(abs(abs(turn) - apart) for turn in turns) > _EVEN * apart
-        or beside < _RETURNS * len(turns)
-        or not (in_turn or (circular and apart > _HALF_TURN_DEG))
+        or max(abs(abs(turn) - distance) for turn in turns) > _EVEN * distance
+        or adjacent < _RETURNS * len(turns)
+        or not (in_turn or (circular and distance > _HALF_TURN_DEG))
     ):
         return None
     last = [0.0, 0.0]
@@ -117,9 +117,9 @@ def _assign(sources: list[_Source], value: float, came_ns: int, unit: str) -> in
     circular = unit == "deg"
     have_met = abs(_difference(sources[0].value, sources[1].value, circular)) < 0.5 * _LEAST_APART[unit]
     if have_met:
-        source = min(present, key=lambda each: each.late(came_ns))
+        source = min(present, key=lambda candidate: candidate.late(came_ns))
     else:
-        source = min(present, key=lambda each: abs(_difference(value, each.value, circular)))
+        source = min(present, key=lambda candidate: abs(_difference(value, candidate.value, circular)))
     source.value, source.came_ns, source.interval_ns = value, came_ns, came_ns - source.came_ns
     return sources.index(source) + 1
 

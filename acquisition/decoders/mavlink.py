@@ -46,7 +46,7 @@ _NEAR_WRAP_MS = 60_000
 _LARGEST_ANGLE_DEG = 360.01  # a whole turn, and what rounding adds to it
 
 
-def _known(value: int, unit: float) -> float:
+def _scaled(value: int, unit: float) -> float:
     return nan if value == _UNKNOWN else value * unit
 
 
@@ -60,10 +60,10 @@ def _fix(message: Any) -> Fix:
 
 def _position(latitude: int, longitude: int) -> Values:
     """A position in 1e-7 degrees; what autopilots send before their first fix is not one."""
-    known = (latitude, longitude) != (0, 0)
+    has_fix = (latitude, longitude) != (0, 0)
     return [
-        ("latitude_deg", latitude / 1e7 if known else nan),
-        ("longitude_deg", longitude / 1e7 if known else nan),
+        ("latitude_deg", latitude / 1e7 if has_fix else nan),
+        ("longitude_deg", longitude / 1e7 if has_fix else nan),
     ]
 
 
@@ -77,20 +77,20 @@ def _attitude(message: Any) -> Values:
 
 
 def _global_position(message: Any) -> Values:
-    known = UNKNOWN_VELOCITY not in (message.vx, message.vy)
+    has_velocity = UNKNOWN_VELOCITY not in (message.vx, message.vy)
     return [
         *_position(message.lat, message.lon),
-        ("velocity_north_mps", message.vx / 100.0 if known else nan),
-        ("velocity_east_mps", message.vy / 100.0 if known else nan),
-        ("heading_deg", _known(message.hdg, 0.01)),
+        ("velocity_north_mps", message.vx / 100.0 if has_velocity else nan),
+        ("velocity_east_mps", message.vy / 100.0 if has_velocity else nan),
+        ("heading_deg", _scaled(message.hdg, 0.01)),
     ]
 
 
 def _satellite_position(message: Any) -> Values:
     return [
         *_position(message.lat, message.lon),
-        ("speed_over_ground_mps", _known(message.vel, 0.01)),
-        ("course_over_ground_deg", _known(message.cog, 0.01)),
+        ("speed_over_ground_mps", _scaled(message.vel, 0.01)),
+        ("course_over_ground_deg", _scaled(message.cog, 0.01)),
     ]
 
 
@@ -126,7 +126,7 @@ def is_read(message_id: int) -> bool:
     return message_id in _NAMES
 
 
-_WHOLE = re.compile(r"(u?)int(\d+)_t")
+_INTEGER_TYPE = re.compile(r"(u?)int(\d+)_t")
 
 
 class _MessageChannel(NamedTuple):
@@ -155,18 +155,18 @@ class DeclaredMessages(DeclaredReaders[str, _MessageChannel]):
     def __init__(self, wanted: Sequence[tuple[Channel, MavlinkField]]) -> None:
         super().__init__()
         self.names: dict[int, str] = {}
-        kinds = {each.msgname: each for each in dialect.mavlink_map.values()}
+        kinds = {message_class.msgname: message_class for message_class in dialect.mavlink_map.values()}
         for channel, origin in wanted:
             with complaints_about(channel):
                 kind = _kind_of(origin, kinds)
                 step = origin.step_to(channel, kind.fieldunits_by_name.get(origin.field))
             self.names[kind.id] = origin.message
-            found = _MessageChannel(channel, origin, step, _unknown(kind, origin.field))
-            self.setdefault(origin.message, []).append(found)
+            message_channel = _MessageChannel(channel, origin, step, _unknown(kind, origin.field))
+            self.setdefault(origin.message, []).append(message_channel)
 
     def read(self, name: str, message: Any) -> list[tuple[str, float]]:
         """The channels in a message with their values, NaN for one that is not known."""
-        return [value for each in self.get(name, ()) for value in each.read(message)]
+        return [value for message_channel in self.get(name, ()) for value in message_channel.read(message)]
 
 
 def _kind_of(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
@@ -189,8 +189,8 @@ def _kind_of(origin: MavlinkField, kinds: Mapping[str, Any]) -> Any:
 
 def _unknown(kind: Any, field: str) -> int | None:
     """What a field of whole numbers holds where the value is not known: by MAVLink's custom the highest."""
-    found = _WHOLE.fullmatch(kind.fieldtypes[kind.fieldnames.index(field)])
-    return None if found is None else 2 ** (int(found[2]) - (found[1] == "")) - 1
+    match = _INTEGER_TYPE.fullmatch(kind.fieldtypes[kind.fieldnames.index(field)])
+    return None if match is None else 2 ** (int(match[2]) - (match[1] == "")) - 1
 
 
 class MavlinkDecoder(Decoder):
@@ -202,12 +202,13 @@ class MavlinkDecoder(Decoder):
         super().__init__()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
-        known = with_declared(tuple(each.channel for each in declared))
+        channels = with_declared(tuple(declaration.channel for declaration in declared))
         self._declared = DeclaredMessages(carried_by(declared, config.channels, MavlinkField))
         self._names = _NAMES | self._declared.names
         self._wanted = frozenset((*_chosen(config), *_CONTEXT, *self._declared.names.values()))
         self._named = {
-            entry.name: (channel, entry.step_to(known[channel])) for channel, entry in config.named_values.items()
+            entry.name: (channel, entry.step_to(channels[channel]))
+            for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
@@ -250,11 +251,11 @@ class MavlinkDecoder(Decoder):
             self.refused["undecodable"] += 1
             return []
         self._notice_restart(message, frame)
-        told_ns, groups, said = self._told(message, frame), [], self._values(kind, message, frame)
+        told_ns, groups, readings = self._measured_ns(message, frame), [], self._values(kind, message, frame)
         if ours := self._declared.channels_in(kind):
-            said = [(label, [each for each in values if each[0] not in ours]) for label, values in said]
-            said.append((kind, self._declared.read(kind, message)))
-        for label, values in said:
+            readings = [(label, [pair for pair in values if pair[0] not in ours]) for label, values in readings]
+            readings.append((kind, self._declared.read(kind, message)))
+        for label, values in readings:
             source = f"{frame.origin}/{self._sender(message, frame)}:{label}"
             groups += self.clock.group(frame, source, self._possible(values), told_ns)
         return groups
@@ -361,7 +362,7 @@ class MavlinkDecoder(Decoder):
         self._boot_ns[self._sender(message, frame)] = told_ns - message.time_boot_ms * _MILLI_NS
         self.clock.announce(told_ns, frame)
 
-    def _told(self, message: Any, frame: Frame) -> int | None:
+    def _measured_ns(self, message: Any, frame: Frame) -> int | None:
         """When a message says that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970."""
         since_ns = None
         if hasattr(message, "time_boot_ms"):

@@ -64,8 +64,8 @@ def header_of(packet: bytes) -> Header:
 
 def message_name(number: int) -> str:
     """The name of a message, or its number where the dialect has none."""
-    known = dialect.mavlink_map.get(number)
-    return str(known.msgname) if known else str(number)
+    message = dialect.mavlink_map.get(number)
+    return str(message.msgname) if message else str(number)
 
 
 def is_known(packet: bytes) -> bool:
@@ -118,7 +118,7 @@ class PacketCutter:
     """
 
     def __init__(self, *, whole: bool) -> None:
-        self._whole = whole
+        self._complete = whole
         self._pending = b""
 
     def push(self, received: bytes) -> list[bytes | Fault]:
@@ -126,20 +126,20 @@ class PacketCutter:
         before: list[bytes | Fault] = []
         if self._pending and received and is_sound(received):
             # What waits is the rest of a damaged packet; it must not hold back, and make late, what came now.
-            before, _ = _cut(self._pending, whole=True)
+            before, _ = _cut(self._pending, complete=True)
             self._pending = b""
         data = self._pending + received
-        pieces, used = _cut(data, whole=self._whole)
+        pieces, used = _cut(data, complete=self._complete)
         self._pending = data[used:]
         return before + pieces
 
 
-def _cut(data: bytes, *, whole: bool) -> tuple[list[bytes | Fault], int]:
+def _cut(data: bytes, *, complete: bool) -> tuple[list[bytes | Fault], int]:
     """Packets and faults from the beginning of ``data``, and how many of its bytes they are made of.
 
-    Unless it is ``whole``, what bytes to come may yet decide is left.
+    Unless it is ``complete``, what bytes to come may yet decide is left.
     """
-    starts = (each.start() for each in _MAGIC.finditer(data))
+    starts = (match.start() for match in _MAGIC.finditer(data))
     sound = [*(start for start in starts if is_sound(data, start)), len(data)]
     pieces: list[bytes | Fault] = []
     at, rubbish = 0, False
@@ -149,7 +149,7 @@ def _cut(data: bytes, *, whole: bool) -> tuple[list[bytes | Fault], int]:
         if following == at:
             piece: bytes | Fault | None = data[at:end]
             end = _end_of_sound(data, at, end, sound)
-        elif at < end and not whole and _undecided(data, at, end):
+        elif at < end and not complete and _undecided(data, at, end):
             break
         else:
             piece = _passed_over(data, at, end, following)
@@ -175,7 +175,7 @@ def _undecided(data: bytes, at: int, end: int) -> bool:
     if end >= len(data):
         return True
     late = _MAGIC.finditer(data, max(at + 1, len(data) - LONGEST_BYTES), end)
-    return any(each.start() + extent(data, each.start()) > len(data) for each in late)
+    return any(match.start() + extent(data, match.start()) > len(data) for match in late)
 
 
 def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None:
@@ -191,5 +191,5 @@ def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None
 
 
 def _next_magic(data: bytes, at: int) -> int:
-    found = _MAGIC.search(data, at)
-    return found.start() if found else len(data)
+    match = _MAGIC.search(data, at)
+    return match.start() if match else len(data)

@@ -40,7 +40,7 @@ _WIND_ABOARD = {
     "apparent_wind_angle_deg": "wind_angle_apparent_deg", "apparent_wind_speed_mps": "wind_speed_apparent_mps",
 }  # fmt: skip
 """What the wind on board is called where its angle and speed are told together: true wind follows from it."""
-_PARTNERS = {name: other for pair in PAIRS for name, other in (pair, pair[::-1])}
+_PARTNERS = {name: partner for pair in PAIRS for name, partner in (pair, pair[::-1])}
 
 
 class Told(NamedTuple):
@@ -96,22 +96,22 @@ def read_message(text: str, entry: TopicValue) -> Told:
 
 def _of_json(text: str, entry: TopicValue, time_ns: int | None) -> Told:
     try:
-        found = orjson.loads(text)
+        document = orjson.loads(text)
     except orjson.JSONDecodeError as error:
         raise ValueError("no JSON object") from error
-    value, time = _at(found, entry.field or "value"), _at(found, entry.time_field)
+    value, time = _at(document, entry.field or "value"), _at(document, entry.time_field)
     if isinstance(value, bool | dict | list):
         raise ValueError("no number")  # noqa: TRY004 - of the message, not of an argument
-    told = told_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
-    return Told("" if value is None else str(value), told)
+    stamp_ns = told_utc_ns(repr(time) if isinstance(time, float) else str(time)) if time is not None else time_ns
+    return Told("" if value is None else str(value), stamp_ns)
 
 
-def _at(found: Any, path: str) -> Any:
+def _at(node: Any, path: str) -> Any:
     """What is at a path of keys in nested objects; None where there is nothing."""
-    if isinstance(found, dict) and path in found:
-        return found[path]
-    head, _, rest = path.partition(".")
-    return _at(found[head], rest) if rest and isinstance(found, dict) and head in found else None
+    if isinstance(node, dict) and path in node:
+        return node[path]
+    head, _, remaining_path = path.partition(".")
+    return _at(node[head], remaining_path) if remaining_path and isinstance(node, dict) and head in node else None
 
 
 class MqttDecoder(Decoder):
@@ -122,7 +122,7 @@ class MqttDecoder(Decoder):
     """
 
     def __init__(
-        self, config: MqttLinks, sentences: Nmea0183Decoder, known: Mapping[str, Channel] = BY_NAME
+        self, config: MqttLinks, sentences: Nmea0183Decoder, channels: Mapping[str, Channel] = BY_NAME
     ) -> None:
         """Raises :class:`ConfigurationError` for a unit that does not measure its channel."""
         self.refused, self.unknown = sentences.refused, sentences.unknown
@@ -132,8 +132,8 @@ class MqttDecoder(Decoder):
         self._values: dict[str, list[tuple[str, TopicValue]]] = {}
         for channel, entry in config.values.items():
             self._values.setdefault(entry.topic, []).append((channel, entry))
-        self._known = known
-        self._steps = {channel: entry.step_to(known[channel]) for channel, entry in config.values.items()}
+        self._channels = channels
+        self._steps = {channel: entry.step_to(channels[channel]) for channel, entry in config.values.items()}
         self._partners = {name: _PARTNERS[name] for name in config.values if _PARTNERS.get(name) in config.values}
         self._waiting: dict[str, Sample] = {}
         self._seen: dict[int, None] = {}  # by hash
@@ -184,29 +184,29 @@ class MqttDecoder(Decoder):
         clock = self._clocks[device]
         for channel, entry in self._values[topic]:
             try:
-                told = read_message(text, entry)
-                value = self._value(channel, entry, told)
+                reading = read_message(text, entry)
+                value = self._value(channel, entry, reading)
             except ValueError as error:
                 self.refused[str(error)] += 1
                 continue
-            if told.time_ns is not None:
+            if reading.time_ns is not None:
                 self._remember(frame.payload)
-                clock.announce(told.time_ns, frame)  # to tell how far it is from ours, and when it is set
+                clock.announce(reading.time_ns, frame)  # to tell how far it is from ours, and when it is set
                 clock.forget()  # what tells no time is not stamped by others' time
-            for group in clock.group(frame, label, [(channel, value)], told.time_ns):
+            for group in clock.group(frame, label, [(channel, value)], reading.time_ns):
                 samples += group
         return self._grouped(samples)
 
-    def _value(self, channel: str, entry: TopicValue, told: Told) -> float:
+    def _value(self, channel: str, entry: TopicValue, reading: Told) -> float:
         """The value in the channel's unit. Raises :class:`ValueError` for what is no number."""
-        if told.text.lower() in _NO_VALUE:
+        if reading.text.lower() in _NO_VALUE:
             raise ValueError("not available")
-        if not _NUMBER.fullmatch(told.text):
+        if not _NUMBER.fullmatch(reading.text):
             raise ValueError("no number")
-        if told.unit and channel not in self._told_unit:
+        if reading.unit and channel not in self._told_unit:
             self._told_unit.add(channel)
-            self._check_unit(channel, entry, told.unit)
-        number = float(told.text)
+            self._check_unit(channel, entry, reading.unit)
+        number = float(reading.text)
         if entry.unit == DEGREES_AND_MINUTES:
             number = float(from_degrees_and_minutes(number))
         value = self._steps[channel].apply(number)
@@ -217,7 +217,7 @@ class MqttDecoder(Decoder):
     def _check_unit(self, channel: str, entry: TopicValue, unit: str) -> None:
         """Tell where a message names another unit than the configuration; one that nobody knows is passed over."""
         try:
-            agreed = replace(entry, unit=unit).step_to(self._known[channel]) == self._steps[channel]
+            agreed = replace(entry, unit=unit).step_to(self._channels[channel]) == self._steps[channel]
         except ConfigurationError:
             agreed = False
         if is_unit(unit) and not agreed:
@@ -244,14 +244,16 @@ class MqttDecoder(Decoder):
         return groups
 
     def _paired(self, sample: Sample, partner: str) -> list[Group]:
-        other = self._waiting.get(partner)
-        if other is not None and abs(other.measured_ns - sample.measured_ns) <= _TOGETHER_NS:
+        partner_sample = self._waiting.get(partner)
+        if partner_sample is not None and abs(partner_sample.measured_ns - sample.measured_ns) <= _TOGETHER_NS:
             del self._waiting[partner]
-            return [_pair(sample, other)]
+            return [_pair(sample, partner_sample)]
         before = self._waiting.get(sample.quantity)
         self._waiting[sample.quantity] = sample
         return [] if before is None else [[before]]
 
 
-def _pair(one: Sample, other: Sample) -> Group:
-    return [each._replace(quantity=_WIND_ABOARD.get(each.quantity, each.quantity)) for each in (one, other)]
+def _pair(first: Sample, second: Sample) -> Group:
+    return [
+        sample._replace(quantity=_WIND_ABOARD.get(sample.quantity, sample.quantity)) for sample in (first, second)
+    ]

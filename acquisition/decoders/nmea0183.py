@@ -82,12 +82,12 @@ def split_tag(line: bytes) -> TaggedSentence:
     line = line.removeprefix(_DATAGRAM_PREFIX)
     if not line.startswith(b"\\"):
         return TaggedSentence(line)
-    found = _TAG_BLOCK.match(line)
-    if found is None or int(found[2], 16) != checksum(found[1]):
+    match = _TAG_BLOCK.match(line)
+    if match is None or int(match[2], 16) != checksum(match[1]):
         return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
-    items = dict(item.split(":", 1) for item in found[1].decode("ascii").split(",") if ":" in item)
+    items = dict(item.split(":", 1) for item in match[1].decode("ascii").split(",") if ":" in item)
     source = safe_label(items.get("s", ""))
-    return TaggedSentence(line[found.end() :], unix_ns(items.get("c", "")), source)
+    return TaggedSentence(line[match.end() :], unix_ns(items.get("c", "")), source)
 
 
 def unix_ns(text: str) -> int | None:
@@ -98,10 +98,10 @@ def unix_ns(text: str) -> int | None:
     """
     if _MILLISECONDS.fullmatch(text):
         return int(text) * 1_000_000
-    found = _SECONDS.fullmatch(text)
-    if found is None:
+    match = _SECONDS.fullmatch(text)
+    if match is None:
         return None
-    return int(found[1]) * 1_000_000_000 + int((found[2] or "").ljust(9, "0"))
+    return int(match[1]) * 1_000_000_000 + int((match[2] or "").ljust(9, "0"))
 
 
 def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[str]] | None:
@@ -109,14 +109,14 @@ def split_sentence(line: bytes, *, unchecked: bool = False) -> tuple[str, list[s
 
     ``unchecked`` takes a sentence without a checksum for sound.
     """
-    found = _SENTENCE.fullmatch(line)
-    if found is None and unchecked:
-        found = _UNCHECKED.fullmatch(line)
-    elif found is not None and int(found[2], 16) != checksum(found[1]):
+    match = _SENTENCE.fullmatch(line)
+    if match is None and unchecked:
+        match = _UNCHECKED.fullmatch(line)
+    elif match is not None and int(match[2], 16) != checksum(match[1]):
         return None
-    if found is None:
+    if match is None:
         return None
-    tag, *fields = found[1].decode("ascii").split(",")
+    tag, *fields = match[1].decode("ascii").split(",")
     return tag, fields
 
 
@@ -223,15 +223,15 @@ class DeclaredSentences(DeclaredReaders[str, _Field | _Transducer]):
             if isinstance(origin, SentenceField):
                 self.setdefault(origin.sentence, []).append(_Field(channel, origin, origin.step_to(channel)))
             else:
-                found = _Transducer(channel, origin.transducer, _steps(channel, origin))
-                self.setdefault("XDR", []).append(found)
+                transducer = _Transducer(channel, origin.transducer, _steps(channel, origin))
+                self.setdefault("XDR", []).append(transducer)
 
     def read(self, kind: str, fields: Fields) -> Reading:
         """What a sentence says; of several origins of one channel in it the first that has a value counts."""
-        readings = [each.read(fields) for each in self[kind]]
-        values = dict(value for each in reversed(readings) for value in each.values)
-        seconds = next((each.seconds_of_day for each in readings if each.seconds_of_day is not None), None)
-        refused = next((each.refused for each in readings if each.refused), "")
+        readings = [reader.read(fields) for reader in self[kind]]
+        values = dict(value for reading in reversed(readings) for value in reading.values)
+        seconds = next((reading.seconds_of_day for reading in readings if reading.seconds_of_day is not None), None)
+        refused = next((reading.refused for reading in readings if reading.refused), "")
         return Reading(list(values.items()), refused=refused, seconds_of_day=seconds)
 
 
@@ -302,7 +302,7 @@ class Nmea0183Decoder(Decoder):
             if reading.refused or not (reading.values or reading.date or reading.sigma_m):
                 self.refused[reading.refused or "no value"] += 1
             if kind in self._declared:
-                values = [each for each in reading.values if each[0] not in self._declared.channels_in(kind)]
+                values = [pair for pair in reading.values if pair[0] not in self._declared.channels_in(kind)]
                 reading = replace(reading, values=values)
             groups = self._groups(reading, frame, talker, kind, tagged)
         if kind in self._declared:
@@ -341,11 +341,11 @@ class Nmea0183Decoder(Decoder):
 
     def _note_fix(self, kind: str, sensor: str, reading: Reading) -> None:
         """GGA tells it finer than the modes of the other sentences, which count where it does not come."""
-        known = self.fixes.get(sensor, Fix())
+        former = self.fixes.get(sensor, Fix())
         if reading.sigma_m is not None:
-            fix = known._replace(sigma_m=reading.sigma_m)
+            fix = former._replace(sigma_m=reading.sigma_m)
         elif reading.fix is not None and (kind == "GGA" or sensor not in self._tell_gga):
-            fix = known._replace(kind=reading.fix, height_m=reading.height_m)
+            fix = former._replace(kind=reading.fix, height_m=reading.height_m)
         else:
             return
         if kind == "GGA":

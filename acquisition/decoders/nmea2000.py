@@ -117,10 +117,10 @@ class Nmea2000Decoder(Decoder):
 
     def decode(self, frame: Frame) -> list[Group]:
         bus = self.bus(frame)
-        found = self._message(frame, bus)
-        if found is None:
+        parsed = self._message(frame, bus)
+        if parsed is None:
             return []
-        group, address, message = found
+        group, address, message = parsed
         device = bus.devices.label(address)
         reading = self._readers.get(group, _nothing)(message)
         told_ns = None
@@ -137,7 +137,7 @@ class Nmea2000Decoder(Decoder):
             meaning = f" {reading.meaning}" if reading.meaning else ""
             values = self._admitted(bus, device, reading.values)
             if group in self._declared:
-                values = [each for each in values if each[0] not in self._declared.channels_in(group)]
+                values = [pair for pair in values if pair[0] not in self._declared.channels_in(group)]
             groups = bus.clock.group(frame, source + meaning, values, told_ns, quality)
         if group in self._declared:
             declared = self._admitted(bus, device, self._declared.read(group, address, message))
@@ -184,10 +184,10 @@ class Nmea2000Decoder(Decoder):
             return False
         return True
 
-    def _admitted(self, bus: Bus, device: str, given: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
+    def _admitted(self, bus: Bus, device: str, candidates: Iterable[tuple[str, Value]]) -> list[tuple[str, float]]:
         """The values that are there and wanted; those that are missing are counted."""
         values = []
-        for quantity, value in given:
+        for quantity, value in candidates:
             if not bus.devices.may_provide(device, quantity):
                 continue
             if isinstance(value, str):

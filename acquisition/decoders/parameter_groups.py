@@ -84,12 +84,12 @@ class Message:
         self._bits = 8 * len(payload)
 
     def __getitem__(self, name: str) -> Value:
-        known = self._fields[name]
-        return known.read(self.raw) if known.start + known.bits <= self._bits else NOT_AVAILABLE
+        bit_field = self._fields[name]
+        return bit_field.read(self.raw) if bit_field.start + bit_field.bits <= self._bits else NOT_AVAILABLE
 
-    def read(self, known: Field) -> Value:
+    def read(self, bit_field: Field) -> Value:
         """A field's value, or the reason why there is none."""
-        return known.read(self.raw) if known.start + known.bits <= self._bits else NOT_AVAILABLE
+        return bit_field.read(self.raw) if bit_field.start + bit_field.bits <= self._bits else NOT_AVAILABLE
 
     def degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
@@ -225,8 +225,8 @@ def _gnss_position(message: Message) -> Reading:
         return Reading([("latitude_deg", "no fix")], quality=Quality.MISSING, fix=0)
     quality = Quality.NOT_EVALUATED if method in _SATELLITE_METHODS else Quality.SUSPECT
     fix = int(method) if method in _METHODS else None
-    told = message["altitude"]
-    height_m = None if isinstance(told, str) else told
+    altitude = message["altitude"]
+    height_m = None if isinstance(altitude, str) else altitude
     return Reading(_position(message).values, quality=quality, fix=fix, height_m=height_m)
 
 
@@ -260,10 +260,10 @@ _WINDS = {
 
 
 def _wind(message: Message) -> Reading:
-    known = _WINDS.get(int(message["reference"]))
-    if known is None:
+    channels = _WINDS.get(int(message["reference"]))
+    if channels is None:
         return Reading([("wind_speed_mps", "wind without a reference")])
-    angle, speed, meaning = known
+    angle, speed, meaning = channels
     return Reading([(angle, message.degrees("windAngle")), (speed, message["windSpeed"])], meaning)
 
 

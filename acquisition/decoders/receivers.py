@@ -30,9 +30,9 @@ class _Receiver:
     speed_mps: float | None = None
 
     def distance_m(self, position: tuple[float, float]) -> float:
-        (latitude, longitude), (other, east) = self.position, position
+        (latitude, longitude), (north, east) = self.position, position
         shift_deg = (east - longitude + 180.0) % 360.0 - 180.0
-        return _DEGREE_M * hypot(other - latitude, shift_deg * cos(radians(latitude)))
+        return _DEGREE_M * hypot(north - latitude, shift_deg * cos(radians(latitude)))
 
     @property
     def reach_m(self) -> float:
@@ -60,7 +60,7 @@ class Receivers:
 
     def __init__(self, notices: Notices) -> None:
         self._notices = notices
-        self._known: dict[str, list[_Receiver]] = {}
+        self._receivers: dict[str, list[_Receiver]] = {}
         self._last: dict[str, int] = {}
 
     def number(self, sensor: str, kind: str, moment_s: float, came_ns: int, position: tuple[float, float]) -> int:
@@ -70,11 +70,11 @@ class Receivers:
         One sentence of a kind is expected of each receiver at each moment; a further one, if it is too far from all
         known positions, is another receiver's.
         """
-        if sensor not in self._known:
-            if len(self._known) >= _MOST_TALKERS:
+        if sensor not in self._receivers:
+            if len(self._receivers) >= _MOST_TALKERS:
                 return 1
-            self._known[sensor] = [_Receiver(position, moment_s, came_ns)]
-        receivers = self._known[sensor]
+            self._receivers[sensor] = [_Receiver(position, moment_s, came_ns)]
+        receivers = self._receivers[sensor]
         reported = [receiver.has_reported(kind, moment_s, came_ns) for receiver in receivers]
         waiting = [receiver for receiver, has in zip(receivers, reported, strict=True) if not has]
         receiver = _nearest(waiting or receivers, position)

@@ -73,10 +73,10 @@ class Fields:
 
     def degrees(self, index: int, letters: str) -> float | None:
         """``ddmm.mmmm`` followed by one of two letters, as degrees, north and east positive."""
-        found, letter = _DEGREES_AND_MINUTES.fullmatch(self.text(index)), self.text(index + 1)
-        if found is None or letter not in tuple(letters):
+        match, letter = _DEGREES_AND_MINUTES.fullmatch(self.text(index)), self.text(index + 1)
+        if match is None or letter not in tuple(letters):
             return None
-        return _SIGNS[letter] * (int(found[1]) + float(found[2]) / 60.0)
+        return _SIGNS[letter] * (int(match[1]) + float(match[2]) / 60.0)
 
     def speed_mps(self, *places: tuple[int, str]) -> float | None:
         """The first speed that is given, of those at an index in a unit; so the finest unit comes first.
@@ -92,8 +92,8 @@ class Fields:
 
     def seconds_of_day(self, index: int) -> float | None:
         """``hhmmss.sss`` as seconds since midnight; the leap second is the next day's first."""
-        found = _TIME_OF_DAY.fullmatch(self.text(index))
-        return int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3]) if found else None
+        match = _TIME_OF_DAY.fullmatch(self.text(index))
+        return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3]) if match else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +181,8 @@ def _gll(fields: Fields) -> Reading:
     mode = fields.text(6)
     if fields.text(5, absent="A") != "A" or mode == "N":
         return Reading(refused=NOT_VALID, fix=0)
-    told = fields.seconds_of_day(4)
-    return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=told, fix=_FIX_OF_MODE.get(mode))
+    seconds = fields.seconds_of_day(4)
+    return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=seconds, fix=_FIX_OF_MODE.get(mode))
 
 
 def _rmc(fields: Fields) -> Reading:
@@ -387,9 +387,9 @@ def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float
 
 def _of_shaft(shaft: Actuator, rpm: float | None, pitch_percent: float | None) -> list[tuple[str, float]]:
     """Those of the two values that a shaft has a channel for: pitch, with a controllable one only."""
-    known = {channel.name for channel in shaft.channels}
+    channels = {channel.name for channel in shaft.channels}
     both = present((f"{shaft.name}_rpm", rpm), (f"{shaft.name}_pitch_percent", pitch_percent))
-    return [(name, value) for name, value in both if name in known]
+    return [(name, value) for name, value in both if name in channels]
 
 
 def _in_rpm(value: float | None, mode: str, rated_rpm: float | None) -> float | None:
@@ -418,10 +418,10 @@ def _thruster(fields: Fields, controls: _Controls, rated_rpm: Mapping[str, float
     shaft, azimuth = ("", "") if number is None else controls.get(number, ("", ""))
     if not shaft:
         return Reading(refused="thruster not understood")
-    said, mode = fields.number(1), fields.text(2)
-    rpm = present((shaft, _in_rpm(said, mode, rated_rpm.get(shaft))))
+    speed, mode = fields.number(1), fields.text(2)
+    rpm = present((shaft, _in_rpm(speed, mode, rated_rpm.get(shaft))))
     angle = present((azimuth, fields.number(5))) if azimuth else []
-    if rpm or said is None:
+    if rpm or speed is None:
         return Reading(rpm + angle)
     return Reading(angle, refused="thruster in percent" if mode == "P" else NOT_VALID)
 
@@ -446,11 +446,11 @@ def machinery_readers(
 ) -> dict[str, Reader]:
     """The reader of each of these sentences, by its last three letters, on a ship with these actuators."""
     controls: _Controls = {}
-    for each in actuators:
-        if each.name in thrusters.numbers:
-            shaft, azimuth, *_ = (*(channel.name for channel in each.channels), "")
-            controls[thrusters.numbers[each.name]] = shaft, azimuth
-    rated = {f"{name}_rpm": each for name, each in rated_rpm.items()}
+    for actuator in actuators:
+        if actuator.name in thrusters.numbers:
+            shaft, azimuth, *_ = (*(channel.name for channel in actuator.channels), "")
+            controls[thrusters.numbers[actuator.name]] = shaft, azimuth
+    rated = {f"{name}_rpm": rpm for name, rpm in rated_rpm.items()}
     demand = thrusters.channels_from == "demand"
     unwanted = Reading(refused="thruster response where demands are wanted")
     angles, shafts = rudder_channels(actuators), numbered_shafts(actuators)
@@ -463,6 +463,6 @@ def machinery_readers(
     if rudders(actuators):
         readers["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
         readers["HTD"] = partial(_heading_control, channels=angles)
-    if not {each.name for each in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
+    if not {propulsor.name for propulsor in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
         readers["PRC"] = partial(_propulsion_order, shafts=shafts, rated_rpm=rated_rpm)
     return readers

@@ -32,13 +32,13 @@ def zoned_ns(date: str, clock: str, fraction: str | None, zone: str | None, usua
     1250000000
     """
     try:
-        whole = dt.datetime.fromisoformat(f"{date}T{clock}")
+        moment = dt.datetime.fromisoformat(f"{date}T{clock}")
         if zone and zone not in ("Z", "UTC"):
             sign, hours, minutes = -1 if zone[0] == "-" else 1, int(zone[1:3]), int(zone[3:].strip(":") or 0)
             usual = dt.timezone(sign * dt.timedelta(hours=hours, minutes=minutes))
         elif zone:
             usual = dt.UTC
-        seconds = round((whole.replace(tzinfo=usual) if usual else whole.astimezone()).timestamp())
+        seconds = round((moment.replace(tzinfo=usual) if usual else moment.astimezone()).timestamp())
     except (ValueError, OverflowError, OSError):
         return None
     return seconds * NANO + int((fraction or "")[:9].ljust(9, "0"))

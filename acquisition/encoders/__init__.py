@@ -65,9 +65,9 @@ class Encoder(Protocol):
 
 
 def make_encoder(
-    config: AnySource, actuators: Actuators = DEFAULT, known: Mapping[str, Channel] = BY_NAME
+    config: AnySource, actuators: Actuators = DEFAULT, channels: Mapping[str, Channel] = BY_NAME
 ) -> Encoder:
     """The encoder for what a configuration section would receive, on a ship with these actuators and channels."""
     place = next(place for kinds, place in _PLACES if isinstance(config, kinds))
-    encoder: Encoder = imported(place)(config, actuators, known)
+    encoder: Encoder = imported(place)(config, actuators, channels)
     return encoder

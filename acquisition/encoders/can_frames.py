@@ -29,7 +29,7 @@ _ADDRESS = 35
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanSource, actuators: Actuators, known: Mapping[str, Channel]) -> None:
+    def __init__(self, config: CanSource, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
         self._rudders = rudder_channels(actuators)
         self._ratios = [
             (number, f"{name}_rpm", config.reduction_ratios[name])
@@ -43,7 +43,7 @@ class CanEncoder:
             database = load_dbc(config.dbc)
             for channel, entry in config.signals.items():
                 message, signal = find_signal(database, entry, config.dbc)
-                step = entry.step_to(known[channel])
+                step = entry.step_to(channels[channel])
                 self._dbc.setdefault(message.name, (message, {}))[1][channel] = signal, step
 
     def encode(self, moment: Moment) -> list[Packet]:
@@ -57,8 +57,8 @@ class CanEncoder:
         packets += self._machinery(moment)
         for group, (name, reference, fields) in _MOTION.items():
             if carries := moment.present(*fields):
-                given = {fields[channel][0]: fields[channel][1](values[channel]) for channel in carries}
-                packets += self._group(group, name, given | reference, carries)
+                group_fields = {fields[channel][0]: fields[channel][1](values[channel]) for channel in carries}
+                packets += self._group(group, name, group_fields | reference, carries)
         return packets
 
     def _machinery(self, moment: Moment) -> list[Packet]:
@@ -79,25 +79,27 @@ class CanEncoder:
         return packets
 
     def _system_time(self, moment: Moment) -> list[Packet]:
-        days, rest_ns = divmod(moment.time_ns, DAY_NS)
+        days, time_of_day_ns = divmod(moment.time_ns, DAY_NS)
         date = dt.date(1970, 1, 1) + dt.timedelta(days=days)
-        fields = {"source": "GPS", "date": date, "time": rest_ns / NANO}
+        fields = {"source": "GPS", "date": date, "time": time_of_day_ns / NANO}
         return self._group(126992, "systemTime", fields, (), priority=3)
 
     def _group(
         self, group: int, name: str, fields: dict[str, Any], carries: tuple[str, ...], priority: int = 2
     ) -> list[Packet]:
         """One parameter group as frames; fields that are None go out as not available."""
-        given = [
-            NMEA2000Field(id=key, value=each, raw_value=each) for key, each in fields.items() if each is not None
+        library_fields = [
+            NMEA2000Field(id=key, value=value, raw_value=value)
+            for key, value in fields.items()
+            if value is not None
         ]
         message = NMEA2000Message(
-            PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=given
+            PGN=group, id=name, source=_ADDRESS, destination=255, priority=priority, fields=library_fields
         )
         with LIBRARY:
-            first, *others = self._encoder.encode(message)
+            first, *further = self._encoder.encode(message)
         packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
-        return packets + [Packet(bytes(each.data), each.arbitration_id) for each in others]
+        return packets + [Packet(bytes(frame.data), frame.arbitration_id) for frame in further]
 
 
 def _radians(angle_deg: float | None) -> float | None:

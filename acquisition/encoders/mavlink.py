@@ -24,11 +24,11 @@ _UNKNOWN_COURSE = 65535
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkLinks, actuators: Actuators, known: Mapping[str, Channel]) -> None:
+    def __init__(self, config: MavlinkLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named = {
-            channel: (entry.name.encode("ascii"), entry.step_to(known[channel]))
+            channel: (entry.name.encode("ascii"), entry.step_to(channels[channel]))
             for channel, entry in config.named_values.items()
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
@@ -47,7 +47,9 @@ class MavlinkEncoder:
             messages.insert(0, self._link.system_time_encode(moment.time_ns // 1000, boot_ms))
         if not messages:
             return []
-        return [Packet(b"".join(each.pack(self._link) for each in messages), carries=tuple(sorted(carries)))]
+        return [
+            Packet(b"".join(outgoing.pack(self._link) for outgoing in messages), carries=tuple(sorted(carries)))
+        ]
 
     def _motion(self, moment: Moment, boot_ms: int) -> tuple[set[str], list[Any]]:
         """Attitude, velocity and position, and which channels they carry; what is not known is not made up."""
@@ -62,7 +64,7 @@ class MavlinkEncoder:
             carries |= {"surge_mps", "sway_mps"}
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             fix = round(moment.latitude_deg * 1e7), round(moment.longitude_deg * 1e7)
-            rounded = [UNKNOWN_VELOCITY] * 2 if velocity is None else [round(100 * each) for each in velocity]
+            rounded = [UNKNOWN_VELOCITY] * 2 if velocity is None else [round(100 * speed) for speed in velocity]
             messages.append(
                 self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN_COURSE)
             )

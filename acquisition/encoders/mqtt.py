@@ -26,43 +26,43 @@ def told(time_ns: int) -> str:
     >>> told(1699004462769765000), told(1)
     ('2023-11-03T09:41:02.769765Z', '1970-01-01T00:00:00.000000001Z')
     """
-    seconds, rest = divmod(time_ns, NANO)
-    fraction = f"{rest:09d}".removesuffix("000")
+    seconds, nanoseconds = divmod(time_ns, NANO)
+    fraction = f"{nanoseconds:09d}".removesuffix("000")
     return f"{EPOCH + timedelta(seconds=seconds):%Y-%m-%dT%H:%M:%S}.{fraction}Z"
 
 
 class MqttEncoder:
     """What a source of MQTT would receive; sentences go to the first of its ``topics``, each by its name."""
 
-    def __init__(self, config: MqttLinks, actuators: Actuators, known: Mapping[str, Channel]) -> None:
-        self._values = {name: (entry, entry.step_to(known[name])) for name, entry in config.values.items()}
-        self._sentences = Nmea0183Encoder(config, actuators, known)
+    def __init__(self, config: MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]) -> None:
+        self._values = {name: (entry, entry.step_to(channels[name])) for name, entry in config.values.items()}
+        self._sentences = Nmea0183Encoder(config, actuators, channels)
         self._topic = config.topics[0] if config.topics else None
 
     def encode(self, moment: Moment) -> list[Packet]:
-        time, packets, known = told(moment.time_ns), [], dict(moment.values)
+        time, packets, values = told(moment.time_ns), [], dict(moment.values)
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
-            known |= {"latitude_deg": moment.latitude_deg, "longitude_deg": moment.longitude_deg}
+            values |= {"latitude_deg": moment.latitude_deg, "longitude_deg": moment.longitude_deg}
         for channel, (entry, step) in self._values.items():
-            if channel in known:
-                message = _message(entry, step.invert(known[channel]), time)
+            if channel in values:
+                message = _message(entry, step.invert(values[channel]), time)
                 carries = moment.present(channel, *(_FIX[channel],) if channel in _FIX else ())
                 packets.append(_packet(entry.topic, message, carries))
-        return packets if self._topic is None else packets + self._said(moment, time, self._topic)
+        return packets if self._topic is None else packets + self._sentences_of(moment, time, self._topic)
 
-    def _said(self, moment: Moment, time: str, topic: str) -> list[Packet]:
+    def _sentences_of(self, moment: Moment, time: str, topic: str) -> list[Packet]:
         """The sentences of what has no topic of its own."""
-        rest = replace(
-            moment, values={name: each for name, each in moment.values.items() if name not in self._values}
+        remaining = replace(
+            moment, values={name: value for name, value in moment.values.items() if name not in self._values}
         )
         if _FIX.keys() <= self._values.keys():
-            rest = replace(rest, latitude_deg=None, longitude_deg=None)
+            remaining = replace(remaining, latitude_deg=None, longitude_deg=None)
         packets = []
-        for packet in self._sentences.encode(rest):
+        for packet in self._sentences.encode(remaining):
             sentence = packet.payload.strip().decode("ascii")
             name = sentence[1:].partition(",")[0]
-            own = "/".join(name if level in ("+", "#") else level for level in topic.split("/"))
-            packets.append(_packet(own, f"{time} {sentence}", packet.carries))
+            sentence_topic = "/".join(name if level in ("+", "#") else level for level in topic.split("/"))
+            packets.append(_packet(sentence_topic, f"{time} {sentence}", packet.carries))
         return packets
 
 

@@ -38,8 +38,8 @@ def degrees_and_minutes(angle_deg: float, digits: int) -> str:
     '01030.000000'
     """
     micro_minutes = round(abs(angle_deg) * 60e6)
-    degrees, rest = divmod(micro_minutes, 60_000_000)
-    return f"{degrees:0{digits}d}{rest // 1_000_000:02d}.{rest % 1_000_000:06d}"
+    degrees, remainder = divmod(micro_minutes, 60_000_000)
+    return f"{degrees:0{digits}d}{remainder // 1_000_000:02d}.{remainder % 1_000_000:06d}"
 
 
 class Nmea0183Encoder:
@@ -48,7 +48,9 @@ class Nmea0183Encoder:
     Of actuators RSA and ROR, RPM and PRC, TRD and TRC; TRC for TRD where the line takes orders for responses.
     """
 
-    def __init__(self, config: LineSource | MqttLinks, actuators: Actuators, known: Mapping[str, Channel]) -> None:
+    def __init__(
+        self, config: LineSource | MqttLinks, actuators: Actuators, channels: Mapping[str, Channel]
+    ) -> None:
         self._announces = isinstance(config, LineSource) and config.clock == "source"
         self._thrusters = config.thrusters.numbers
         self._responses = "TRC" if config.thrusters.channels_from == "demand" else "TRD"
@@ -63,20 +65,20 @@ class Nmea0183Encoder:
             fix = _gga(moment.time_ns, moment.latitude_deg, moment.longitude_deg)
             packets.append(Packet(sentence(fix), carries=moment.fix_of))
         for channels, body in _NAVIGATION.items():
-            packets += _said(moment, channels, body)
+            packets += _packet_of(moment, channels, body)
         return packets + self._machinery(moment)
 
     def _machinery(self, moment: Moment) -> list[Packet]:
-        packets = _said(moment, self._rudders, partial(_rudders, "RSA"))
-        packets += _said(moment, tuple(map(name_of_order, self._rudders)), partial(_rudders, "ROR"))
+        packets = _packet_of(moment, self._rudders, partial(_rudders, "RSA"))
+        packets += _packet_of(moment, tuple(map(name_of_order, self._rudders)), partial(_rudders, "ROR"))
         for name, number in self._thrusters.items():
             pair = (f"{name}_rpm", f"{name}_angle_deg")
-            packets += _said(moment, pair, partial(_thruster, self._responses, number))
-            packets += _said(moment, tuple(map(name_of_order, pair)), partial(_thruster, "TRC", number))
+            packets += _packet_of(moment, pair, partial(_thruster, self._responses, number))
+            packets += _packet_of(moment, tuple(map(name_of_order, pair)), partial(_thruster, "TRC", number))
         for name, number in self._shafts.items():
             pair = (f"{name}_rpm", f"{name}_pitch_percent")
-            packets += _said(moment, pair, partial(_shaft, number))
-            packets += _said(moment, tuple(map(name_of_order, pair)), partial(_shaft_order, number))
+            packets += _packet_of(moment, pair, partial(_shaft, number))
+            packets += _packet_of(moment, tuple(map(name_of_order, pair)), partial(_shaft_order, number))
         return packets
 
 
@@ -84,7 +86,7 @@ Body = Callable[..., str]
 """A sentence's body from the values of channels, None for one that is not known."""
 
 
-def _said(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
+def _packet_of(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]:
     """The sentence of some channels; none where no value of them is known."""
     carries = moment.present(*channels)
     return [Packet(sentence(body(*map(moment.values.get, channels))), carries=carries)] if carries else []
@@ -92,7 +94,7 @@ def _said(moment: Moment, channels: tuple[str, ...], body: Body) -> list[Packet]
 
 def _rudders(kind: str, starboard_deg: float | None, port_deg: float | None = None) -> str:
     """The starboard or single rudder, then the port one."""
-    fields = [f"{_decimals(each, 1.0, 4)},{_mode(each, 'A')}" for each in (starboard_deg, port_deg)]
+    fields = [f"{_decimals(angle_deg, 1.0, 4)},{_mode(angle_deg, 'A')}" for angle_deg in (starboard_deg, port_deg)]
     return f"ER{kind},{','.join(fields)}{',B' if kind == 'ROR' else ''}"
 
 

@@ -151,7 +151,7 @@ def looks_like(head: bytes) -> str:
             return name
     if head[:1] == b"\0" and head[8:9] in (b"\xfd", b"\xfe"):
         return 'a telemetry log of MAVLink: `type = "mavlink_file"` reads it'
-    printable = sum(32 <= each < 127 or each in b"\t\r\n" or each > 127 for each in head)
+    printable = sum(32 <= byte < 127 or byte in b"\t\r\n" or byte > 127 for byte in head)
     if printable < 0.9 * len(head):
         return f"binary, and begins with {head[:8].hex(' ')}"
     lines = [line.strip() for line in head.decode("utf-8", "replace").splitlines() if line.strip()]
@@ -168,7 +168,7 @@ def looks_like(head: bytes) -> str:
 
 
 def _shortened(text: str) -> str:
-    shown = "".join(each if each.isprintable() else "?" for each in text)
+    shown = "".join(character if character.isprintable() else "?" for character in text)
     return shown if len(shown) <= _MOST_LETTERS else f"{shown[:_MOST_LETTERS]}..."
 
 

@@ -29,7 +29,7 @@ _STEPS_NS = (1_000_000, 100_000, 10_000, 1_000)  # of the 16-bit clock of single
 class Stored(NamedTuple):
     """What a message holds: a group's bytes with their priority, group, source and destination, or a sentence.
 
-    ``time_ns`` counts from when the gateway started and comes round after ``turn_ns``. ``whole`` tells messages
+    ``time_ns`` counts from when the gateway started and comes round after ``turn_ns``. ``assembled`` tells messages
     that the gateway has put together from single frames.
     """
 
@@ -37,7 +37,7 @@ class Stored(NamedTuple):
     payload: bytes = b""
     time_ns: int = 0
     turn_ns: int = _UPTIME_TURN_NS
-    whole: bool = True
+    assembled: bool = True
     sentence: bytes = b""
 
 
@@ -86,7 +86,7 @@ def _single_frame(body: bytes) -> Stored | None:
     group, destination = _group(body[7], body[6], body[5], body[5] if body[6] < 240 else 255)
     step_ns = _STEPS_NS[body[7] >> 5 & 3]
     header = body[7] >> 2 & 7, group, body[4], destination
-    return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, whole=False)
+    return Stored(header, body[8:], int.from_bytes(body[2:4], "little") * step_ns, 2**16 * step_ns, assembled=False)
 
 
 def _group(page: int, pdu_format: int, pdu_specific: int, destination: int) -> tuple[int, int]:

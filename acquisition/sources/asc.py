@@ -155,5 +155,5 @@ def _bytes(parts: dict[str, str], base: int) -> bytes | None:
     length = int(parts["length"] or "0", 10 if "kind" not in parts else 16)
     if "kind" in parts:
         length = min(length, 8)  # codes beyond 8 mean 8 on classical CAN
-    given = parts["data"].split()[:length]
-    return bytes(int(each, base) for each in given) if len(given) == length <= _MOST_BYTES else None
+    numbers = parts["data"].split()[:length]
+    return bytes(int(number, base) for number in numbers) if len(numbers) == length <= _MOST_BYTES else None

@@ -44,9 +44,9 @@ def read_ebl(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
     cutter, time_ns, data = Cutter(), None, b""
     while block := file.read(_BLOCK_BYTES):
         data, at = data + block, 0
-        while found := _EBL_PART.match(data, at):
-            at = found.end()
-            tag, raw = ((found[name] or b"").replace(b"\x1b\x1b", b"\x1b") for name in ("tag", "data"))
+        while match := _EBL_PART.match(data, at):
+            at = match.end()
+            tag, raw = ((match[name] or b"").replace(b"\x1b\x1b", b"\x1b") for name in ("tag", "data"))
             if tag[:1] == b"\x03" and len(tag) == 9:
                 told_ns = (int.from_bytes(tag[1:], "little") - _FILETIME_1970) * 100
                 time_ns = told_ns if is_possible(told_ns) else time_ns
@@ -93,13 +93,13 @@ def read_ydvr(file: BinaryIO, reader: LineReader) -> Iterator[Entry]:
             data, at = data[at:] + block, 0
         if at == len(data):
             return
-        found = _ydvr_record(data, at)
-        if found is None:
+        record = _ydvr_record(data, at)
+        if record is None:
             if len(data) - at < 6 + 2 + 255:
                 raise ValueError(_CUT_OFF)
             reader.unreadable, at = reader.unreadable + 1, _next_record(data, at + 1)
             continue
-        entry, at = found
+        entry, at = record
         if entry is not None:
             yield entry
 
@@ -113,7 +113,7 @@ def _ydvr_record(data: bytes, at: int) -> tuple[Entry | None, int] | None:
         return None
     group, body = parameter_group(identifier)[0], at + 6
     length = _REQUEST_BYTES if group == _REQUEST and identifier != _SERVICE else 8
-    if whole := identifier != _SERVICE and group in _WHOLE_GROUPS:
+    if assembled := identifier != _SERVICE and group in _WHOLE_GROUPS:
         if len(data) < body + 2:
             return None
         body, length = body + 2, data[body + 1]
@@ -121,7 +121,7 @@ def _ydvr_record(data: bytes, at: int) -> tuple[Entry | None, int] | None:
         return None
     if identifier == _SERVICE:
         return None, body + length
-    flags = FrameFlag.WHOLE if whole else FrameFlag.NONE
+    flags = FrameFlag.WHOLE if assembled else FrameFlag.NONE
     payload = data[body : body + length]
     return Entry(milliseconds * MILLI_NS, payload, identifier, flags, turn_ns=_MINUTE_NS), body + length
 
@@ -131,10 +131,10 @@ def _next_record(data: bytes, at: int) -> int:
     for start in range(at, len(data)):
         place = start
         for _ in range(3):
-            found = _ydvr_record(data, place)
-            if found is None:
+            record = _ydvr_record(data, place)
+            if record is None:
                 break
-            place = found[1]
+            place = record[1]
         else:
             return start
     return len(data)

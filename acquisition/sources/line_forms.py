@@ -47,11 +47,16 @@ class Entry(NamedTuple):
 
 
 def message(
-    header: tuple[int, int, int, int], payload: bytes, time_ns: int | None, turn_ns: int = 0, *, whole: bool = True
+    header: tuple[int, int, int, int],
+    payload: bytes,
+    time_ns: int | None,
+    turn_ns: int = 0,
+    *,
+    assembled: bool = True,
 ) -> Entry | None:
     """A message of a parameter group; ``header`` is its priority, group, source and destination.
 
-    ``whole`` says that it was put together where it took several frames. None for what can have been on no bus:
+    ``assembled`` says that it was put together where it took several frames. None for what can have been on no bus:
     groups beyond 18 bits are a gateway's own.
     """
     priority, group, source, destination = header
@@ -61,7 +66,7 @@ def message(
     if addressed and group & 0xFF:
         return None
     identifier = (priority & 7) << 26 | group << 8 | source | (destination << 8 if addressed else 0)
-    flags = FrameFlag.WHOLE if whole else FrameFlag.NONE
+    flags = FrameFlag.WHOLE if assembled else FrameFlag.NONE
     return Entry(time_ns, payload, identifier, flags, turn_ns=turn_ns)
 
 
@@ -94,12 +99,12 @@ def _candump_log(match: re.Match[str]) -> Entry | None:
 
 
 def _candump_console(match: re.Match[str]) -> Entry | None:
-    found = match.groupdict()
-    remote = found.get("remote") is not None
-    data = _console_bytes(found["data"] or "")
-    if not remote and len(data) != int(found["length"]):
+    fields = match.groupdict()
+    remote = fields.get("remote") is not None
+    data = _console_bytes(fields["data"] or "")
+    if not remote and len(data) != int(fields["length"]):
         return None
-    return _frame(found.get("time"), found["id"], data, remote, found.get("bus") or "")
+    return _frame(fields.get("time"), fields["id"], data, remote, fields.get("bus") or "")
 
 
 def _console_bytes(text: str) -> bytes:
@@ -142,8 +147,8 @@ _DATE_TIME = _pattern(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d)(?:\.(\d{1,9}))?(Z|
 def _candump_time_ns(text: str) -> int | None:
     """Seconds, or a date and time, in this machine's zone (as of candump) if it has none; None for others."""
     if "-" in text:
-        found = _DATE_TIME.fullmatch(text)
-        return None if found is None else zoned_ns(found[1], found[2], found[3], found[4], None)
+        match = _DATE_TIME.fullmatch(text)
+        return None if match is None else zoned_ns(match[1], match[2], match[3], match[4], None)
     seconds, _, fraction = text.partition(".")
     if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
         return None
@@ -163,7 +168,7 @@ def _canboat(match: re.Match[str]) -> Entry | None:
     time_ns = zoned_ns(match["date"], match["clock"], match["fraction"], match["zone"], dt.UTC)
     if time_ns is None or len(data) != int(match["length"]):
         return None
-    return message(_header(match), data, time_ns, whole=len(data) > 8)
+    return message(_header(match), data, time_ns, assembled=len(data) > 8)
 
 
 _YACHT_DEVICES = _pattern(
@@ -256,7 +261,7 @@ def _mxpgn(match: re.Match[str]) -> Entry | None:
     source, destination = (0, address) if attribute & 0x8000 else (address, 255)
     if (group >> 8) & 0xFF < 240:
         group, destination = group & 0x3FF00, group & 0xFF or destination
-    return message((attribute >> 12 & 7, group, source, destination), data, None, whole=len(data) > 8)
+    return message((attribute >> 12 & 7, group, source, destination), data, None, assembled=len(data) > 8)
 
 
 def _is_sound(match: re.Match[str]) -> bool:
@@ -288,8 +293,8 @@ _OPENCPN_MESSAGE = _pattern(r"(?:\$PCDIN,\d+,)?(?P<data>93(?:[0-9A-Fa-f]{2}){12,
 
 def _opencpn(match: re.Match[str]) -> Entry | None:
     """A message as OpenCPN keeps it: as Actisense's gateway gives it, whose time it fills in as it likes."""
-    found = message_entry(bytes.fromhex(match["data"]))
-    return None if found is None else message(found.header, found.payload, None)
+    stored = message_entry(bytes.fromhex(match["data"]))
+    return None if stored is None else message(stored.header, stored.payload, None)
 
 
 Read = Callable[[re.Match[str]], Entry | None]
@@ -343,7 +348,7 @@ class LineReader:
     def __init__(self, form: str = "", times: StatedTimes | None = None) -> None:
         self.unreadable = 0
         self.times = times or StatedTimes()
-        self._forms = [each for name, forms in LINE_FORMS.items() if form in ("", name) for each in forms]
+        self._forms = [line_form for name, forms in LINE_FORMS.items() if form in ("", name) for line_form in forms]
 
     def entries(self, pieces: Sequence[bytes]) -> Iterator[Entry]:
         """The entries in lines and messages, each read when it is asked for."""
@@ -360,8 +365,8 @@ class LineReader:
 
     def _sentence(self, text: str) -> Entry | None:
         """A line that begins as a sentence does; some have a message of NMEA 2000 inside, or a time behind."""
-        if text[-3:-2] != "*" and (found := _ENDING.fullmatch(text)):
-            return _at(self._sentence(found["inner"]), self.times.read(found["after"]))
+        if text[-3:-2] != "*" and (match := _ENDING.fullmatch(text)):
+            return _at(self._sentence(match["inner"]), self.times.read(match["after"]))
         line = text.encode("latin-1")
         tagged = split_tag(line)
         if tagged.sentence[3:7] == b"PGN," or tagged.sentence.startswith((b"$PCDIN,", b"!PDGY,")):
@@ -397,11 +402,11 @@ class LineReader:
         """What stands behind a time or a name that a logger wrote before it."""
         if text[:1] in _COMMENTS:
             return None
-        if found := SENTENCE_BEHIND.fullmatch(text):
-            inner = found["inner"].removesuffix('"') if found["before"].endswith('"') else found["inner"]
-            return _at(self._sentence(inner), self.times.read(found["before"]))
-        found = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
-        return None if found is None else _at(self._bare(found["inner"]), self.times.read(found["before"]))
+        if match := SENTENCE_BEHIND.fullmatch(text):
+            inner = match["inner"].removesuffix('"') if match["before"].endswith('"') else match["inner"]
+            return _at(self._sentence(inner), self.times.read(match["before"]))
+        match = next(filter(None, (pattern.fullmatch(text) for pattern in _ENVELOPES)), None)
+        return None if match is None else _at(self._bare(match["inner"]), self.times.read(match["before"]))
 
 
 def _of_stored(stored: Stored) -> Entry | None:
@@ -410,7 +415,7 @@ def _of_stored(stored: Stored) -> Entry | None:
         return Entry(None, stored.sentence, protocol="nmea0183")
     if not stored.payload:
         return None
-    return message(stored.header, stored.payload, stored.time_ns, stored.turn_ns, whole=stored.whole)
+    return message(stored.header, stored.payload, stored.time_ns, stored.turn_ns, assembled=stored.assembled)
 
 
 def _at(entry: Entry | None, time: tuple[int | None, int] | None) -> Entry | None:

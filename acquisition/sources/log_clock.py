@@ -40,12 +40,12 @@ class LogClock:
     def __init__(self, head: Sequence[Entry], changed_ns: int) -> None:
         self.remark = ""
         self._now_ns: int | None = None
-        self._differences = _are_differences([each.time_ns for each in head if not each.turn_ns])
+        self._differences = _are_differences([entry.time_ns for entry in head if not entry.turn_ns])
         self._epoch_ns = 0  # UTC when the log's running time was zero; 0 as long as nobody tells it
         self._begin()
-        self._stands_still = len(head) > _MANY and len({each.time_ns for each in head}) == 1
-        running = [(self._running_ns(each), each) for each in head]
-        timed = [(time_ns, each) for time_ns, each in running if time_ns is not None]
+        self._stands_still = len(head) > _MANY and len({entry.time_ns for entry in head}) == 1
+        running = [(self._running_ns(entry), entry) for entry in head]
+        timed = [(time_ns, entry) for time_ns, entry in running if time_ns is not None]
         self._teller = None if timed else _usual_teller(head)
         if self._teller is not None:
             self.remark = (
@@ -57,7 +57,7 @@ class LogClock:
             date = iso(told_utc_ns(rolled_over) or 0)[:10]
             self.remark = f"a receiver's weeks have rolled over: its date is 1,024 weeks back, {date} is taken"
         self._begin()
-        next((each for each in head if self.time_ns(each) is not None), None)  # what comes before has it, too
+        next((entry for entry in head if self.time_ns(entry) is not None), None)  # what comes before has it, too
         self._begin()
 
     def _begin(self) -> None:
@@ -95,17 +95,18 @@ class LogClock:
 
     def _learn(self, running: list[tuple[int, Entry]], changed_ns: int) -> None:
         """When the log began, by who tells UTC in its beginning or, of times of day, by the file's last change."""
-        since = [(time_ns, each) for time_ns, each in running if time_ns < EARLIEST_UTC_NS]
+        since = [(time_ns, entry) for time_ns, entry in running if time_ns < EARLIEST_UTC_NS]
         if not since:
             return
-        teller = _usual_teller([each for _, each in since])
-        told = [
+        teller = _usual_teller([entry for _, entry in since])
+        starts_ns = [
             utc - time_ns
-            for time_ns, each in since
-            if _teller(each) == teller and (utc := told_utc_ns(each)) is not None
+            for time_ns, entry in since
+            if _teller(entry) == teller and (utc := told_utc_ns(entry)) is not None
         ]
-        began_ns = median_low(told) if told else 0  # a receiver that has just been switched on tells anything
-        has_clock = any(each.turn_ns == DAY_NS for _, each in since)
+        # a receiver that has just been switched on tells anything
+        began_ns = median_low(starts_ns) if starts_ns else 0
+        has_clock = any(entry.turn_ns == DAY_NS for _, entry in since)
         if began_ns and has_clock and abs(began_ns - (midnight := _whole_days(began_ns))) <= _AGREED_NS:
             began_ns = midnight
         elif began_ns and has_clock:
@@ -127,8 +128,8 @@ def _teller(entry: Entry) -> tuple[int, bytes]:
 
 def _usual_teller(head: Sequence[Entry]) -> tuple[int, bytes] | None:
     """Who tells the UTC most often: two that did would make the time go to and fro."""
-    told = Counter(_teller(each) for each in head if told_utc_ns(each) is not None)
-    return told.most_common(1)[0][0] if told else None
+    tellers = Counter(_teller(entry) for entry in head if told_utc_ns(entry) is not None)
+    return tellers.most_common(1)[0][0] if tellers else None
 
 
 def _whole_days(time_ns: int) -> int:
@@ -141,11 +142,11 @@ def told_utc_ns(entry: Entry) -> int | None:
         stated = (_possible_ns(time_ns) for time_ns in map(_sentence_ns, sentences_in(entry.payload)))
         return next((utc for utc in stated if utc is not None), None)
     group = parameter_group(entry.identifier)[0]
-    whole = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
-    if not whole and (group not in (SYSTEM_TIME, TIME_AND_DATE) or entry.flags & ~FrameFlag.WHOLE):
+    is_position = group == GNSS_POSITION and entry.flags == FrameFlag.WHOLE
+    if not is_position and (group not in (SYSTEM_TIME, TIME_AND_DATE) or entry.flags & ~FrameFlag.WHOLE):
         return None
-    told = group_time(Message(FIELDS[group], entry.payload))
-    return told if told is not None and is_possible(told) else None
+    stated_ns = group_time(Message(FIELDS[group], entry.payload))
+    return stated_ns if stated_ns is not None and is_possible(stated_ns) else None
 
 
 def _possible_ns(time_ns: int | None) -> int | None:
@@ -172,5 +173,5 @@ def _sentence_ns(line: bytes) -> int | None:
 
 def _are_differences(times_ns: list[int | None]) -> bool:
     """Whether times are since the frame before (candump -td): times since the log began would not fall."""
-    given = [each for each in times_ns if each is not None]
-    return any(later < former < EARLIEST_UTC_NS for former, later in pairwise(given))
+    stamps_ns = [time_ns for time_ns in times_ns if time_ns is not None]
+    return any(later < former < EARLIEST_UTC_NS for former, later in pairwise(stamps_ns))

@@ -194,8 +194,8 @@ class LogFile(LogReader):
         else:
             received_ns = monotonic_ns = self._opened_ns + time_ns
         self._last_ns = max(self._last_ns, monotonic_ns)
-        rest = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
-        return Frame(self.name, entry.protocol, entry.payload, *rest)
+        details = received_ns, self._last_ns, entry.identifier, entry.flags, stamped_ns, bus
+        return Frame(self.name, entry.protocol, entry.payload, *details)
 
     def _note_step_back(self, time_ns: int) -> None:
         """Note the first step back of the log's clock; whether one forward is a gap nobody can tell."""
@@ -250,14 +250,14 @@ def _last_bytes(file: BinaryIO) -> bytes:
 
 
 def _settled(
-    times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, given: Order | None, changed_ns: int
+    times: StatedTimes, stated: list[tuple[Stamp, int]], tail: bytes, configured: Order | None, changed_ns: int
 ) -> tuple[StatedTimes, str]:
     """The reader of the dates of a log whose beginning and end were read, and a remark on what is not stated."""
     ending = StatedTimes()
     for _ in read_lines(BytesIO(tail), LineReader(times=ending)):
         pass
     stamps = [*times.stamps, *ending.stamps]
-    order, why = (given, "as configured") if given else date_order(stamps, stated)
+    order, why = (configured, "as configured") if configured else date_order(stamps, stated)
     year, remark = None, times.remark
     first = next(iter(times.stamps), None)
     if first is not None and not first.has_year:
@@ -287,7 +287,7 @@ def _maker(head: bytes, form: str, open_file: Callable[[], BinaryIO]) -> Callabl
     """What begins to read a log: by its form or, where none is named, by its first bytes."""
     read = FILE_FORMS[form].read if form in FILE_FORMS else None
     if not form:
-        read = next((each.read for each in FILE_FORMS.values() if each.begins(head)), None)
+        read = next((file_form.read for file_form in FILE_FORMS.values() if file_form.begins(head)), None)
     library = _library_form(head)
     is_text = form in LINE_FORMS or any(map(_is_sound, read_lines(BytesIO(head), LineReader())))
     if read is None and library is not None and not is_text:
@@ -336,8 +336,8 @@ def _library_entries(
     except OSError:
         raise
     except Exception as error:
-        told = f"{type(error).__name__}: {error}".rstrip(": ")
-        raise ValueError(_lost_end(messages, size_bytes) or told) from error
+        reason = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise ValueError(_lost_end(messages, size_bytes) or reason) from error
     finally:
         file.close()
         for logger in _LIBRARY_LOGGERS:
@@ -365,8 +365,8 @@ def _lost_end(blf: Any, size_bytes: int) -> str:
 
 def _is_cut(message: can.Message) -> bool:
     """Whether bytes are missing: the library fills nothing up where a line of ASC ends before its data."""
-    whole = min(message.dlc, 64 if message.is_fd else 8)
-    return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < whole
+    length = min(message.dlc, 64 if message.is_fd else 8)
+    return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < length
 
 
 def _library_form(head: bytes) -> Make | None:

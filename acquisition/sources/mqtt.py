@@ -47,7 +47,7 @@ def connect(config: MqttSource, keep_alive_s: int = _KEEP_ALIVE_S) -> Client:
     """Connect to a broker, which has answered then. Raises :class:`SourceError`."""
     client = _client(config)
     answers: list[Any] = []
-    client.on_connect = lambda *given: answers.append(given[3])
+    client.on_connect = lambda *arguments: answers.append(arguments[3])
     try:
         client.connect(*config.endpoint, keepalive=keep_alive_s)
     except (OSError, ValueError) as error:
@@ -147,7 +147,7 @@ class MqttConnection(Source):
         client = connect(config)
         client.on_message = self._take
         answers: list[Any] = []
-        client.on_subscribe = lambda *given: answers.append(given[3])
+        client.on_subscribe = lambda *arguments: answers.append(arguments[3])
         client.subscribe([(topic, 0) for topic in config.subscriptions])
         codes = _await(config, client, answers)
         refused = [topic for topic, code in zip(config.subscriptions, codes, strict=False) if code.is_failure]
@@ -235,8 +235,8 @@ class MqttLog(LogReader):
 
     def _wanted(self, topic: str) -> bool:
         if topic not in self._topics:
-            wanted = [*self._config.topics, *(each.topic for each in self._config.values.values())]
-            self._topics[topic] = not self._config.topics or any(covers(each, topic) for each in wanted)
+            wanted = [*self._config.topics, *(entry.topic for entry in self._config.values.values())]
+            self._topics[topic] = not self._config.topics or any(covers(pattern, topic) for pattern in wanted)
         return self._topics[topic]
 
     def close(self) -> None:

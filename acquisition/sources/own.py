@@ -29,31 +29,37 @@ class OwnCode(Source):
 
     def __init__(self, config: OwnSource) -> None:
         super().__init__(config)
-        self._made: Any = load(config.code, "sources")
-        self._file = file_of(self._made)
-        require_call(self._made, config.code, "timeout_s", method="read")
+        self._class: Any = load(config.code, "sources")
+        self._file = file_of(self._class)
+        require_call(self._class, config.code, "timeout_s", method="read")
 
     def _connect(self) -> Any:
         with own_code(self._config.code, self._file):
-            return self._made(**self._config.options)
+            return self._class(**self._config.options)
 
     def _receive(self, timeout_s: float) -> list[Frame] | None:
         with own_code(f"{self._config.code}.read", self._file):
-            told = self._link.read(timeout_s)
-        if told is None:
+            received = self._link.read(timeout_s)
+        if received is None:
             return None
         clocks = now_ns()
-        payloads = [each for one in (told if isinstance(told, list) else [told]) for each in self._payloads(one)]
+        payloads = [
+            payload
+            for reading in (received if isinstance(received, list) else [received])
+            for payload in self._payloads(reading)
+        ]
         return [Frame(self.name, "mqtt", payload, *clocks) for payload in payloads]
 
-    def _payloads(self, told: Any) -> Iterator[bytes]:
-        if isinstance(told, str | bytes):
-            yield f"{_LINES}\0".encode() + (told.encode() if isinstance(told, str) else told)
+    def _payloads(self, reading: Any) -> Iterator[bytes]:
+        if isinstance(reading, str | bytes):
+            yield f"{_LINES}\0".encode() + (reading.encode() if isinstance(reading, str) else reading)
             return
-        if not isinstance(told, dict):
-            raise self.failure(f"read returned a {type(told).__name__}", fix="return a dict of channels, or a list")
-        time = told.get("time")
-        for name, value in told.items():
+        if not isinstance(reading, dict):
+            raise self.failure(
+                f"read returned a {type(reading).__name__}", fix="return a dict of channels, or a list"
+            )
+        time = reading.get("time")
+        for name, value in reading.items():
             if name != "time":
                 if name not in self._config.values:
                     raise self.failure(

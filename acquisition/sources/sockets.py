@@ -15,7 +15,7 @@ _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO = 33, 35, 55  # Python has no name
 _DROPPED = 8  # the place of the count among the numbers of SO_MEMINFO
 _MEMINFO_BYTES = 36
 _OLDEST_NS = 60 * NANO  # a frame that waited longer has been stamped by another clock, or ours has been set
-_MOST_KNOWN = 100  # senders' addresses can be forged: there is no end to them
+_MOST_SENDERS = 100  # senders' addresses can be forged: there is no end to them
 
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 _TIME = struct.Struct("@ll")
@@ -41,18 +41,18 @@ def arrival_ns(more: list[tuple[int, int, bytes]]) -> int | None:
     """The stamp in the ancillary data of ``recvmsg`` [ns since 1970]; None where there is none."""
     for level, kind, data in more:
         if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS) and len(data) >= _TIME.size:
-            seconds, rest = _TIME.unpack_from(data)
-            return int(seconds * NANO + rest)
+            seconds, nanoseconds = _TIME.unpack_from(data)
+            return int(seconds * NANO + nanoseconds)
     return None
 
 
 def dropped(opened: socket.socket) -> int:
     """How many datagrams or frames the system has had no room for, modulo 2^32; 0 where it does not tell."""
     try:
-        told = opened.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
+        meminfo = opened.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO_BYTES)
     except OSError:
         return 0
-    return int(struct.unpack_from("@I", told, 4 * _DROPPED)[0]) if len(told) == _MEMINFO_BYTES else 0
+    return int(struct.unpack_from("@I", meminfo, 4 * _DROPPED)[0]) if len(meminfo) == _MEMINFO_BYTES else 0
 
 
 def received_at(stamp_ns: int | None) -> tuple[tuple[int, int], bool]:
@@ -85,22 +85,22 @@ class Senders:
 
     def __init__(self, allowed: Sequence[Network]) -> None:
         self._allowed = tuple(allowed)
-        self._known: dict[str, bool] = {}
+        self._senders: dict[str, bool] = {}
         self.refused: Counter[str] = Counter()
         self.news: deque[tuple[str, str]] = deque()
 
     def admits(self, sender: str) -> bool:
         """Whether something from this address (IPv4 or IPv6, without a port) may come in."""
-        may = self._known.get(sender)
+        may = self._senders.get(sender)
         if may is None:
             address = ipaddress.ip_address(sender.partition("%")[0])
             may = not self._allowed or any(address in network for network in self._allowed)
-            if len(self._known) < _MOST_KNOWN:
+            if len(self._senders) < _MOST_SENDERS:
                 if not may:
                     self.news.append(("warning", f"{sender} sends and may not"))
-                elif any(self._known.values()):
+                elif any(self._senders.values()):
                     self.news.append(("info", f"{sender} sends, too: its values are kept apart"))
-                self._known[sender] = may
+                self._senders[sender] = may
         if not may:
             self.refused["sender that is not allowed"] += 1
         return may

@@ -58,14 +58,14 @@ def entry_end(data: bytes, at: int) -> int | None:
         return end
     followed = end + _TIME_BYTES >= len(data) or time_at(data, end) is not None
     inside = _MAY_BE_ENTRY.finditer(data, at + 1, end + _TIME_BYTES)
-    return end if followed and not any(is_sound(data, each.end() + _TIME_BYTES) for each in inside) else None
+    return end if followed and not any(is_sound(data, match.end() + _TIME_BYTES) for match in inside) else None
 
 
 def next_entry(data: bytes, at: int, settled: int) -> int | None:
     """Where the next entry begins, from ``at`` on; one beyond ``settled`` may yet turn out to be none."""
-    for each in _MAY_BE_ENTRY.finditer(data, at):
-        if each.start() >= settled or entry_end(data, each.start()) is not None:
-            return each.start()
+    for match in _MAY_BE_ENTRY.finditer(data, at):
+        if match.start() >= settled or entry_end(data, match.start()) is not None:
+            return match.start()
     return None
 
 
