@@ -33,8 +33,10 @@ class DbcMessages:
 
     def __init__(self, database: cantools.db.Database) -> None:
         self.count = len(database.messages)
-        self._by_identifier = {(each.is_extended_frame, each.frame_id): each for each in database.messages}
-        self._by_group = {frame_key(each): each for each in database.messages if each.is_extended_frame}
+        self._by_identifier = {
+            (message.is_extended_frame, message.frame_id): message for message in database.messages
+        }
+        self._by_group = {frame_key(message): message for message in database.messages if message.is_extended_frame}
 
     def of(self, frame: Frame) -> DbcMessage | None:
         """The message that a frame is, if it has all of its bytes."""
@@ -68,7 +70,7 @@ def choose_dbc(named: Path | None, folders: Iterable[Path | None], frames: Seque
         count = messages.count_in(frames)
         return DbcChoice(named if count else None, _coverage(named, count, messages))
     remarks: list[str] = []
-    for folder in dict.fromkeys(each.absolute() for each in folders if each is not None):
+    for folder in dict.fromkeys(directory.absolute() for directory in folders if directory is not None):
         if (path := _fitting(folder, frames, remarks)) is not None:
             return DbcChoice(path, "; ".join(remarks))
     path = None if remarks else own_dbc(frames)
@@ -109,12 +111,15 @@ def own_dbc(frames: Iterable[Frame]) -> Path | None:
     At least two of its messages come with their very identifiers, and none of its groups with others: proprietary
     groups mean something else on the next ship.
     """
-    heard = {frame.identifier for frame in frames if frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE}
+    received = {
+        frame.identifier for frame in frames if frame.protocol == "can" and not frame.flags & ~FrameFlag.LATE
+    }
     for path in sorted(VESSELS.glob("*.dbc")):
         messages = load_dbc(path).messages
-        known, groups = {each.frame_id for each in messages}, {frame_key(each)[1] for each in messages}
-        others = {each for each in heard - known if parameter_group(each)[0] in groups}
-        if len(known & heard) >= _ENOUGH_MESSAGES and not others:
+        identifiers = {message.frame_id for message in messages}
+        groups = {frame_key(message)[1] for message in messages}
+        foreign = {identifier for identifier in received - identifiers if parameter_group(identifier)[0] in groups}
+        if len(identifiers & received) >= _ENOUGH_MESSAGES and not foreign:
             return path
     return None
 
@@ -122,10 +127,10 @@ def own_dbc(frames: Iterable[Frame]) -> Path | None:
 def match_signals(path: Path, actuators: Actuators) -> SignalNames:
     """The signals that carry the control channels, as far as names and units tell. Raises ConfigurationError."""
     database = load_dbc(path)
-    wanted = [(channel, each.name) for each in actuators for channel in each.channels]
+    wanted = [(channel, actuator.name) for actuator in actuators for channel in actuator.channels]
     wanted += [] if rudders(actuators) else [(BY_NAME[RUDDER], "rudder")]
-    found = ((channel.name, _signal_of(channel, actuator, database)) for channel, actuator in wanted)
-    return {name: entry for name, entry in found if entry is not None}
+    matches = ((channel.name, _signal_of(channel, actuator, database)) for channel, actuator in wanted)
+    return {name: entry for name, entry in matches if entry is not None}
 
 
 def _signal_of(channel: Channel, actuator: str, database: cantools.db.Database) -> dict[str, str] | None:

@@ -50,10 +50,10 @@ class Discovery:
     def as_json(self) -> dict[str, Any]:
         """What was found as an object of JSON's kinds."""
         return {
-            "places": [_place_json(each) for each in self.heard],
+            "places": [_place_json(capture) for capture in self.heard],
             "devices": [] if self.survey is None else _devices_json(self.survey),
             "messages": [] if self.survey is None else _messages_json(self.survey),
-            "values": [each.as_json() for each in self.readings],
+            "values": [reading.as_json() for reading in self.readings],
             "channels": {} if self.survey is None else _channels_json(self.survey),
             "missing": self.missing,
             "events": [] if self.survey is None else self.survey.events,
@@ -84,8 +84,8 @@ def discover(
     if vessel and vessel_of_ship(vessel, folder) is None:  # a configuration there would not find it
         fix = f"copy it to {folder.absolute()}"
         raise ConfigurationError("lies elsewhere", where=str(find_vessel(vessel)), fix=fix)
-    heard = listen(places, duration_s, stop, part_of(progress, 0, 2))
-    return discovery_of(heard, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
+    captures = listen(places, duration_s, stop, part_of(progress, 0, 2))
+    return discovery_of(captures, name, vessel, dbc, folder, stop, part_of(progress, 1, 2))
 
 
 def discovery_of(
@@ -98,45 +98,45 @@ def discovery_of(
     progress: Progress = lambda share: None,
 ) -> Discovery:
     """What has been heard, understood; as :func:`discover`."""
-    found = [each for each in heard if each.count and not each.problem]
-    if not found:
+    captures = [capture for capture in heard if capture.count and not capture.problem]
+    if not captures:
         return Discovery(heard)
-    config = everything(found, vessel, dbc, (folder or Path()) / f"{name}.toml")
-    until = stop if any(each.expected for each in found) else None  # what has been heard live is looked at
-    expected = sum(each.expected or each.count for each in found)
-    in_order = heapq.merge(*(each.frames() for each in found), key=attrgetter("received_ns"))
+    config = everything(captures, vessel, dbc, (folder or Path()) / f"{name}.toml")
+    until = stop if any(capture.expected for capture in captures) else None  # what has been heard live is looked at
+    expected = sum(capture.expected or capture.count for capture in captures)
+    in_order = heapq.merge(*(capture.frames() for capture in captures), key=attrgetter("received_ns"))
     survey = survey_of(config, _counted(in_order, expected, until, progress))
-    for each in found:
-        each.count = survey.health.sources[each.place.name].frames
-    reasons, readings = missing_channels(survey), list(_readings(found, survey))
+    for received in captures:
+        received.count = survey.health.sources[received.place.name].frames
+    reasons, readings = missing_channels(survey), list(_readings(captures, survey))
     missing = reasons
     if not survey.config.ship_is_known:  # then no control can be missing, but what comes may be of one
         missing = {name: reason for name, reason in reasons.items() if name in MOTION}
-        _remark_on_controls(found, reasons.keys() - missing.keys(), survey)
-    text = configuration_text(found, survey, Gaps(reasons, missing), readings, name, vessel)
+        _remark_on_controls(captures, reasons.keys() - missing.keys(), survey)
+    text = configuration_text(captures, survey, Gaps(reasons, missing), readings, name, vessel)
     return Discovery(heard, survey, missing, text, readings)
 
 
-def _readings(found: Iterable[Heard], survey: Survey) -> Iterator[Reading]:
+def _readings(captures: Iterable[Heard], survey: Survey) -> Iterator[Reading]:
     """The values of the signals of each source's DBC file, and of the topics of each broker."""
-    sources = {each.name: each for each in survey.config.sources}
-    for heard in found:
-        source = sources[heard.place.name]
+    sources = {section.name: section for section in survey.config.sources}
+    for capture in captures:
+        source = sources[capture.place.name]
         provided = survey.provided(source.name)
         if isinstance(source, MqttLinks):
-            yield from topic_readings(source.name, heard.frames())
+            yield from topic_readings(source.name, capture.frames())
         elif isinstance(source, CanFrames) and source.dbc is not None:
-            signals = {name: each for name, each in source.signals.items() if name in provided}
-            mapped = {(each.message, each.signal): name for name, each in signals.items()}
-            yield from signal_readings(source.name, heard.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
+            signals = {name: signal for name, signal in source.signals.items() if name in provided}
+            mapped = {(signal.message, signal.signal): name for name, signal in signals.items()}
+            yield from signal_readings(source.name, capture.frames(), DbcMessages(load_dbc(source.dbc)), mapped)
 
 
-def _remark_on_controls(found: Iterable[Heard], controls: Iterable[str], survey: Survey) -> None:
+def _remark_on_controls(captures: Iterable[Heard], controls: Iterable[str], survey: Survey) -> None:
     """Say of each source what it carries of actuators that is no channel yet, and why."""
     reasons = {name: reason for name in sorted(controls) if (reason := what_comes(name, survey))}
-    for heard in found:
-        remarks = [reason for name, reason in reasons.items() if heard.place.name in sources_of(name, survey)]
-        heard.remarks += dict.fromkeys(remarks)
+    for capture in captures:
+        remarks = [reason for name, reason in reasons.items() if capture.place.name in sources_of(name, survey)]
+        capture.remarks += dict.fromkeys(remarks)
 
 
 def _counted(
@@ -151,22 +151,22 @@ def _counted(
         yield frame
 
 
-def _place_json(heard: Heard) -> dict[str, Any]:
-    place = heard.place
+def _place_json(capture: Heard) -> dict[str, Any]:
+    place = capture.place
     return {
         "place": place.text or place.name,
         "source": place.name,
         "type": place.type,
         **place.settings,
-        "frames": heard.count,
-        **({"problem": heard.problem} if heard.problem else {}),
-        **({"remarks": heard.remarks} if heard.remarks else {}),
+        "frames": capture.count,
+        **({"problem": capture.problem} if capture.problem else {}),
+        **({"remarks": capture.remarks} if capture.remarks else {}),
     }
 
 
 def _devices_json(survey: Survey) -> list[dict[str, Any]]:
-    order = sorted(survey.devices, key=lambda each: (each[0], int(each[1])))
-    return [{"source": each[0], "address": int(each[1]), **survey.devices[each]} for each in order]
+    order = sorted(survey.devices, key=lambda device: (device[0], int(device[1])))
+    return [{"source": device[0], "address": int(device[1]), **survey.devices[device]} for device in order]
 
 
 def _messages_json(survey: Survey) -> list[dict[str, Any]]:
@@ -181,7 +181,7 @@ def _messages_json(survey: Survey) -> list[dict[str, Any]]:
             "values": tally.values,
             "refused": dict(tally.refused),
         }
-        for kind, tally in sorted(survey.kinds.items(), key=lambda each: _order(each[0]))
+        for kind, tally in sorted(survey.kinds.items(), key=lambda entry: _order(entry[0]))
     ]
 
 

@@ -65,17 +65,17 @@ def listen(
     """Listen at all places for ``duration_s`` [s], or until ``stop`` is set; logs are looked into."""
     stop, until_s = stop or threading.Event(), time.monotonic() + duration_s
     results: dict[str, Heard] = {}
-    live = [each for each in places if each.type != "file"]
+    live = [place for place in places if place.type != "file"]
     threads = [
-        threading.Thread(target=_listen_at, args=(each, until_s, stop, results), daemon=True) for each in live
+        threading.Thread(target=_listen_at, args=(place, until_s, stop, results), daemon=True) for place in live
     ]
     for thread in threads:
         thread.start()
-    results |= {each.name: look_into(each) for each in places if each.type == "file"}
+    results |= {place.name: look_into(place) for place in places if place.type == "file"}
     while any(thread.is_alive() for thread in threads):
         progress(min(1.0, 1.0 - (until_s - time.monotonic()) / max(duration_s, 1e-9)))
         time.sleep(_POLL_S)
-    return [results[each.name] for each in places]
+    return [results[place.name] for place in places]
 
 
 def section_of(place: Place) -> AnySource:
@@ -97,28 +97,28 @@ def look_into(place: Place) -> Heard:
             place = replace(place, type="mqtt_file")
         count = sum(1 for _ in islice(_received(place), _HEAD_FRAMES))
         expected = path.stat().st_size // _BYTES_A_FRAME
-        heard = Heard(place, lambda: _received(place), count, expected)
+        capture = Heard(place, lambda: _received(place), count, expected)
     except SourceError as error:
         return Heard(place, problem=_in_words(error))
     except OSError as error:
         return Heard(place, problem=f"cannot be read: {error.strerror}")
-    return _with_system(heard)
+    return _with_system(capture)
 
 
 def _listen_at(place: Place, until_s: float, stop: threading.Event, results: dict[str, Heard]) -> None:
     """One thread's work: it raises nothing."""
     try:
-        found = _with_rate(place, until_s, stop) if place.type == "serial" else place
-        raw = replace(found, type=_RAW_TYPES.get(found.type, found.type))
+        rated_place = _with_rate(place, until_s, stop) if place.type == "serial" else place
+        raw = replace(rated_place, type=_RAW_TYPES.get(rated_place.type, rated_place.type))
         frames, fault = _until_failure(_bounded(_received(raw, until_s, stop)))
-        heard = interpret(found, frames)
-        heard.problem = heard.problem if frames or not fault else fault
-        heard.remarks += [f"{fault}; what came before is here"] if frames and fault else []
+        capture = interpret(rated_place, frames)
+        capture.problem = capture.problem if frames or not fault else fault
+        capture.remarks += [f"{fault}; what came before is here"] if frames and fault else []
     except SeatrialError as error:
-        heard = Heard(place, problem=_in_words(error))
+        capture = Heard(place, problem=_in_words(error))
     except Exception as error:  # drivers raise what they like
-        heard = Heard(place, problem=f"its driver failed: {system_reason(error) or type(error).__name__}")
-    results[place.name] = heard
+        capture = Heard(place, problem=f"its driver failed: {system_reason(error) or type(error).__name__}")
+    results[place.name] = capture
 
 
 def _until_failure(frames: Iterable[Frame]) -> tuple[list[Frame], str]:
@@ -201,15 +201,15 @@ def interpret(place: Place, received: Sequence[Frame]) -> Heard:
         return Heard(place, lambda: iter(received), len(received), problem="" if received else _SILENT)
     if not received:
         return Heard(place, problem=_SILENT)
-    lines, packets = _soundness([frame.payload for frame in received], whole=place.type == "udp")
+    lines, packets = _soundness([frame.payload for frame in received], is_datagram=place.type == "udp")
     if not lines and not packets:
         beginning = received[0].payload[:24]
         return Heard(place, problem=f"bytes come that are nothing known; they begin with {beginning!r}")
     if packets > lines:
-        found = replace(place, type=_RAW_TYPES[place.type])
-        return _with_system(Heard(found, lambda: iter(received), len(received)))
+        link = replace(place, type=_RAW_TYPES[place.type])
+        return _with_system(Heard(link, lambda: iter(received), len(received)))
     assembler = LineAssembler(place.name)
-    frames = [each for frame in received for each in _lines_of(assembler, frame, whole=place.type == "udp")]
+    frames = [line for frame in received for line in _lines_of(assembler, frame, is_datagram=place.type == "udp")]
     if any(frame.protocol == "can" for frame in frames):
         end = b"\n" if place.type == "udp" else b""
         form = form_of(end.join(frame.payload for frame in received))
@@ -228,29 +228,31 @@ def topics_of_sentences(received: Iterable[Frame]) -> list[str]:
         if any(SENTENCE_BEHIND.fullmatch(line.strip()) for line in text.decode("latin-1").splitlines()):
             topics.add(topic.decode("utf-8", "replace"))
     if not all(
-        each and each.isprintable() and each == each.strip() and not set("+#") & set(each) for each in topics
+        name and name.isprintable() and name == name.strip() and not set("+#") & set(name) for name in topics
     ):
         return ["#"]  # what a configuration cannot name
     if len(topics) <= _MOST_TOPICS:
         return sorted(topics)
-    first, last = (each.split("/") for each in (min(topics), max(topics)))
-    same = [one for one, other in zip(first[:-1], last[:-1], strict=False) if one == other]
-    return ["/".join([*same, "#"])]
+    first, last = (name.split("/") for name in (min(topics), max(topics)))
+    common = [part for part, counterpart in zip(first[:-1], last[:-1], strict=False) if part == counterpart]
+    return ["/".join([*common, "#"])]
 
 
-def _lines_of(assembler: LineAssembler, frame: Frame, *, whole: bool) -> list[Frame]:
-    """The lines in some bytes; ``whole`` says that they end where a line does (a datagram)."""
+def _lines_of(assembler: LineAssembler, frame: Frame, *, is_datagram: bool) -> list[Frame]:
+    """The lines in some bytes; ``is_datagram`` says that they end where a line does."""
     times = frame.received_ns, frame.monotonic_ns
-    return assembler.push(frame.payload, times) + (assembler.end(times) if whole else [])
+    return assembler.push(frame.payload, times) + (assembler.end(times) if is_datagram else [])
 
 
-def _soundness(chunks: Sequence[bytes], *, whole: bool = False) -> tuple[int, int]:
+def _soundness(chunks: Sequence[bytes], *, is_datagram: bool = False) -> tuple[int, int]:
     """How many bytes of what came are of sound lines or gateways' messages, and how many of MAVLink's packets."""
     assembler, cutter, lines, packets = LineAssembler(""), PacketCutter(whole=False), 0, 0
     for chunk in chunks:
-        frames = _lines_of(assembler, Frame("", "nmea0183", chunk, 0, 0), whole=whole)
+        frames = _lines_of(assembler, Frame("", "nmea0183", chunk, 0, 0), is_datagram=is_datagram)
         lines += sum(len(frame.payload) for frame in frames if _is_sound(frame))
-        packets += sum(len(each) for each in cutter.push(chunk) if not isinstance(each, Fault) and is_known(each))
+        packets += sum(
+            len(packet) for packet in cutter.push(chunk) if not isinstance(packet, Fault) and is_known(packet)
+        )
     return lines, packets
 
 
@@ -277,20 +279,22 @@ def _is_frame(entry: Entry | None) -> bool:
     return entry is not None and entry.protocol == "can"
 
 
-def _with_system(heard: Heard) -> Heard:
+def _with_system(capture: Heard) -> Heard:
     """A MAVLink link with the system that tells of the ship: the one most of whose messages are read."""
-    if not heard.place.type.startswith("mavlink"):
-        return heard
+    if not capture.place.type.startswith("mavlink"):
+        return capture
     from acquisition.decoders.mavlink import is_read
 
-    cutter, systems = PacketCutter(whole=heard.place.type == "mavlink_file"), Counter[int]()
-    for frame in islice(heard.frames(), _HEAD_FRAMES):
-        headers = [header_of(each) for each in cutter.push(frame.payload) if not isinstance(each, Fault)]
-        systems.update(each.system_id for each in headers if is_read(each.message_id) and 0 < each.system_id < 256)
+    cutter, systems = PacketCutter(whole=capture.place.type == "mavlink_file"), Counter[int]()
+    for frame in islice(capture.frames(), _HEAD_FRAMES):
+        headers = [header_of(packet) for packet in cutter.push(frame.payload) if not isinstance(packet, Fault)]
+        systems.update(
+            header.system_id for header in headers if is_read(header.message_id) and 0 < header.system_id < 256
+        )
     if not systems:
-        return replace(heard, problem="MAVLink comes, but none of the messages that are read")
+        return replace(capture, problem="MAVLink comes, but none of the messages that are read")
     system, _ = systems.most_common(1)[0]
     if len(systems) > 1:
-        others = ", ".join(str(each) for each in sorted(systems) if each != system)
-        heard.remarks.append(f"system {others} speaks of itself, too; a source listens to one")
-    return replace(heard, place=replace(heard.place, settings={**heard.place.settings, "system_id": system}))
+        other_systems = ", ".join(str(number) for number in sorted(systems) if number != system)
+        capture.remarks.append(f"system {other_systems} speaks of itself, too; a source listens to one")
+    return replace(capture, place=replace(capture.place, settings={**capture.place.settings, "system_id": system}))

@@ -17,71 +17,71 @@ _MOST_EVENTS = 12
 _MOST_VALUES = 4  # of a message, in its row
 
 
-def tables(found: Discovery) -> Iterator[RenderableType]:
+def tables(discovery: Discovery) -> Iterator[RenderableType]:
     """Places, devices, messages, channels and what is missing, each as a table that has a row at least."""
-    told = found.as_json()
+    content = discovery.as_json()
     yield _table(
         ("listened at", "source", "frames", ""),
-        [(each["place"], each["source"], f"{each['frames']:,}", _said(each)) for each in told["places"]],
+        [(place["place"], place["source"], f"{place['frames']:,}", _remarks(place)) for place in content["places"]],
     )
-    if told["devices"]:
+    if content["devices"]:
         shown = ("manufacturer", "model", "function", "iso_name")
         rows = [
-            (each["source"], str(each["address"]), *(str(each.get(key, "")) for key in shown))
-            for each in told["devices"]
+            (device["source"], str(device["address"]), *(str(device.get(key, "")) for key in shown))
+            for device in content["devices"]
         ]
         yield _table(("device on", "address", *shown[:-1], "NAME"), rows)
-    if told["messages"]:
+    if content["messages"]:
         yield _table(
             ("message of", "device", "message", "rate Hz", "latest", "refused"),
             [
-                (each["source"], each["device"], f"{each['message']} {each['name']}".strip(),
-                 f"{each['rate_hz']:.2f}" if each["rate_hz"] else f"{each['count']} x",
-                 _values(each["values"]), _counts(each["refused"]))
-                for each in told["messages"]
+                (message["source"], message["device"], f"{message['message']} {message['name']}".strip(),
+                 f"{message['rate_hz']:.2f}" if message["rate_hz"] else f"{message['count']} x",
+                 _values(message["values"]), _counts(message["refused"]))
+                for message in content["messages"]
             ],
         )  # fmt: skip
-    if found.readings:
+    if discovery.readings:
         yield _table(
             ("values of", "message or topic", "signal or field", "value", "channel"),
             [
-                (each.source, each.entry.get("message") or each.entry["topic"],
-                 each.entry.get("signal") or each.entry.get("field", ""), each.text, each.channel)
-                for each in found.readings
+                (reading.source, reading.entry.get("message") or reading.entry["topic"],
+                 reading.entry.get("signal") or reading.entry.get("field", ""), reading.text, reading.channel)
+                for reading in discovery.readings
             ],
         )  # fmt: skip
-    if told["channels"]:
-        yield _table(("channel", "value", "unit", "rate Hz", "sources"), list(_channel_rows(told["channels"])))
-    if told["events"]:
-        yield _table(("event",), [(each,) for each in told["events"][:_MOST_EVENTS]])
-    if told["missing"]:
-        yield _table(("missing", "why"), list(by_reason(found.missing).items()))
+    if content["channels"]:
+        yield _table(("channel", "value", "unit", "rate Hz", "sources"), list(_channel_rows(content["channels"])))
+    if content["events"]:
+        yield _table(("event",), [(event,) for event in content["events"][:_MOST_EVENTS]])
+    if content["missing"]:
+        yield _table(("missing", "why"), list(by_reason(discovery.missing).items()))
 
 
 def _channel_rows(channels: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    for name, each in channels.items():
-        value, rate_hz = f"{each['value']:.6g}", f"{each['rate_hz']:.2f}"
-        yield name, value, channel_unit(name), rate_hz, ", ".join(each["sources"])
+    for name, channel in channels.items():
+        value, rate_hz = f"{channel['value']:.6g}", f"{channel['rate_hz']:.2f}"
+        yield name, value, channel_unit(name), rate_hz, ", ".join(channel["sources"])
 
 
-def nothing_found(found: Discovery) -> str:
+def nothing_found(discovery: Discovery) -> str:
     """Where was listened in vain, and what to do."""
     places: dict[str, list[str]] = {}
-    for each in found.heard:
-        places.setdefault(each.problem, []).append(each.place.text or each.place.name)
+    for capture in discovery.heard:
+        places.setdefault(capture.problem, []).append(capture.place.text or capture.place.name)
     where = "; ".join(f"{', '.join(names)}: {problem}" for problem, names in places.items())
-    if not any(each.place.expected for each in found.heard):
+    if not any(entry.place.expected for entry in discovery.heard):
         kinds = {"can": "CAN interface", "serial": "serial line"}.items()
-        there = {each.place.type for each in found.heard}
-        where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in there)
-    live = any(each.place.type != "file" for each in found.heard)
+        kinds_present = {entry.place.type for entry in discovery.heard}
+        where += "".join(f"; this computer shows no {words}" for kind, words in kinds if kind not in kinds_present)
+    live = any(entry.place.type != "file" for entry in discovery.heard)
     advice = (
         "switch the instruments on, check cables and firewall, listen longer with --duration, or " if live else ""
     )
     return f"nothing was found ({where or 'there is nowhere to listen'}); {advice}name {KNOWN_FORMS}"
 
 
-def _said(place: dict[str, Any]) -> str:
+def _remarks(place: dict[str, Any]) -> str:
     """What was found out of a place besides: its rate and form, or why nothing was heard there."""
     rate = f"{place['baud_rate']} baud" if "baud_rate" in place else ""
     return "; ".join(filter(None, (rate, place.get("form"), place.get("problem"), *place.get("remarks", []))))

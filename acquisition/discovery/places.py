@@ -54,9 +54,9 @@ def parse_places(inputs: Sequence[str]) -> list[Place]:
     Raises :class:`InputError` for what is no place, and for logs beside what is live, as their times are not of
     today; :class:`ConfigurationError` for a configuration at fault.
     """
-    places = _with_own_names(place for each in inputs for place in _parse(each))
+    places = _with_own_names(place for text in inputs for place in _parse(text))
     _refuse_twice(places)
-    logs = [each.text for each in places if each.type == "file"]
+    logs = [place.text for place in places if place.type == "file"]
     if logs and len(logs) < len(places):
         fix = "discover the logs and what is live one after the other"
         raise InputError("is a log, but other places are live", where=", ".join(logs), fix=fix)
@@ -76,20 +76,20 @@ def _refuse_twice(places: Iterable[Place]) -> None:
 
 
 def _parse(text: str) -> list[Place]:
-    kind, _, rest = text.partition(":")
+    kind, _, target = text.partition(":")
     path = Path(text)
-    if kind in ("udp", "tcp") and rest:
-        return [_port(kind, rest, text)]
-    if kind == "mqtt" and rest:
-        address, _, port = rest.partition(":")
+    if kind in ("udp", "tcp") and target:
+        return [_port(kind, target, text)]
+    if kind == "mqtt" and target:
+        address, _, port = target.partition(":")
         return [_port("mqtt", f"{address}:{port or 1883}", text)]
-    if kind == "can" and rest.count(":") >= 1:
-        interface, _, channel = rest.partition(":")
+    if kind == "can" and target.count(":") >= 1:
+        interface, _, channel = target.partition(":")
         return [_can(interface, channel, text)]
     if _CAN_NAME.fullmatch(text) and not path.exists():
         return [_can("socketcan", text, text)]
     if kind == "serial" or _SERIAL_NAME.fullmatch(text) or _is_device(text):
-        return [_serial(rest if kind == "serial" else text, text)]
+        return [_serial(target if kind == "serial" else text, text)]
     if path.suffix == ".toml" and path.is_file():
         return _of_configuration(path)
     if path.is_file():
@@ -132,19 +132,19 @@ def _is_device(text: str) -> bool:
         return False
 
 
-def _serial(text: str, whole: str) -> Place:
+def _serial(text: str, user_text: str) -> Place:
     device, rate = _device_and_rate(text)
     if rate and (not rate.isdigit() or not int(rate)):
-        raise InputError(f"{rate!r} is not a baud rate", where=whole, fix="write it as /dev/ttyUSB0@38400")
+        raise InputError(f"{rate!r} is not a baud rate", where=user_text, fix="write it as /dev/ttyUSB0@38400")
     if os.path.lexists(device):
         device = str(Path(device).absolute())  # a link is kept: it outlasts the number of its device
     settings = {"device": device, **({"baud_rate": int(rate)} if rate else {})}
     name = Path(device).name
-    return Place(f"serial_{name}" if name.isdigit() else name, "serial", settings, whole)
+    return Place(f"serial_{name}" if name.isdigit() else name, "serial", settings, user_text)
 
 
-def _port(kind: str, rest: str, text: str) -> Place:
-    address, _, port = rest.rpartition(":")
+def _port(kind: str, target: str, text: str) -> Place:
+    address, _, port = target.rpartition(":")
     if not port.isdigit() or not 0 < int(port) < 65_536:
         raise InputError(f"{port!r} is not a port", where=text, fix=f"write it as {kind}:ADDRESS:PORT")
     if kind != "udp" and not address:
@@ -191,7 +191,7 @@ def usual_places() -> list[Place]:
     places += [_port("udp", f"{address}:{port}", f"udp:{address}:{port}") for address, port in _GROUPS]
     places += [_port("tcp", f"{address}:{port}", f"tcp:{address}:{port}") for address, port in _USUAL_TCP]
     places.append(_port("mqtt", "127.0.0.1:1883", "mqtt:127.0.0.1"))
-    return _with_own_names(replace(each, expected=False) for each in places)
+    return _with_own_names(replace(place, expected=False) for place in places)
 
 
 def _can_interfaces() -> list[Place]:
@@ -200,20 +200,20 @@ def _can_interfaces() -> list[Place]:
     import can
 
     logging.getLogger("can").setLevel(logging.ERROR)  # drivers that are not installed are no news
-    found = []
+    configs = []
     for interface in _USUAL_CAN:
         with suppress(Exception):  # drivers raise what they like
-            found += can.detect_available_configs(interface)
+            configs += can.detect_available_configs(interface)
     return [
-        _can(each["interface"], str(each["channel"]), f"can:{each['interface']}:{each['channel']}")
-        for each in found
+        _can(config["interface"], str(config["channel"]), f"can:{config['interface']}:{config['channel']}")
+        for config in configs
     ]
 
 
 def _serial_lines() -> list[Place]:
     from serial.tools.list_ports import comports
 
-    lines = [_serial(each.device, each.device) for each in comports() if each.hwid != "n/a"]
+    lines = [_serial(port.device, port.device) for port in comports() if port.hwid != "n/a"]
     return [replace(line, settings={"device": _lasting_path(line.settings["device"])}) for line in lines]
 
 

@@ -29,27 +29,27 @@ _MOST_ENGINES = 8
 _ENGINES = {1: ["main"], 2: ["port", "starboard"], 3: ["port", "centre", "starboard"]}
 
 
-def everything(found: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
+def everything(captures: Sequence[Heard], vessel: str, dbc: Path | None, path: Path) -> TrialConfig:
     """A configuration whose sources may provide every channel that their kind can carry, of all packs, too."""
     trial = f'[trial]\nname = "discovered"\n{_line("vessel", vessel) if vessel else ""}'
-    trial += "".join(map(_pack, all_packs(found)))
-    sections = [_settings(each) for each in found]
+    trial += "".join(map(_pack, all_packs(captures)))
+    sections = list(map(_settings, captures))
     bare = parse_config(trial + "".join(map(_section, sections)), path)
-    for section, each in zip(sections, found, strict=True):
-        _add_dbc(section, each, dbc, path.parent, bare)
+    for section, capture in zip(sections, captures, strict=True):
+        _add_dbc(section, capture, dbc, path.parent, bare)
     ship = parse_config(trial + "".join(map(_section, sections)), path)
-    order = channel_names(ship.actuators, tuple(each.channel for each in ship.declared))
+    order = channel_names(ship.actuators, tuple(declaration.channel for declaration in ship.declared))
     for section, source in zip(sections, ship.sources, strict=True):
         possible = possible_channels(source, ship.actuators, ship.declared)
         section["channels"] = sorted(possible, key=order.index)
     return parse_config(trial + "".join(map(_section, sections)), path)
 
 
-def all_packs(found: Sequence[Heard]) -> list[dict[str, Any]]:
+def all_packs(captures: Sequence[Heard]) -> list[dict[str, Any]]:
     """The packs that come along, as sections; those of several like things with as many names as engines speak."""
-    frames = (frame for each in found for frame in islice(each.frames(), _HEAD_FRAMES))
+    frames = (frame for capture in captures for frame in islice(capture.frames(), _HEAD_FRAMES))
     engines = {_engine_of(frame) for frame in frames if frame.protocol == "can" and frame.payload}
-    count = 1 + max((each for each in engines if each is not None and each < _MOST_ENGINES), default=0)
+    count = 1 + max((engine for engine in engines if engine is not None and engine < _MOST_ENGINES), default=0)
     names = _ENGINES.get(count) or [f"number_{number + 1}" for number in range(count)]
     return [
         {"name": path.stem, **({"each": names} if "{each}" in path.read_text() else {})}
@@ -68,10 +68,10 @@ def _engine_of(frame: Frame) -> int | None:
 def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str, Any]]:
     """Those of the packs by which something has come."""
     by_declaration = {
-        each.channel.name
-        for each in survey.config.declared
-        if {message_of(origin) for origin in each.origins}
-        & {label_parts(label)[2][0] for label in survey.quantities.get(each.channel.name, ())}
+        declaration.channel.name
+        for declaration in survey.config.declared
+        if {message_of(origin) for origin in declaration.origins}
+        & {label_parts(label)[2][0] for label in survey.quantities.get(declaration.channel.name, ())}
     }
     return [pack for pack in packs if by_declaration & set(_names_in(pack))]
 
@@ -79,25 +79,25 @@ def used_packs(packs: Sequence[dict[str, Any]], survey: Survey) -> list[dict[str
 def _names_in(pack: Mapping[str, Any]) -> Iterator[str]:
     path = PACKS / f"{pack['name']}.toml"
     for channel in parse_toml(path.read_text(), path)["channel"]:
-        yield from (channel["name"].replace("{each}", each) for each in pack.get("each", [""]))
+        yield from (channel["name"].replace("{each}", instance) for instance in pack.get("each", [""]))
 
 
 def _pack(pack: Mapping[str, Any]) -> str:
     return "[[pack]]\n" + "".join(_line(key, value) for key, value in pack.items())
 
 
-def _settings(heard: Heard) -> dict[str, Any]:
-    return {"name": heard.place.name, "type": heard.place.type, **heard.place.settings, "channels": []}
+def _settings(capture: Heard) -> dict[str, Any]:
+    return {"name": capture.place.name, "type": capture.place.type, **capture.place.settings, "channels": []}
 
 
-def _add_dbc(section: dict[str, Any], heard: Heard, dbc: Path | None, folder: Path, config: TrialConfig) -> None:
+def _add_dbc(section: dict[str, Any], capture: Heard, dbc: Path | None, folder: Path, config: TrialConfig) -> None:
     """The vessel's own frames, by the DBC file that describes them."""
     named = section.pop("dbc", None) or dbc
-    frames = [frame for frame in islice(heard.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
+    frames = [frame for frame in islice(capture.frames(), _HEAD_FRAMES) if frame.protocol == "can"]
     if section["type"] not in ("can", "file", "serial", "udp", "tcp") or not frames:
         return
-    choice = choose_dbc(None if named is None else Path(named), [heard.place.folder, folder], frames)
-    heard.remarks += [choice.remark] if choice.remark else []
+    choice = choose_dbc(None if named is None else Path(named), [capture.place.folder, folder], frames)
+    capture.remarks += [choice.remark] if choice.remark else []
     if choice.path is not None:
         section["dbc"] = str(choice.path.absolute())
         section["signals"] = match_signals(choice.path, config.actuators)
@@ -111,7 +111,7 @@ class Gaps(NamedTuple):
 
 
 def configuration_text(
-    found: Sequence[Heard], survey: Survey, gaps: Gaps, readings: Sequence[Reading], name: str, vessel: str = ""
+    captures: Sequence[Heard], survey: Survey, gaps: Gaps, readings: Sequence[Reading], name: str, vessel: str = ""
 ) -> str:
     """The configuration of what was heard, as a person would write it."""
     reasons, missing = gaps
@@ -134,30 +134,30 @@ def configuration_text(
     if missing:
         parts.append("\n" + _comment("Missing:"))
         parts += [_comment(f"{names}: {reason}", "#   ") for names, reason in by_reason(missing).items()]
-    parts += [f"\n{_pack(each)}" for each in used_packs(all_packs(found), survey)]
-    parts += [_source_text(each, survey, reasons, readings) for each in found]
+    parts += [f"\n{_pack(pack)}" for pack in used_packs(all_packs(captures), survey)]
+    parts += [_source_text(capture, survey, reasons, readings) for capture in captures]
     return "".join(parts)
 
 
-def _source_text(heard: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[Reading]) -> str:
-    source = next(each for each in survey.config.sources if each.name == heard.place.name)
+def _source_text(capture: Heard, survey: Survey, reasons: Mapping[str, str], readings: Iterable[Reading]) -> str:
+    source = next(candidate for candidate in survey.config.sources if candidate.name == capture.place.name)
     provided = [*survey.provided(source.name), *_wanting_a_number(source.name, survey, reasons)]
     signals = getattr(source, "signals", {})
-    section = {key: value for key, value in _settings(heard).items() if key != "dbc"} | {"channels": provided}
+    section = {key: value for key, value in _settings(capture).items() if key != "dbc"} | {"channels": provided}
     if getattr(source, "dbc", None) is not None:
         section["dbc"] = str(source.dbc)  # type: ignore[union-attr]
         section["signals"] = {
-            name: {"message": each.message, "signal": each.signal, "unit": each.unit}
-            for name, each in signals.items()
+            name: {"message": signal.message, "signal": signal.signal, "unit": signal.unit}
+            for name, signal in signals.items()
             if name in provided
         }
-    comments = "".join(map(_comment, heard.remarks))
+    comments = "".join(map(_comment, capture.remarks))
     if "dbc" in section:
         comments += _comment("Check signs and values of the DBC file's signals alongside.")
     if not provided:
         comments += _comment("No channel comes of it; what comes is recorded undecoded all the same.")
     hints = [*_rated(provided, reasons), *_rivals(source.name, survey)]
-    template = _template([each for each in readings if each.source == source.name], section)
+    template = _template([reading for reading in readings if reading.source == source.name], section)
     return f"\n{comments}{_section(section, hints)}{template}"
 
 
@@ -169,14 +169,14 @@ def _wanting_a_number(source: str, survey: Survey, missing: Mapping[str, str]) -
 
 def _rated(listed: Iterable[str], missing: Mapping[str, str]) -> Iterator[str]:
     """The setting that percent of thrusters wait for."""
-    names = [each for each in listed if missing.get(each, "").endswith(RATED_FIX)]
+    names = [name for name in listed if missing.get(name, "").endswith(RATED_FIX)]
     if names:
-        yield _line("rated_rpm", {each.removesuffix("_rpm"): 0 for each in names}).rstrip() + "   # at 100 %"
+        yield _line("rated_rpm", {name.removesuffix("_rpm"): 0 for name in names}).rstrip() + "   # at 100 %"
 
 
 def _template(readings: Sequence[Reading], section: Mapping[str, Any]) -> str:
     """The signals and topics that come, with their values, for a person to say which channel each carries."""
-    unmapped = [each for each in readings if not each.channel]
+    unmapped = [entry for entry in readings if not entry.channel]
     if not unmapped:
         return ""
     kind, table = ("topic", "values") if "topic" in unmapped[0].entry else ("signal", "signals")
@@ -185,8 +185,8 @@ def _template(readings: Sequence[Reading], section: Mapping[str, Any]) -> str:
         " add the channel to the list above."
     )
     text += "" if section.get(table) else f"[source.{table}]\n"
-    for each in unmapped:
-        line = f"{_line('channel', each.entry).rstrip()}   # {each.text}"
+    for reading in unmapped:
+        line = f"{_line('channel', reading.entry).rstrip()}   # {reading.text}"
         text += f"# {_visible(line)}\n"
     return text
 
@@ -195,21 +195,21 @@ def _rivals(source: str, survey: Survey) -> Iterator[str]:
     """Where several devices on one bus tell the same: who they are, and how to put them in order."""
     rivals: dict[tuple[str, ...], list[str]] = {}
     for name in survey.provided(source):
-        devices = {label_parts(each)[1] for each in survey.quantities[name] if label_parts(each)[0] == source}
-        addresses = tuple(sorted((each for each in devices if each.isdigit()), key=int))
+        devices = {label_parts(label)[1] for label in survey.quantities[name] if label_parts(label)[0] == source}
+        addresses = tuple(sorted((address for address in devices if address.isdigit()), key=int))
         if len(addresses) > 1:
             rivals.setdefault(addresses, []).append(name)
     for names in rivals.values():
         yield f"{', '.join(names)}: of several devices the first that comes keeps it; to put them in order:"
-    every = sorted({each for addresses in rivals for each in addresses}, key=int)
-    if every:
-        listed = [{"name": f"device_{each}", **_identified(source, each, survey)} for each in every]
+    ranked = sorted({address for addresses in rivals for address in addresses}, key=int)
+    if ranked:
+        listed = [{"name": f"device_{address}", **_identified(source, address, survey)} for address in ranked]
         yield _line("devices", listed).rstrip()
 
 
 def _identified(source: str, address: str, survey: Survey) -> dict[str, Any]:
-    known = survey.devices.get((source, address), {})
-    return {"iso_name": known["iso_name"]} if "iso_name" in known else {"address": int(address)}
+    device = survey.devices.get((source, address), {})
+    return {"iso_name": device["iso_name"]} if "iso_name" in device else {"address": int(address)}
 
 
 def _section(section: Mapping[str, Any], hints: Iterable[str] = ()) -> str:
@@ -226,10 +226,10 @@ def _line(key: str, value: Any) -> str:
     text = f"{key} = {_inline(value)}"
     if isinstance(value, list) and len(text) > _WIDTH:
         rows: list[str] = [" "]
-        for each in map(_inline, value):
-            if len(rows[-1]) + len(each) > _WIDTH:
+        for item in map(_inline, value):
+            if len(rows[-1]) + len(item) > _WIDTH:
                 rows.append(" ")
-            rows[-1] += f" {each},"
+            rows[-1] += f" {item},"
         text = "\n".join((f"{key} = [", *rows, "]"))
     return f"{text}\n"
 
@@ -237,14 +237,14 @@ def _line(key: str, value: Any) -> str:
 def _inline(value: Any) -> str:
     """A value as TOML writes it; its strings and numbers are JSON's."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_inline(each)}" for key, each in value.items()) + " }"
+        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_inline, value)) + "]"
     return json.dumps(value)
 
 
 def _visible(text: str) -> str:
-    return "".join(each if each.isprintable() else "?" for each in text)
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _comment(text: str, mark: str = "# ") -> str:

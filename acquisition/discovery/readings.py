@@ -153,7 +153,7 @@ def _number(value: Any) -> float | None:
 
 
 def _shortened(text: str) -> str:
-    shown = "".join(each if each.isprintable() else "?" for each in text.strip())
+    shown = "".join(letter if letter.isprintable() else "?" for letter in text.strip())
     return shown if len(shown) <= _LONGEST_TEXT else f"{shown[:_LONGEST_TEXT]}..."
 
 

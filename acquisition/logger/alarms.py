@@ -32,11 +32,13 @@ _MOST_COMMANDS = 8
 
 def check_alarms(rules: Iterable[AlarmSection], health: Health) -> None:
     """Raise :class:`ConfigurationError` for a rule whose figure there is not."""
-    known = list(health.figures(time.monotonic_ns()))
+    figures = list(health.figures(time.monotonic_ns()))
     for rule in rules:
-        if rule.figure not in known:
-            near = get_close_matches(rule.figure, known, n=3) or [each for each in known if rule.figure in each]
-            near = near[:3] or known[:8]
+        if rule.figure not in figures:
+            near = get_close_matches(rule.figure, figures, n=3) or [
+                figure for figure in figures if rule.figure in figure
+            ]
+            near = near[:3] or figures[:8]
             raise ConfigurationError(
                 f"unknown figure {rule.figure!r}", where=f"alarm {rule.name!r}", fix=f"say {' or '.join(near)}"
             )
@@ -68,8 +70,8 @@ class Alarm:
         """What there is to say, for people."""
         rule = self.rule
         limits = {"above": rule.above, "below": rule.below}
-        said = " or ".join(f"{word} {limit:g}" for word, limit in limits.items() if limit is not None)
-        return f"{rule.name}: {rule.figure} is {value:.4g}, {'' if self.raised else 'no more '}{said}"
+        bounds = " or ".join(f"{word} {limit:g}" for word, limit in limits.items() if limit is not None)
+        return f"{rule.name}: {rule.figure} is {value:.4g}, {'' if self.raised else 'no more '}{bounds}"
 
 
 class Alarms:
@@ -129,11 +131,11 @@ class Alarms:
         if len(self._commands) >= _MOST_COMMANDS:
             self._tell("error", f"alarm {name}: its command is not run, {_MOST_COMMANDS} others have not ended")
             return
-        said = {"SEATRIAL_ALARM": name, "SEATRIAL_STATE": state, "SEATRIAL_TEXT": text}
+        variables = {"SEATRIAL_ALARM": name, "SEATRIAL_STATE": state, "SEATRIAL_TEXT": text}
         try:
             process = subprocess.Popen(
                 alarm.rule.command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env={**os.environ, **said}, start_new_session=True,
+                env={**os.environ, **variables}, start_new_session=True,
             )  # fmt: skip
         except OSError as error:
             self._tell("error", f"alarm {name}: its command cannot be run: {error.strerror}")

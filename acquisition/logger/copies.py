@@ -26,15 +26,15 @@ _LOOK_EVERY_S, _TRY_AGAIN_S = 5.0, 60.0
 _LONGEST_FINISH_S = 20.0  # what a supervisor that stops us has patience for
 _LONGEST_STOP_S = 5.0
 _PIECE_BYTES = 1024 * 1024
-_REST_S = 0.005  # after each piece: at most 200 MB/s, so that the recording's disk has time for it
+_PAUSE_S = 0.005  # after each piece: at most 200 MB/s, so that the recording's disk has time for it
 _PRIORITY = 10
 _GIGA = 1e9
 
-Rest = Callable[[], None]
+Pause = Callable[[], None]
 """What is done between two pieces; it may raise, to end the work."""
 
 
-def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
+def copy_part(path: Path, folder: Path, pause: Pause = lambda: None) -> Path:
     """Copy a finished part to ``folder``, under the same name once it has been read back and is the same.
 
     Another file of that name is moved aside. Raises :class:`StorageError` where the folder is not there, the disk
@@ -49,11 +49,11 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
         with path.open("rb") as source, partial.open("wb") as target:
             while piece := source.read(_PIECE_BYTES):
                 target.write(piece)
-                rest()
+                pause()
             target.flush()
             os.fsync(target.fileno())
         shutil.copystat(path, partial)
-        sound = same(path, partial, rest)
+        sound = same(path, partial, pause)
         if sound and copy.exists():
             copy.rename(new_file(folder, f"{copy.stem}_other"))
         if sound:
@@ -68,23 +68,23 @@ def copy_part(path: Path, folder: Path, rest: Rest = lambda: None) -> Path:
     return copy
 
 
-def same(first: Path, second: Path, rest: Rest = lambda: None) -> bool:
+def same(first: Path, second: Path, pause: Pause = lambda: None) -> bool:
     """Whether two files, not one under two names, hold the same as the disks have them; not if one is not there."""
     try:
         alike = first.stat().st_size == second.stat().st_size and not first.samefile(second)
-        return alike and _digest(first, rest) == _digest(second, rest)
+        return alike and _digest(first, pause) == _digest(second, pause)
     except OSError:
         return False
 
 
-def _digest(path: Path, rest: Rest) -> bytes:
+def _digest(path: Path, pause: Pause) -> bytes:
     digest = hashlib.sha256()
     with path.open("rb") as stream:
         os.fsync(stream.fileno())
         os.posix_fadvise(stream.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)  # from the disk, not from memory
         while piece := stream.read(_PIECE_BYTES):
             digest.update(piece)
-            rest()
+            pause()
     return digest.digest()
 
 
@@ -139,8 +139,8 @@ class Copies:
                 self.look()
             self.look(everything=True)
 
-    def _rest(self) -> None:
-        if self._ended.wait(_REST_S):
+    def _pause(self) -> None:
+        if self._ended.wait(_PAUSE_S):
             raise _EndedError
 
     def look(self, *, everything: bool = False) -> None:
@@ -155,7 +155,7 @@ class Copies:
             missing = [path for path in finished if not self._seems_copied(path)]
             self.state.waiting = len(missing)
             for path in missing:
-                copy_part(path, self._target, self._rest)
+                copy_part(path, self._target, self._pause)
                 self.state.waiting -= 1
             self._make_room(finished, sum(sizes.values()))
         except _EndedError:
@@ -183,8 +183,8 @@ class Copies:
         for path in finished:
             if self._keep_gb is None or size <= self._keep_gb * _GIGA:
                 return
-            if not same(path, self._target / path.name, self._rest):
-                copy_part(path, self._target, self._rest)
+            if not same(path, self._target / path.name, self._pause):
+                copy_part(path, self._target, self._pause)
             size -= path.stat().st_size
             path.unlink()
             self._parts.tell("info", f"{path.name} is deleted here; its copy in {self._target} is verified")

@@ -51,8 +51,8 @@ _PAIRS = (
     *((f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS),
 )
 _PARTNERS = {
-    quantity: {each for pair in _PAIRS if quantity in pair for each in pair if each != quantity}
-    for quantity in {each for pair in _PAIRS for each in pair}
+    quantity: {partner for pair in _PAIRS if quantity in pair for partner in pair if partner != quantity}
+    for quantity in {name for pair in _PAIRS for name in pair}
 }
 _REMEMBERED = frozenset({"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "speed_through_water_mps"})
 _BOW_WIND_NAMES = tuple((kind, f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS)
@@ -81,7 +81,7 @@ class Derivation:
     ) -> None:
         self._plane = None if trial.origin is None else TangentPlane(*trial.origin)
         self._positions_from = positions_from
-        self._mountings = {line: each for line, each in (mountings or {}).items() if each != _AS_FITTED}
+        self._mountings = {line: mounting for line, mounting in (mountings or {}).items() if mounting != _AS_FITTED}
         self._variation_deg = variation_deg
         self._channels = channels_of_trial(trial)
         self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
@@ -101,25 +101,25 @@ class Derivation:
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
         sound, impossible = _possible(group, self._limits)
-        told = _SPEAKS_OF_MORE.intersection([sample.quantity for sample in sound])
-        if told:
-            sound, more = _possible(self._derived(sound, told), self._limits)
+        stated = _SPEAKS_OF_MORE.intersection([sample.quantity for sample in sound])
+        if stated:
+            sound, more = _possible(self._derived(sound, stated), self._limits)
             impossible += more
         return [sample for sample in sound if sample.quantity in self._channels], impossible
 
-    def _derived(self, group: Group, told: frozenset[str]) -> list[Sample]:
-        """The group's samples, corrected for their mounting, and what follows from what they have ``told``."""
+    def _derived(self, group: Group, stated: frozenset[str]) -> list[Sample]:
+        """The group's samples, corrected for their mounting, and what follows from what they have ``stated``."""
         mounting = self._mountings.get(_line(group[0]), _AS_FITTED)
         turned = group if mounting is _AS_FITTED else self._turned(group, mounting)
         quantities = {sample.quantity: sample for sample in turned}
-        if not told.isdisjoint(_COMPASS):
+        if not stated.isdisjoint(_COMPASS):
             self._note_compass(quantities)
-        if not told.isdisjoint(_VELOCITY):
+        if not stated.isdisjoint(_VELOCITY):
             quantities.update(self._ship_velocity(quantities, mounting))
         derived = list(quantities.values())
-        if "latitude_deg" in told:
+        if "latitude_deg" in stated:
             derived += self._position(quantities, mounting)
-        if not told.isdisjoint(_WIND):
+        if not stated.isdisjoint(_WIND):
             derived += self._wind(quantities)
         return derived
 
@@ -157,14 +157,14 @@ class Derivation:
 
     def _ship_value(self, quantity: str, sample: Sample) -> float | None:
         """The ship's last value of a channel, if it is fresh when ``sample`` came."""
-        known = self._ship.get(quantity)
-        fresh = known is not None and sample.monotonic_ns - known.monotonic_ns <= _MOTION_KEEPS_NS
-        return known.value if known is not None and fresh else None
+        latest = self._ship.get(quantity)
+        fresh = latest is not None and sample.monotonic_ns - latest.monotonic_ns <= _MOTION_KEEPS_NS
+        return latest.value if latest is not None and fresh else None
 
     def _ship_velocity(self, group: Quantities, mounting: Mounting) -> Quantities:
         """Surge and sway over ground at the reference point, from what the group says of velocity."""
-        told: Quantities = {name: group[name] for name in ("surge_mps", "sway_mps") if name in group}
-        velocity = told or self._velocity_over_ground(group)
+        body_velocity: Quantities = {name: group[name] for name in ("surge_mps", "sway_mps") if name in group}
+        velocity = body_velocity or self._velocity_over_ground(group)
         if not velocity or not (mounting.forward_m or mounting.starboard_m):
             return velocity
         yaw_rate_dps = self._ship_value("yaw_rate_dps", next(iter(velocity.values())))
@@ -180,13 +180,13 @@ class Derivation:
 
     def _velocity_over_ground(self, group: Quantities) -> Quantities:
         """Surge and sway where they were measured, from velocity over ground and the heading."""
-        found = self._over_ground(group)
-        heading_deg = None if found is None else self._heading_deg(found[0])
-        if found is None or heading_deg is None:
+        ground_velocity = self._over_ground(group)
+        heading_deg = None if ground_velocity is None else self._heading_deg(ground_velocity[0])
+        if ground_velocity is None or heading_deg is None:
             return {}
-        sample, north, east = found
+        sample, north, east = ground_velocity
         surge, sway = to_body(north, east, heading_deg)
-        return {name: _derived(sample, name, each) for name, each in (("surge_mps", surge), ("sway_mps", sway))}
+        return {name: _derived(sample, name, speed) for name, speed in (("surge_mps", surge), ("sway_mps", sway))}
 
     def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
         """Velocity to north and east, as told or from course and speed."""
@@ -270,8 +270,8 @@ def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int
         elif channel.circular and abs(sample.value) <= _WHOLE_TURN_DEG:
             possible.append(sample._replace(value=channel.wrapped(sample.value)))
     if len(possible) < len(samples):
-        kept = {sample.quantity for sample in possible}
-        lost = {sample.quantity for sample in samples} - kept
+        possible_quantities = {sample.quantity for sample in possible}
+        lost = {sample.quantity for sample in samples} - possible_quantities
         possible = [sample for sample in possible if lost.isdisjoint(_PARTNERS.get(sample.quantity, ()))]
     return possible, len(samples) - len(possible)
 

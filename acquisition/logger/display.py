@@ -133,8 +133,8 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
     table.add_column("grade", min_width=6, no_wrap=True)
     table.add_column("source")
     for name in health.names:
-        value, *rest = _channel_row(health.channels[name], name in expected, now_ns)
-        table.add_row(name, value, *([health.known[name].unit] if with_unit else []), *rest)
+        value, *cells = _channel_row(health.channels[name], name in expected, now_ns)
+        table.add_row(name, value, *([health.known_channels[name].unit] if with_unit else []), *cells)
     return table
 
 
@@ -192,19 +192,19 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
     )
 
 
-def preflight_table(found: PreflightReport) -> Group:
+def preflight_table(report: PreflightReport) -> Group:
     """The channels and what is wrong with them; then what was told while listening, and the room on the disk."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     for title, justify in (("", "left"), ("channel", "left"), ("rate Hz", "right"), ("value", "right"),
                            ("unit", "left"), ("source, or what is wrong", "left")):  # fmt: skip
         table.add_column(title, justify=justify, overflow="fold")  # type: ignore[arg-type]
-    for each in found.channels:
-        table.add_row(*_row(each))
-    lines = [Text(text, "yellow") for text in found.events]
-    if found.disk_problem:
-        lines.append(Text(f"✗ {found.disk_problem}", "bold red"))
-    elif found.free_bytes is not None:
-        lines.append(Text(f"{found.free_bytes / 1e9:.1f} GB free where the recording goes", "dim"))
+    for channel in report.channels:
+        table.add_row(*_row(channel))
+    lines = [Text(text, "yellow") for text in report.events]
+    if report.disk_problem:
+        lines.append(Text(f"✗ {report.disk_problem}", "bold red"))
+    elif report.free_bytes is not None:
+        lines.append(Text(f"{report.free_bytes / 1e9:.1f} GB free where the recording goes", "dim"))
     return Group(table, *lines)
 
 

@@ -32,19 +32,23 @@ class NewSamples:
 
 
 def choose_recorder(
-    found: list[tuple[Path, RecorderState]], trial: str, configuration: Path
+    recorders: list[tuple[Path, RecorderState]], trial: str, configuration: Path
 ) -> tuple[Path, RecorderState] | None:
     """The recorder of a trial: of several the one with the same configuration file, then the one begun last."""
-    fitting = [each for each in found if each[1].trial == trial]
-    same = [each for each in fitting if Path(each[1].configuration) == configuration]
-    return max(same or fitting, key=lambda each: each[0].stem.rpartition("-")[2].zfill(16), default=None)
+    fitting = [recorder for recorder in recorders if recorder[1].trial == trial]
+    same_configuration = [recorder for recorder in fitting if Path(recorder[1].configuration) == configuration]
+    return max(
+        same_configuration or fitting,
+        key=lambda recorder: recorder[0].stem.rpartition("-")[2].zfill(16),
+        default=None,
+    )
 
 
-def no_recorder_text(found: list[tuple[Path, RecorderState]], trial: str) -> str:
+def no_recorder_text(recorders: list[tuple[Path, RecorderState]], trial: str) -> str:
     """Why there is nobody to follow, in words."""
-    others = ", ".join(f"{each.trial!r} ({each.configuration})" for _, each in found)
-    there = f"; what runs is the recorder of {others}" if others else ""
-    return f"no recorder of the trial {trial!r} runs here{there}; waiting for one"
+    running = ", ".join(f"{state.trial!r} ({state.configuration})" for _, state in recorders)
+    remark = f"; what runs is the recorder of {running}" if running else ""
+    return f"no recorder of the trial {trial!r} runs here{remark}; waiting for one"
 
 
 class Follower:
@@ -62,7 +66,7 @@ class Follower:
         self._name, self._configuration, self._recent_s = trial, configuration.absolute(), recent_s
         self._tell, self._folder = tell, folder
         self._tail: Tail | None = None
-        self._told = ""
+        self._last_text = ""
         self._asked_s = self._heard_s = -_QUIET_S
 
     @property
@@ -105,10 +109,10 @@ class Follower:
         return [samples] if samples else []
 
     def _go_on(self) -> NewSamples:
-        found = running_recorders(self._folder)
-        self.recorder = choose_recorder(found, self._name, self._configuration)
+        recorders = running_recorders(self._folder)
+        self.recorder = choose_recorder(recorders, self._name, self._configuration)
         if self.recorder is None:
-            self._say("info", no_recorder_text(found, self._name))
+            self._say("info", no_recorder_text(recorders, self._name))
             return NewSamples(self._read())
         running = self.recorder[1]
         path = Path(running.recording)
@@ -120,12 +124,12 @@ class Follower:
 
     def _change_to(self, path: Path) -> NewSamples:
         """Read the rest of this part and go over to the next, or to another recording."""
-        rest, before = self._read(), self._tail
+        remaining, before = self._read(), self._tail
         try:
             self._tail = Tail(path, self._recent_s)
         except InputError as error:  # deleted, or not there yet
             self._say("warning", str(error))
-            return NewSamples(rest)
+            return NewSamples(remaining)
         first = self._read()
         follows = before is not None and _follows(self._tail, before)
         again = before is not None and before.cut
@@ -133,12 +137,12 @@ class Follower:
             before.close()
         self._say("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
-        return NewSamples(rest + first, again=again) if follows else NewSamples(first, anew=True)
+        return NewSamples(remaining + first, again=again) if follows else NewSamples(first, anew=True)
 
     def _say(self, level: str, text: str) -> None:
         """Tell what is new, once."""
-        if text != self._told:
-            self._told = text
+        if text != self._last_text:
+            self._last_text = text
             self._tell(level, text)
 
 

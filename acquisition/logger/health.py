@@ -44,7 +44,7 @@ class SourceHealth:
     @property
     def refused(self) -> int:
         """Frames and values that the decoders refused."""
-        return sum(sum(list(each.values())) for each in self.refusals)  # a list, as another thread counts on
+        return sum(sum(list(counts.values())) for counts in self.refusals)  # a list, as another thread counts on
 
     @property
     def rejected(self) -> int:
@@ -54,13 +54,13 @@ class SourceHealth:
     @property
     def reasons(self) -> dict[str, int]:
         """Why frames and values were not believed, and how many."""
-        reasons = {reason: count for each in self.refusals for reason, count in list(each.items()) if count}
+        reasons = {reason: count for counts in self.refusals for reason, count in list(counts.items()) if count}
         return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
 
     @property
     def unknown(self) -> dict[str, int]:
         """Sound messages that carry no channel, by name, and how many."""
-        return {name: count for each in self.not_known for name, count in list(each.items())}
+        return {name: count for counts in self.not_known for name, count in list(counts.items())}
 
     def count_in(self, frames: int, monotonic_ns: int) -> None:
         self.frames += frames
@@ -124,7 +124,7 @@ class ChannelHealth:
 
     def rate_hz(self, now_ns: int) -> float:
         """Samples a second over the last seconds; it falls when the channel falls silent."""
-        recent = [each for each in tuple(self.times_ns) if now_ns - each < _RATE_OVER_NS]
+        recent = [time_ns for time_ns in tuple(self.times_ns) if now_ns - time_ns < _RATE_OVER_NS]
         if len(recent) < 2:
             return 0.0
         until_ns = recent[-1] if now_ns - recent[-1] < _QUIET_NS else now_ns
@@ -172,8 +172,8 @@ class Events:
         """At most so many, in the order in which they came: of each kind the newest, then those before them."""
         ranked = [
             (rank, place, number, event)
-            for place, kept in enumerate(self._kinds.values())
-            for rank, (number, event) in enumerate(reversed(tuple(kept)))  # another thread puts more in
+            for place, events in enumerate(self._kinds.values())
+            for rank, (number, event) in enumerate(reversed(tuple(events)))  # another thread puts more in
         ]
         chosen = sorted(ranked)[: max(most, 0)]
         return [event for *_, event in sorted(chosen, key=lambda ranking: ranking[2])]
@@ -193,7 +193,7 @@ class Health:
 
     sources: dict[str, SourceHealth]
     names: tuple[str, ...] = NAMES  # of the channels that are watched; what else comes is counted too
-    known: Mapping[str, Channel] = field(default_factory=lambda: BY_NAME)
+    known_channels: Mapping[str, Channel] = field(default_factory=lambda: BY_NAME)
     channels: dict[str, ChannelHealth] = field(default_factory=dict)
     events: Events = field(default_factory=Events)
     started_ns: int = field(default_factory=time.monotonic_ns)
@@ -229,7 +229,7 @@ class Health:
         """
         since_ns = self.started_ns
         left_s, free = self.seconds_left, self.free_bytes
-        found = {
+        figures = {
             "recorder.age_s": (now_ns - self.worked_ns) / 1e9,
             "recorder.paused": float(bool(self.trouble)),
             "recorder.bytes_per_s": self.bytes_per_s,
@@ -242,15 +242,15 @@ class Health:
             "clock.pps_offset_s": math.nan if self.clock.pps_offset_s is None else self.clock.pps_offset_s,
         }
         for name, source in self.sources.items():
-            found[f"source.{name}.age_s"] = (now_ns - (source.last_ns or since_ns)) / 1e9
-            found[f"source.{name}.failed"] = float(source.state == "failed")
+            figures[f"source.{name}.age_s"] = (now_ns - (source.last_ns or since_ns)) / 1e9
+            figures[f"source.{name}.failed"] = float(source.state == "failed")
             for key in ("frames", "rejected", "dropped", "over_budget"):
-                found[f"source.{name}.{key}"] = float(getattr(source, key))
+                figures[f"source.{name}.{key}"] = float(getattr(source, key))
         for name, channel in list(self.channels.items()):  # the recorder's thread may find another
-            found[name] = channel.value if channel.count else math.nan
-            found[f"{name}.rate_hz"] = channel.rate_hz(now_ns)
-            found[f"{name}.age_s"] = channel.age_s(now_ns) if channel.count else (now_ns - since_ns) / 1e9
-        return found
+            figures[name] = channel.value if channel.count else math.nan
+            figures[f"{name}.rate_hz"] = channel.rate_hz(now_ns)
+            figures[f"{name}.age_s"] = channel.age_s(now_ns) if channel.count else (now_ns - since_ns) / 1e9
+        return figures
 
     @property
     def seconds_left(self) -> float | None:

@@ -48,9 +48,9 @@ class HostClock:
         return self.state.startswith("kept")
 
     def as_message(self) -> dict[str, Any]:
-        known = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
-        said = {key: value for key, value in known.items() if value is not None}
-        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **said}
+        errors = {"error_s": self.error_s, "pps_offset_s": self.pps_offset_s}
+        fields = {key: value for key, value in errors.items() if value is not None}
+        return {"source": HOST_CLOCK, "state": self.state, "keeper": self.keeper, **fields}
 
     def __str__(self) -> str:
         by = f" ({self.keeper})" if self.keeper else ""
@@ -61,8 +61,8 @@ class HostClock:
 
 def kernel_state() -> str:
     """What the kernel alone says of the clock, at once: "kept by NTP or PTP", "free-running", "unknown"."""
-    kept, _ = _kernel()
-    return "unknown" if kept is None else "kept by NTP or PTP" if kept else "free-running"
+    is_kept, _ = _kernel()
+    return "unknown" if is_kept is None else "kept by NTP or PTP" if is_kept else "free-running"
 
 
 def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[str, str]:
@@ -79,16 +79,16 @@ def boot_metadata(boot: Path = Path("/proc/sys/kernel/random/boot_id")) -> dict[
 
 def host_clock() -> HostClock:
     """Look at the clock now; asks other programs, and may take some seconds."""
-    kept, kernel_error_s = _kernel()
+    is_kept, kernel_error_s = _kernel()
     keepers = running_keepers()
-    kinds = " and ".join(dict.fromkeys(_KEEPERS[each] for each in keepers))
-    told = chrony_error_s(_answer("chronyc", "-n", "-c", "tracking")) if "chronyd" in keepers else None
+    kinds = " and ".join(dict.fromkeys(_KEEPERS[keeper] for keeper in keepers))
+    server_error_s = chrony_error_s(_answer("chronyc", "-n", "-c", "tracking")) if "chronyd" in keepers else None
     if "systemd-timesyn" in keepers:
-        told = timesyncd_error_s(_answer("timedatectl", "show-timesync", "--property=NTPMessage"))
+        server_error_s = timesyncd_error_s(_answer("timedatectl", "show-timesync", "--property=NTPMessage"))
     return HostClock(
-        state=f"kept by {kinds}" if kept and kinds else kernel_state(),
+        state=f"kept by {kinds}" if is_kept and kinds else kernel_state(),
         keeper=", ".join(keepers),
-        error_s=(kernel_error_s if told is None else told) if kept else None,
+        error_s=(kernel_error_s if server_error_s is None else server_error_s) if is_kept else None,
         pps_offset_s=pulse_offset_s(time.time()),
     )
 
@@ -114,11 +114,11 @@ def _kernel() -> tuple[bool | None, float | None]:
 
 def running_keepers(processes: Path = Path("/proc")) -> list[str]:
     """The programs that run and keep a clock."""
-    found = set()
+    running = set()
     for path in processes.glob("[0-9]*/comm"):
         with suppress(OSError):
-            found.add(path.read_text().strip())
-    return [name for name in _KEEPERS if name in found]
+            running.add(path.read_text().strip())
+    return [name for name in _KEEPERS if name in running]
 
 
 def _answer(*command: str) -> str:
@@ -142,15 +142,15 @@ def timesyncd_error_s(message: str) -> float | None:
     parts = [_seconds(message, name) for name in ("RootDelay", "RootDispersion", "Jitter")]
     if None in parts:
         return None
-    delay, dispersion, jitter = (each or 0.0 for each in parts)
+    delay, dispersion, jitter = (part or 0.0 for part in parts)
     return delay / 2 + dispersion + jitter
 
 
 def _seconds(message: str, name: str) -> float | None:
-    found = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
-    if found is None:
+    match = re.search(rf"\b{name}=((?:[\d.]+[a-zµ]* ?)+)", message)
+    if match is None:
         return None
-    pieces: Sequence[tuple[str, str]] = re.findall(r"([\d.]+)([a-zµ]*)", found[1])
+    pieces: Sequence[tuple[str, str]] = re.findall(r"([\d.]+)([a-zµ]*)", match[1])
     try:
         return sum(float(number) * _SECONDS[unit] for number, unit in pieces)
     except (KeyError, ValueError):

@@ -85,8 +85,10 @@ _UNREAD = {
 
 def missing_channels(survey: Survey) -> dict[str, str]:
     """The channels of the trial that have not come, and the reason for each."""
-    come = survey.channels
-    return {name: why_missing(name, survey) for name in trial_names(survey.config.actuators) if name not in come}
+    received = survey.channels
+    return {
+        name: why_missing(name, survey) for name in trial_names(survey.config.actuators) if name not in received
+    }
 
 
 def missing_in(path: Path, present: Container[str]) -> dict[str, str]:
@@ -124,7 +126,7 @@ def by_reason(missing: Mapping[str, str]) -> dict[str, str]:
     names: dict[str, list[str]] = {}
     for name, reason in missing.items():
         names.setdefault(reason, []).append(name)
-    return {", ".join(each): reason for reason, each in names.items()}
+    return {", ".join(channels): reason for reason, channels in names.items()}
 
 
 def why_missing(name: str, survey: Survey) -> str:
@@ -146,13 +148,13 @@ def _not_derived(name: str, survey: Survey) -> str:
         labels = survey.quantities.get(recipe.of, {})
         if name not in recipe.channels or not labels:
             continue
-        lacking = next((each for each in recipe.needs if not _comes(each, survey)), None)
+        lacking = next((need for need in recipe.needs if not _comes(need, survey)), None)
         if lacking is not None:
             return f"{_messages(labels)} comes, but no {_words(lacking)}: {_remedy(lacking, survey)}"
-        slowest = max(recipe.needs, key=lambda each: _interval_s(each, survey))
+        slowest = max(recipe.needs, key=lambda need: _interval_s(need, survey))
         if (interval_s := _interval_s(slowest, survey)) > _FRESH_S:
-            every = f"{_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
-            return f"{_messages(labels)} comes, but {every}"
+            remark = f"{_words(slowest)} only every {interval_s:.0f} s: at most {_FRESH_S} s old it serves"
+            return f"{_messages(labels)} comes, but {remark}"
     return ""
 
 
@@ -166,7 +168,7 @@ def _comes(quantity: str, survey: Survey) -> bool:
 
 
 def _interval_s(quantity: str, survey: Survey) -> float:
-    rates_hz = [each.rate_hz for each in survey.quantities.get(quantity, {}).values() if each.rate_hz]
+    rates_hz = [tally.rate_hz for tally in survey.quantities.get(quantity, {}).values() if tally.rate_hz]
     return 1.0 / max(rates_hz) if rates_hz and quantity != "magnetic_variation_deg" else 0.0
 
 
@@ -181,7 +183,7 @@ def _remedy(quantity: str, survey: Survey) -> str:
 def _refused(name: str, survey: Survey) -> str:
     """A message that could carry it comes, but there is nothing to take from it."""
     could = {kind: tally for kind, tally in survey.kinds.items() if _can_carry(kind, name, survey)}
-    for kind, tally in sorted(could.items(), key=lambda each: -each[1].count):
+    for kind, tally in sorted(could.items(), key=lambda entry: -entry[1].count):
         reason = _UNREAD.get(kind.name, "")
         for why, _ in tally.refused.most_common(1):
             reason = _REMEDIES.get(why, f"but is refused: {why}")
@@ -206,10 +208,10 @@ def _can_carry(what: Kind, name: str, survey: Survey) -> bool:
         thruster
         for source in survey.config.sources
         if isinstance(source, LineSource | MqttLinks)
-        for thruster, known in source.thrusters.numbers.items()
-        if number == str(known)
+        for thruster, thruster_number in source.thrusters.numbers.items()
+        if number == str(thruster_number)
     ]
-    return kind in _OF_ACTUATORS and (not owners or any(name.startswith(f"{each}_") for each in owners))
+    return kind in _OF_ACTUATORS and (not owners or any(name.startswith(f"{owner}_") for owner in owners))
 
 
 def sources_of(name: str, survey: Survey) -> set[str]:
@@ -224,29 +226,38 @@ def _nothing(name: str, survey: Survey) -> str:
             return f"nothing at all comes from {source.name!r}"
     if topics := _topics(name, survey):
         return f"nothing comes under {' or '.join(dict.fromkeys(topics))}"
-    carriers = [each for each in _CARRIERS.get(name, ()) if not each.isupper() or len(each) == 3]
+    carriers = [carrier for carrier in _CARRIERS.get(name, ()) if not carrier.isupper() or len(carrier) == 3]
     if carriers:
         return f"nothing that comes carries it: {', '.join(carriers[:-1])} or {carriers[-1]} would"
     if origins := _origins(name, survey):
         return f"nothing that comes carries it: {', '.join(origins)} would"
     names = {kind.name for kind in survey.kinds}
-    own = {each for each in names if each.startswith("0x") or (each.isdigit() and is_makers_own(int(each)))}
-    frames = "the maker's own frames" + (f" ({', '.join(sorted(own)[:_MOST_NAMED])})" if own else "")
+    makers_own = {
+        message
+        for message in names
+        if message.startswith("0x") or (message.isdigit() and is_makers_own(int(message)))
+    }
+    frames = "the maker's own frames" + (f" ({', '.join(sorted(makers_own)[:_MOST_NAMED])})" if makers_own else "")
     return f"nothing that comes carries it: TRD, RPM, RSA or 127245 may, or {frames} by a DBC file"
 
 
 def _topics(name: str, survey: Survey) -> list[str]:
-    sources = (each for each in survey.config.sources if isinstance(each, MqttLinks))
+    sources = (source for source in survey.config.sources if isinstance(source, MqttLinks))
     return [
-        each.values[name].topic
-        for each in sources
-        if name in each.values and (name in each.channels or not isinstance(each, OwnSource))
+        source.values[name].topic
+        for source in sources
+        if name in source.values and (name in source.channels or not isinstance(source, OwnSource))
     ]
 
 
 def _origins(name: str, survey: Survey) -> list[str]:
     """The messages that a declared channel may come from."""
-    origins = (origin for each in survey.config.declared if each.channel.name == name for origin in each.origins)
+    origins = (
+        origin
+        for declaration in survey.config.declared
+        if declaration.channel.name == name
+        for origin in declaration.origins
+    )
     return list(dict.fromkeys(map(message_of, origins)))
 
 
@@ -261,10 +272,10 @@ def message_of(origin: Origin) -> str:
 
 def _messages(labels: Iterable[str]) -> str:
     """The messages in labels of sources, the most frequent first."""
-    return " and ".join(list(Counter(label_parts(each)[2][0] for each in labels))[:2])
+    return " and ".join(list(Counter(label_parts(label)[2][0] for label in labels))[:2])
 
 
 def _words(quantity: str) -> str:
     """A quantity for people: ``magnetic_variation_deg`` is the variation."""
-    known = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
-    return known.get(quantity, quantity.rpartition("_")[0].replace("_", " "))
+    words = {"magnetic_variation_deg": "variation", **dict.fromkeys(_SPEEDS, "speed over ground")}
+    return words.get(quantity, quantity.rpartition("_")[0].replace("_", " "))

@@ -38,7 +38,7 @@ _MORE_THREADS = "end other programs, or raise the limit (systemd: TasksMax=)"
 
 def health_of(config: TrialConfig) -> Health:
     """Nothing seen yet, of the sources and channels of a configuration."""
-    sources = {each.name: SourceHealth(each.name) for each in config.sources}
+    sources = {section.name: SourceHealth(section.name) for section in config.sources}
     health = Health(sources, config.watched_channels, config.known_channels)
     for name in config.expected_channels:
         health.channels.setdefault(name, ChannelHealth())
@@ -89,8 +89,8 @@ class Recorder:
         """
         shared = self._inbox, self._stopping, self.tell
         receivers = [
-            Receiver(make_source(each), self.health.sources[each.name], *shared, each.budget_kb_s * 1e3)
-            for each in self._config.sources
+            Receiver(make_source(section), self.health.sources[section.name], *shared, section.budget_kb_s * 1e3)
+            for section in self._config.sources
         ]
         self._threads = [
             threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True) for receiver in receivers

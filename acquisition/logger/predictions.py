@@ -53,7 +53,7 @@ def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") ->
     if isinstance(value, list):
         if len(value) > schema["maxItems"]:
             return f"{name} has more than {schema['maxItems']} items"
-        texts = (schema_violation(each, schema["items"], f"an item of {name}") for each in value)
+        texts = (schema_violation(item, schema["items"], f"an item of {name}") for item in value)
         return next(filter(None, texts), "")
     if isinstance(value, str) and len(value) > schema["maxLength"]:
         return f"{name} has more than {schema['maxLength']} letters"
@@ -64,10 +64,10 @@ def _misfit_of_object(value: dict[str, Any], schema: Mapping[str, Any], name: st
     properties = schema["properties"]
     if missing := [key for key in schema["required"] if key not in value]:
         return f"{missing[0]} is missing"
-    for key, each in value.items():
+    for key, entry in value.items():
         if key not in properties:
             return f"{name} has an unknown {key[:40]!r}"
-        if text := schema_violation(each, properties[key], key):
+        if text := schema_violation(entry, properties[key], key):
             return text
     return ""
 

@@ -53,7 +53,7 @@ class PreflightReport:
     @property
     def missing(self) -> list[str]:
         """The channels that would be missing."""
-        return [each.name for each in self.channels if each.problem]
+        return [channel.name for channel in self.channels if channel.problem]
 
     @property
     def obstacles(self) -> list[str]:
@@ -100,7 +100,7 @@ def check_before_departure(
 
 def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
     """What is free where a recording would go [bytes], and why it could not; nothing is written there."""
-    existing = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+    existing = next(directory for directory in (folder, *folder.absolute().parents) if os.path.lexists(directory))
     if not existing.is_dir():
         return None, f"{folder}: {existing} is no folder"
     if not os.access(existing, os.W_OK | os.X_OK):
@@ -118,16 +118,18 @@ def _report(name: str, survey: Survey, health: Health, now_ns: int) -> ChannelRe
     channel = health.channels[name]
     value = channel.value if channel.count else None
     problem = _problem(name, survey, health, now_ns)
-    return ChannelReport(name, channel.rate_hz(now_ns), value, channel.source, problem, health.known[name].unit)
+    return ChannelReport(
+        name, channel.rate_hz(now_ns), value, channel.source, problem, health.known_channels[name].unit
+    )
 
 
 def _problem(name: str, survey: Survey, health: Health, now_ns: int) -> str:
     channel = health.channels[name]
     providers = [source.name for source in survey.config.sources if name in source.channels]
     if channel.count == 0:
-        failed = [each for each in providers if health.sources[each].state in ("opening", "failed")]
+        failed = [provider for provider in providers if health.sources[provider].state in ("opening", "failed")]
         if failed:
-            return "; ".join(f"source {each!r} cannot be opened" for each in failed)
+            return "; ".join(f"source {provider!r} cannot be opened" for provider in failed)
         if providers:
             return why_missing(name, survey)
         return "; ".join(filter(None, ("no source provides it", what_comes(name, survey))))

@@ -33,16 +33,16 @@ class _Allowance:
     """How many events a source may still bring forth in this minute."""
 
     until_ns: int = 0
-    left: int = _EVENTS_A_MINUTE
+    remaining: int = _EVENTS_A_MINUTE
     left_out: int = 0
 
     def allows(self, now_ns: int) -> bool:
         """Take one event from what is left of this minute; count it if nothing is."""
         if now_ns >= self.until_ns:
-            self.until_ns, self.left = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
-        self.left -= 1
-        self.left_out += self.left < 0
-        return self.left >= 0
+            self.until_ns, self.remaining = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
+        self.remaining -= 1
+        self.left_out += self.remaining < 0
+        return self.remaining >= 0
 
 
 @dataclass(slots=True)
@@ -54,8 +54,8 @@ class _Addresses:
 
     def admit(self, frame: Frame) -> bool:
         """Whether a frame is of one of them, or tells no address."""
-        told = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
-        if told and frame.identifier & 0xFF not in self.believed:
+        has_address = frame.protocol == "can" and not frame.flags & FrameFlag.STANDARD_ID
+        if has_address and frame.identifier & 0xFF not in self.believed:
             self.refused["address that is not allowed"] += 1
             return False
         return True
@@ -69,12 +69,12 @@ class FrameProcessor:
         self._writer = writer
         self._health = health
         ship = config.actuators, config.declared
-        self._decoders = {each.name: decoders_by_protocol(each, *ship) for each in config.sources}
+        self._decoders = {source.name: decoders_by_protocol(source, *ship) for source in config.sources}
         for name, decoders in self._decoders.items():
-            health.sources[name].refusals = [each.refused for each in chain(*decoders.values())]
-            health.sources[name].not_known = [each.unknown for each in chain(*decoders.values())]
-        self._addresses = {each.name: _Addresses(each.addresses) for each in config.sources
-                           if isinstance(each, CanFrames) and each.addresses}  # fmt: skip
+            health.sources[name].refusals = [decoder.refused for decoder in chain(*decoders.values())]
+            health.sources[name].not_known = [decoder.unknown for decoder in chain(*decoders.values())]
+        self._addresses = {source.name: _Addresses(source.addresses) for source in config.sources
+                           if isinstance(source, CanFrames) and source.addresses}  # fmt: skip
         self._failed: dict[str, Counter[str]] = {source.name: Counter() for source in config.sources}
         for name, failed in self._failed.items():
             health.sources[name].refusals.append(failed)
@@ -82,18 +82,18 @@ class FrameProcessor:
             health.sources[name].refusals.append(addresses.refused)
         self._derivation = Derivation(
             config.trial,
-            frozenset(each.name for each in config.sources if POSITION & set(each.channels)),
-            {each.name: each.mounting for each in config.sources},
+            frozenset(source.name for source in config.sources if POSITION & set(source.channels)),
+            {source.name: source.mounting for source in config.sources},
             config.magnetic_variation_deg,
         )
         self._fixes = ChainMap(
-            *(each.fixes for decoders in self._decoders.values() for each in chain(*decoders.values()))
+            *(decoder.fixes for decoders in self._decoders.values() for decoder in chain(*decoders.values()))
         )
         self._selector = Selector(config.sources, self._fixes)
         self._variations = Selector(config.sources, {}, VARIATION_KEEPS_NS, anywhere=VARIATION)
         self._variation: Sample | None = None
         self._contradict: set[str] = set()
-        self._allowances = {each.name: _Allowance() for each in config.sources}
+        self._allowances = {source.name: _Allowance() for source in config.sources}
         self._handovers = Handovers()
 
     def mute_clocks(self, origin: str) -> None:
@@ -147,7 +147,7 @@ class FrameProcessor:
 
     def _with_chosen_variation(self, group: Group, frame: Frame) -> Group:
         """The group, without a magnetic variation of another source than the one that all headings go by."""
-        sample = next((each for each in group if each.quantity == VARIATION), None)
+        sample = next((member for member in group if member.quantity == VARIATION), None)
         if sample is None or not BY_NAME[VARIATION].holds(sample.value):
             return group
         chosen, change = self._variations.admit(sample)
@@ -157,7 +157,7 @@ class FrameProcessor:
             self._variation = sample
             return group
         self._tell_contradiction(sample, frame)
-        return [each for each in group if each is not sample]
+        return [member for member in group if member is not sample]
 
     def _tell_contradiction(self, sample: Sample, frame: Frame) -> None:
         """Say once of each other source of a magnetic variation that it tells another."""
@@ -185,7 +185,7 @@ class FrameProcessor:
                 self._derivation.remember(sample)
                 has_position = has_position or sample.quantity in POSITION
         if has_position:
-            self._record_position({each.quantity: each for each in samples})
+            self._record_position({entry.quantity: entry for entry in samples})
         if self._trial.origin is None and self._derivation.origin is not None:
             self._keep_origin(*self._derivation.origin, frame.received_ns)
 

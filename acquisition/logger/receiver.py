@@ -94,18 +94,18 @@ class Budget:
 
     def __init__(self, bytes_per_s: float, now_s: float) -> None:
         self.bytes_per_s = bytes_per_s
-        self._left, self._looked_s = bytes_per_s * _SAVED_S, now_s
+        self._budget_bytes, self._looked_s = bytes_per_s * _SAVED_S, now_s
 
     def admit(self, frames: list[Frame], now_s: float) -> int:
         """How many of the frames, from the first on, it has room for."""
         earned = self.bytes_per_s * (now_s - self._looked_s)
-        self._left = min(self._left + earned, self.bytes_per_s * _SAVED_S)
+        self._budget_bytes = min(self._budget_bytes + earned, self.bytes_per_s * _SAVED_S)
         self._looked_s = now_s
         for count, frame in enumerate(frames):
             size = len(frame.payload) + _RECORD_BYTES
-            if size > self._left:
+            if size > self._budget_bytes:
                 return count
-            self._left -= size
+            self._budget_bytes -= size
         return len(frames)
 
 
@@ -132,7 +132,7 @@ class Receiver:
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = 0
         self._untold: Counter[str] = Counter()
-        self._told_s: dict[str, float] = {}
+        self._warned_s: dict[str, float] = {}
         self._opened_s = 0.0
         self._ended_s = float("inf")  # of the last read
         self._still_s, self._late, self._catches_up_s = 0.0, 0, 0.0
@@ -257,9 +257,9 @@ class Receiver:
         self._health.dropped += count
         self._dropped_before += count
         self._untold[why] += count
-        if time.monotonic() - self._told_s.get(why, float("-inf")) > _TELL_EVERY_S:
+        if time.monotonic() - self._warned_s.get(why, float("-inf")) > _TELL_EVERY_S:
             self._tell_sum(why)
-            self._told_s[why] = time.monotonic()
+            self._warned_s[why] = time.monotonic()
 
     def _tell_sum(self, why: str) -> None:
         self._tell("error", f"{self._health.name}: {why.format(self._untold.pop(why))}")

@@ -196,7 +196,7 @@ def _read_log_files(
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
     """
     with ExitStack() as stack:
-        sources = [make_source(each) for each in config.sources]
+        sources = [make_source(section) for section in config.sources]
         for source in sources:
             source.open()
             stack.callback(source.close)
@@ -239,7 +239,7 @@ class _Reading:
         self._processing, self._parts, self._health, self._stop = processing, parts, health, stop
         self._reported_ns = 0  # when by the logs' time the state of the sources was last said
         self.now_ns = time.time_ns()  # until a log tells another
-        self._told_s = time.monotonic()
+        self._reported_s = time.monotonic()
         self._untimed: list[str] = []  # sources whose logs have no times, as yet untold
         parts.tell = self.tell
 
@@ -280,7 +280,7 @@ class _Reading:
         while (block := source.read(0.0)) is not None:
             if block:
                 # Times since its beginning bear no stamp, but keep the frames' distances.
-                timed = any(each.stamped_ns is not None for each in block) or getattr(source, "timed", False)
+                timed = any(member.stamped_ns is not None for member in block) or getattr(source, "timed", False)
                 if not seen.frames and not timed:
                     self._untimed.append(source.name)
                     self._processing.mute_clocks(source.name)
@@ -294,6 +294,6 @@ class _Reading:
         self._parts.tick(time.monotonic())
         while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
             self._parts.tick(time.monotonic())
-        if time.monotonic() - self._told_s >= _TELL_EVERY_S:
+        if time.monotonic() - self._reported_s >= _TELL_EVERY_S:
             LOG.info("%s frames, up to %s", f"{frames:,}", iso(self.now_ns))
-            self._told_s = time.monotonic()
+            self._reported_s = time.monotonic()

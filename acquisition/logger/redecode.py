@@ -81,13 +81,13 @@ def own_configuration(path: Path, scratch: Path) -> TrialConfig:
             files[name].write_bytes(data)
         elif dot + ending == PACK_ENDING:
             packs[name] = data.decode("utf-8", "replace")
-    known = read_trial(path)
-    is_known = is_ship_known(known.vessel, known.actuators)
-    carried = Carried(files, packs, from_text(known.actuators), ship_is_known=is_known)
+    run_sheet = read_trial(path)
+    is_known = is_ship_known(run_sheet.vessel, run_sheet.actuators)
+    carried = Carried(files, packs, from_text(run_sheet.actuators), ship_is_known=is_known)
     config = parse_config(text.decode("utf-8", "replace"), path, carried)
-    if config.trial.origin is not None or known.origin is None:
+    if config.trial.origin is not None or run_sheet.origin is None:
         return config
-    latitude_deg, longitude_deg = known.origin  # of a fix in an earlier part of the recording
+    latitude_deg, longitude_deg = run_sheet.origin  # of a fix in an earlier part of the recording
     trial = replace(config.trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
     return replace(config, trial=trial)
 

@@ -46,8 +46,8 @@ _REFUSED = b"refused: "
 
 def runtime_folder() -> Path:
     """Where recorders leave their sockets: SEATRIAL_RUNTIME, else the user's runtime folder, else one in /tmp."""
-    if given := os.environ.get("SEATRIAL_RUNTIME"):
-        return Path(given)
+    if folder := os.environ.get("SEATRIAL_RUNTIME"):
+        return Path(folder)
     if runtime := os.environ.get("XDG_RUNTIME_DIR"):
         return Path(runtime) / "seatrial"
     return Path(f"/tmp/seatrial-{os.getuid()}")
@@ -78,7 +78,7 @@ class _Client:
 
     socket: socket.socket
     until_s: float
-    said: bytearray = field(default_factory=bytearray)
+    received: bytearray = field(default_factory=bytearray)
 
 
 class RequestServer:
@@ -123,9 +123,9 @@ class RequestServer:
         with suppress(OSError):
             self.path.unlink()
 
-    def answer(self, said: bytes) -> bytes:
+    def answer(self, received: bytes) -> bytes:
         """The answer to what a client said. Raises any error that rubbish can cause."""
-        message = json.loads(said)  # which reads what some programs write and orjson does not
+        message = json.loads(received)  # which reads what some programs write and orjson does not
         if "ask" in message:
             return orjson.dumps(asdict(self._who()))
         if "prediction" in message:
@@ -171,12 +171,12 @@ class RequestServer:
         except OSError:
             self._part_with(client, selector)
             return
-        client.said += more
+        client.received += more
         if not more:
             # whoever sends rubbish gets no answer; what is nested too deeply is a RecursionError
             with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
-                client.socket.send(self.answer(bytes(client.said)))  # short: it fits into the socket
-        if not more or len(client.said) > MOST_BYTES:
+                client.socket.send(self.answer(bytes(client.received)))  # short: it fits into the socket
+        if not more or len(client.received) > MOST_BYTES:
             self._part_with(client, selector)
 
     def _let_go(self, selector: selectors.BaseSelector) -> None:
@@ -241,21 +241,21 @@ def send_mark(text: str, folder: Path | None = None) -> int:
     """
     mark = {"text": _writable(text), "monotonic_ns": time.monotonic_ns()}
     message = json.dumps(mark, ensure_ascii=False).encode()
-    heard = sum(ask(path, message) == b"ok" for path in servers(folder))
-    if not heard:
+    marked = sum(ask(path, message) == b"ok" for path in servers(folder))
+    if not marked:
         fix = "start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses"
         raise SourceError("no recorder is running", where=str(folder or runtime_folder()), fix=fix)
-    return heard
+    return marked
 
 
 def running_recorders(folder: Path | None = None) -> list[tuple[Path, RecorderState]]:
     """The recorders that run here, each with its socket; those that do not answer in time are left out."""
-    found = []
+    recorders = []
     for path in servers(folder):
         with suppress(ValueError, TypeError):  # of another version, or none
             answer = ask(path, _QUESTION, _SHORT_PATIENCE_S)
-            found.append((path, RecorderState(**orjson.loads(answer or b""))))
-    return found
+            recorders.append((path, RecorderState(**orjson.loads(answer or b""))))
+    return recorders
 
 
 def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "") -> str:

@@ -146,7 +146,7 @@ class Selector:
     def _continues(self, holder: _Holder, sample: Sample) -> bool:
         """Whether the holder itself goes on under another talker: in its turn, and never beside the other name."""
         pair = holder.last.source, sample.source
-        messages = [label_parts(each)[2] for each in pair]
+        messages = [label_parts(source)[2] for source in pair]
         if not _is_one_receiver(*pair) or pair in self._rivals or messages[0] != messages[1]:
             return False
         if holder.interval_ns <= 0 or (holder.last.source_ns is None) != (sample.source_ns is None):
@@ -186,7 +186,7 @@ class Selector:
 
 
 @lru_cache(maxsize=4096)
-def _is_one_receiver(one: str, other: str) -> bool:
+def _is_one_receiver(first: str, second: str) -> bool:
     """Whether two sources are messages of a fix by one receiver, as far as their names tell."""
-    messages = {label_parts(each)[2][0] for each in (one, other)}
-    return sensor_of(one) == sensor_of(other) and messages <= _OF_A_FIX
+    messages = {label_parts(source)[2][0] for source in (first, second)}
+    return sensor_of(first) == sensor_of(second) and messages <= _OF_A_FIX

@@ -99,22 +99,26 @@ class Survey(FrameProcessor):
         self.devices: dict[tuple[str, str], dict[str, Any]] = {}
         self.events: list[str] = []
         self.first_ns = self.last_ns = 0
-        self._cutters = {each.name: PacketCutter(whole=each.type == "mavlink_file") for each in config.sources}
-        self._products = {each.name: FastPackets(Counter()) for each in config.sources}
+        self._cutters = {
+            source.name: PacketCutter(whole=source.type == "mavlink_file") for source in config.sources
+        }
+        self._products = {source.name: FastPackets(Counter()) for source in config.sources}
         self._refused_before: dict[int, Counter[str]] = {}
         self._kind = Kind("", "", "")
 
     @property
     def channels(self) -> dict[str, list[str]]:
         """The channels that a recording would have, in their usual order, with the sources that each comes from."""
-        order = channel_names(self.config.actuators, tuple(each.channel for each in self.config.declared))
-        come = {name for name, each in self.health.channels.items() if each.count}
-        return {name: sorted(self.quantities.get(name, ())) for name in dict.fromkeys(order) if name in come}
+        order = channel_names(
+            self.config.actuators, tuple(declaration.channel for declaration in self.config.declared)
+        )
+        received = {name for name, channel in self.health.channels.items() if channel.count}
+        return {name: sorted(self.quantities.get(name, ())) for name in dict.fromkeys(order) if name in received}
 
     def provided(self, source: str) -> list[str]:
         """The channels that a source could provide, chosen or not, as far as the configuration lists them."""
-        listed = next(each.channels for each in self.config.sources if each.name == source)
-        lines = {name: {label_parts(each)[0] for each in labels} for name, labels in self.quantities.items()}
+        listed = next(section.channels for section in self.config.sources if section.name == source)
+        lines = {name: {label_parts(label)[0] for label in labels} for name, labels in self.quantities.items()}
         return [name for name in listed if source in lines.get(name, ())]
 
     def process(self, frame: Frame) -> None:
@@ -199,12 +203,12 @@ class Survey(FrameProcessor):
 
     def _note_device(self, frame: Frame, group: int, address: str) -> None:
         """Who claims an address, and what the maker says that it is."""
-        whole: bytes | None = frame.payload
+        payload: bytes | None = frame.payload
         if group == PRODUCT_INFORMATION and not frame.flags & FrameFlag.WHOLE and len(frame.payload) == 8:
             products = self._products[frame.origin]
-            whole = products.push(int(address), group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
-        if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and whole is not None:
-            self.devices.setdefault((frame.origin, address), {}).update(_identity(group, whole))
+            payload = products.push(int(address), group, frame.payload, frame.monotonic_ns, _PRODUCT_BYTES)
+        if group in (ADDRESS_CLAIM, PRODUCT_INFORMATION) and payload is not None:
+            self.devices.setdefault((frame.origin, address), {}).update(_identity(group, payload))
 
 
 def _sentence_kind(line: str, payload: bytes) -> Kind:
@@ -253,7 +257,7 @@ def _is_later_part(frame: Frame) -> bool:
 @cache
 def _is_fast(group: int) -> bool:
     variants = variants_of(group)
-    return bool(variants) and all(each.packet_type == "Fast" for each in variants)
+    return bool(variants) and all(variant.packet_type == "Fast" for variant in variants)
 
 
 def is_makers_own(group: int) -> bool:
@@ -270,14 +274,14 @@ def name_of_group(group: int) -> str:
     """
     if is_makers_own(group):
         return ""
-    names = {each.id for each in variants_of(group)}
+    names = {variant.id for variant in variants_of(group)}
     return names.pop() if len(names) == 1 else ""
 
 
 def _identity(group: int, payload: bytes) -> dict[str, Any]:
     """What a claim of an address, or a product's information, tells of a device."""
     message = decoded(group, payload)
-    told = {} if message is None else {each.id: each.value for each in message.fields}
+    values = {} if message is None else {entry.id: entry.value for entry in message.fields}
     wanted = {"model": "modelId", "version": "modelVersion", "software": "softwareVersionCode",
               "serial": "modelSerialCode"}  # fmt: skip
     iso_name = {}
@@ -285,5 +289,5 @@ def _identity(group: int, payload: bytes) -> dict[str, Any]:
         wanted = {"manufacturer": "manufacturerCode", "function": "deviceFunction", "instance": "deviceInstance"}
         iso_name = {"iso_name": f"{int.from_bytes(payload[:8], 'little'):016x}"}
     return iso_name | {
-        name: str(told[key]).strip() for name, key in wanted.items() if told.get(key) not in (None, "")
+        name: str(values[key]).strip() for name, key in wanted.items() if values.get(key) not in (None, "")
     }

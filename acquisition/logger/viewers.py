@@ -61,7 +61,7 @@ class LiveView:
 
     def __init__(self, settings: LiveSection, trial: Trial) -> None:
         self._settings, self._name = settings, trial.name
-        self._known = channels_known_to(trial)
+        self._trial_channels = channels_known_to(trial)
         self._channels: dict[str, Any] = {}
         self._sdk: Any = None
 
@@ -113,7 +113,7 @@ class LiveView:
     def _open(self, topic: str) -> Any:
         kind = kind_of(topic)
         schema = self._sdk.Schema(name=kind.title, encoding=ENCODING, data=kind.descriptors)
-        metadata = channel_metadata(topic, self._known)
+        metadata = channel_metadata(topic, self._trial_channels)
         self._channels[topic] = self._sdk.Channel(
             topic, schema=schema, message_encoding=ENCODING, metadata=metadata, context=self._context
         )

@@ -90,8 +90,8 @@ def batches(*chunks: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     """
     ends = list(accumulate(len(chunk.data) for chunk in chunks))
     plain = chunks[0].data if len(chunks) == 1 else b"".join(chunk.data for chunk in chunks)
-    heads, others, size, fault = (_walk if _is_worth_loading(plain) else _walk_little)(plain, ends)
-    yield from _in_order(Batch(heads, plain), others)
+    heads, record_places, size, fault = (_walk if _is_worth_loading(plain) else _walk_little)(plain, ends)
+    yield from _in_order(Batch(heads, plain), record_places)
     if fault:
         raise RecordError(_FAULTS[fault], bisect_right(ends, size))
 
@@ -108,8 +108,8 @@ _Walked: TypeAlias = tuple[NDArray[np.void], Ints, int, int]
 def _walk(plain: bytes, ends: list[int]) -> _Walked:
     from acquisition.recording.walk import count_records, read_heads
 
-    messages, others, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
-    heads, places = np.empty(messages, MESSAGE_HEAD), np.empty(others, np.int64)
+    messages, non_messages, size, fault = count_records(np.frombuffer(plain, np.uint8), np.array(ends))
+    heads, places = np.empty(messages, MESSAGE_HEAD), np.empty(non_messages, np.int64)
     read_heads(np.frombuffer(plain, np.uint8, size), heads, places)
     return heads, places, size, fault
 
@@ -117,7 +117,7 @@ def _walk(plain: bytes, ends: list[int]) -> _Walked:
 def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
     """The same without the compiler."""
     heads: list[tuple[int, ...]] = []
-    others: list[int] = []
+    record_places: list[int] = []
     place = fault = 0
     for end in ends:
         while place < end and not fault:
@@ -126,19 +126,19 @@ def _walk_little(plain: bytes, ends: list[int]) -> _Walked:
             if after > end:
                 fault = CUT
             elif opcode != Opcode.MESSAGE:
-                others.append(place)
+                record_places.append(place)
             elif length < MESSAGE.size:
                 fault = TOO_SHORT
             else:
                 heads.append((*MESSAGE.unpack_from(plain, start), start + MESSAGE.size, after))
             place = place if fault else after
-    return np.array(heads, MESSAGE_HEAD), np.array(others, np.int64), place, fault
+    return np.array(heads, MESSAGE_HEAD), np.array(record_places, np.int64), place, fault
 
 
-def _in_order(batch: Batch, others: Ints) -> Iterator[Batch | mcap.McapRecord]:
+def _in_order(batch: Batch, record_places: Ints) -> Iterator[Batch | mcap.McapRecord]:
     """Messages and definitions as they stand in the file: a number may mean something else from a place on."""
-    opcodes = np.frombuffer(batch.plain, np.uint8)[others]
-    definitions = others[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
+    opcodes = np.frombuffer(batch.plain, np.uint8)[record_places]
+    definitions = record_places[np.isin(opcodes, (Opcode.SCHEMA, Opcode.CHANNEL))]
     done = 0
     for place, until in zip(definitions, np.searchsorted(batch.heads["start"], definitions), strict=True):
         yield from batch.pieces(done, until)
@@ -160,7 +160,7 @@ class SeriesBuilder:
 
     def extend(self, more: Series) -> None:
         """Add samples."""
-        sources = [self._sources.setdefault(each, len(self._sources)) for each in more.sources]
+        sources = [self._sources.setdefault(source, len(self._sources)) for source in more.sources]
         index = np.array(sources, np.int32)[more.source_index]
         added: tuple[NDArray[Any], ...] = (more.measured_ns, more.received_ns, more.value, more.quality, index)
         for column, values in zip(self._columns, added, strict=True):
@@ -169,7 +169,7 @@ class SeriesBuilder:
     def series(self) -> Series:
         """The samples so far, without a copy; nothing can be added to them any more."""
         measured_ns, received_ns, value, quality, index = (
-            np.frombuffer(each, each.typecode) for each in self._columns
+            np.frombuffer(column, column.typecode) for column in self._columns
         )
         return Series(measured_ns, received_ns, value, quality, printable(tuple(self._sources)), index)
 
@@ -179,12 +179,12 @@ def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mappin
 
     Raises KeyError, TypeError, ValueError or OverflowError if one of them is no sample of ours.
     """
-    counts = {number: each for number, each in batch.counts().items() if topics[number].is_channel}
+    counts = {number: count for number, count in batch.counts().items() if topics[number].is_channel}
     if not counts:
         return
     fixed = _is_worth_loading(batch.plain) and all(topics[number].has_fixed_places for number in counts)
-    found = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
-    for topic, series in found.items():
+    series_by_topic = (_in_columns(batch, topics, counts) if fixed else None) or _one_by_one(batch, topics)
+    for topic, series in series_by_topic.items():
         (by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())).extend(series)
 
 
@@ -201,10 +201,10 @@ def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, 
     columns = [np.empty(ends[-1], kind) for kind in (np.int64, np.int64, np.uint64, np.uint8)]
     changes = np.empty((ends[-1], 2), np.int64)
     plain = np.frombuffer(batch.plain, np.uint8)
-    found = sort_samples(plain, batch.heads, rank, ends - sizes, *columns, changes)
-    if found < 0:
+    change_count = sort_samples(plain, batch.heads, rank, ends - sizes, *columns, changes)
+    if change_count < 0:
         return None
-    rows, messages = changes[np.argsort(changes[:found, 0])].T
+    rows, messages = changes[np.argsort(changes[:change_count, 0])].T
     sources = [_source_in(data[SOURCE_AT:]) for data in Batch(batch.heads[messages], batch.plain).data()]
     if None in sources:
         return None
@@ -214,7 +214,7 @@ def _in_columns(batch: Batch, topics: Mapping[int, Topic], counts: Mapping[int, 
         begin, which = ends[place] - sizes[place], slice(borders[place], borders[place + 1])
         measured_ns, received_ns, value, quality = (column[begin : ends[place]] for column in columns)
         numbers = measured_ns, received_ns, value.view(np.float64), quality
-        found_series[topic] = _series(*numbers, [str(each) for each in sources[which]], rows[which] - begin)
+        found_series[topic] = _series(*numbers, [str(source) for source in sources[which]], rows[which] - begin)
     return found_series
 
 
@@ -223,7 +223,7 @@ def _series(
 ) -> Series:
     """Samples of one topic; each of ``sources`` is theirs from the one at its place in ``rows`` on."""
     numbers: dict[str, int] = {}
-    index = np.array([numbers.setdefault(each, len(numbers)) for each in sources], np.int32)
+    index = np.array([numbers.setdefault(source, len(numbers)) for source in sources], np.int32)
     of_samples = np.repeat(index, np.diff(rows, append=value.size))
     return Series(measured_ns, received_ns, value, quality, tuple(numbers), of_samples)
 
@@ -232,23 +232,23 @@ def _series(
 def _source_in(tail: bytes) -> str | None:
     """The source in what follows a sample's numbers; None if there is more than source and clock."""
     try:
-        said = SAMPLE.message.FromString(tail)
+        sample = SAMPLE.message.FromString(tail)
     except DecodeError:
         return None
-    return said.source if {each.name for each, _ in said.ListFields()} <= {"source", "source_clock"} else None
+    return sample.source if {tag.name for tag, _ in sample.ListFields()} <= {"source", "source_clock"} else None
 
 
 def _one_by_one(batch: Batch, topics: Mapping[int, Topic]) -> dict[str, Series]:
     """Samples by topic, of whatever layout and encoding."""
-    found: dict[str, list[tuple[int, int, float, int, str]]] = {}
+    rows_by_topic: dict[str, list[tuple[int, int, float, int, str]]] = {}
     for (number, _, log_ns, publish_ns, *_), data in zip(batch.heads.tolist(), batch.data(), strict=True):
         if topics[number].is_channel:
             body = decode(topics[number], data)
             if not isinstance(body["source"], str):
                 raise TypeError("the source is no text")
             row = publish_ns, log_ns, float(body["value"]), int(body["quality"]), body["source"]
-            found.setdefault(topics[number].name, []).append(row)
-    return {topic: _in_arrays(rows) for topic, rows in found.items()}
+            rows_by_topic.setdefault(topics[number].name, []).append(row)
+    return {topic: _in_arrays(rows) for topic, rows in rows_by_topic.items()}
 
 
 def _in_arrays(samples: list[tuple[int, int, float, int, str]]) -> Series:

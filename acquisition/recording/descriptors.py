@@ -53,8 +53,8 @@ def message_class(title: str, descriptors: bytes) -> Any:
 def plain(message: Message) -> dict[str, Any]:
     """The fields of a message; optional ones and messages within only where they are said."""
     fields = message.DESCRIPTOR.fields
-    said = [each.name for each in fields if not each.has_presence or message.HasField(each.name)]
-    return {name: _plain(getattr(message, name)) for name in said}
+    names = [entry.name for entry in fields if not entry.has_presence or message.HasField(entry.name)]
+    return {name: _plain(getattr(message, name)) for name in names}
 
 
 def _plain(value: Any) -> Any:
@@ -62,7 +62,7 @@ def _plain(value: Any) -> Any:
         return plain(value)
     if isinstance(value, Mapping):
         return dict(value)
-    return value if isinstance(value, str | bytes | int | float) else [_plain(each) for each in value]
+    return value if isinstance(value, str | bytes | int | float) else [_plain(item) for item in value]
 
 
 def _file_of(title: str, schema: Schema) -> descriptor_pb2.FileDescriptorProto:
@@ -78,22 +78,22 @@ def _fill(proto: Any, schema: Schema, full_name: str, comments: Any, path: list[
     """Put the fields of an object into its descriptor, with their descriptions as comments."""
     comments.location.add(path=path, span=(0, 0, 0), leading_comments=schema.get("description", ""))
     required: Any = schema.get("required", schema["properties"])
-    for index, (name, each) in enumerate(schema["properties"].items()):
-        field = proto.field.add(name=name, number=each.get("number", index + 1), label=_FIELD.LABEL_OPTIONAL)
-        if each["type"] == "array" or "additionalProperties" in each:
+    for index, (name, definition) in enumerate(schema["properties"].items()):
+        field = proto.field.add(name=name, number=definition.get("number", index + 1), label=_FIELD.LABEL_OPTIONAL)
+        if definition["type"] == "array" or "additionalProperties" in definition:
             field.label = _FIELD.LABEL_REPEATED
-        _set_type(proto, field, each.get("items", each), full_name, comments, path)
+        _set_type(proto, field, definition.get("items", definition), full_name, comments, path)
         if name not in required and field.label != _FIELD.LABEL_REPEATED and field.type != _FIELD.TYPE_MESSAGE:
             field.MergeFrom(_FIELD(proto3_optional=True, oneof_index=len(proto.oneof_decl)))
             proto.oneof_decl.add(name=f"_{name}")
         comments.location.add(
-            path=[*path, _FIELDS, index], span=(0, 0, 0), leading_comments=each.get("description", "")
+            path=[*path, _FIELDS, index], span=(0, 0, 0), leading_comments=definition.get("description", "")
         )
 
 
 def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: Any, path: list[int]) -> None:
     """Say of which type a field is, and describe that type, if it is one of its own, within the message."""
-    own = "".join(word.title() for word in field.name.split("_"))
+    type_name = "".join(word.title() for word in field.name.split("_"))
     if "names" in schema:
         field.type, field.type_name = _FIELD.TYPE_ENUM, f"{full_name}.{schema['title']}"
         enumeration = proto.enum_type.add(name=schema["title"])
@@ -105,14 +105,16 @@ def _set_type(proto: Any, field: Any, schema: Schema, full_name: str, comments: 
     elif schema.get("title") == "time":
         field.type, field.type_name = _FIELD.TYPE_MESSAGE, ".google.protobuf.Timestamp"
     elif "additionalProperties" in schema:
-        field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{own}Entry"
+        field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{type_name}Entry"
         entry = {
             "type": "object",
             "properties": {"key": {"type": "string"}, "value": schema["additionalProperties"]},
         }
-        within = proto.nested_type.add(name=f"{own}Entry", options=descriptor_pb2.MessageOptions(map_entry=True))
+        within = proto.nested_type.add(
+            name=f"{type_name}Entry", options=descriptor_pb2.MessageOptions(map_entry=True)
+        )
         _fill(within, entry, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])
     else:
-        field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{own}"
-        within = proto.nested_type.add(name=own)
+        field.type, field.type_name = _FIELD.TYPE_MESSAGE, f"{full_name}.{type_name}"
+        within = proto.nested_type.add(name=type_name)
         _fill(within, schema, field.type_name, comments, [*path, _MESSAGES, len(proto.nested_type) - 1])

@@ -36,8 +36,8 @@ class Event:
 
 def events_of(recording: Recording) -> list[Event]:
     """The events of a recording in the order of time; what names one of its sources is about that source."""
-    lines = {*recording.health, *(source.partition("/")[0] for each in recording.series.values()
-                                  for source in each.sources)}  # fmt: skip
+    lines = {*recording.health, *(source.partition("/")[0] for series in recording.series.values()
+                                  for source in series.sources)}  # fmt: skip
     labels = recording.event_labels or [("", "")] * len(recording.events)
     events = [
         _event(time_ns, text, name, level, lines)

@@ -55,9 +55,9 @@ def encode(topic: str, body: dict[str, Any]) -> bytes:
     """The message of a topic of ours that says this. Raises TypeError, ValueError or KeyError if none does."""
     if not topic.startswith(CHANNEL_PREFIX):
         return bytes(kind_of(topic).message(**body).SerializeToString())
-    said = {"source_time": NOT_SAID, "monotonic_ns": 0, "source_clock": "", **body}
-    numbers = (float(said["value"]), said["source_time"], said["monotonic_ns"], int(said["quality"]))
-    return _numbers(*numbers) + _source(said["source"], said["source_clock"])
+    fields = {"source_time": NOT_SAID, "monotonic_ns": 0, "source_clock": "", **body}
+    numbers = (float(fields["value"]), fields["source_time"], fields["monotonic_ns"], int(fields["quality"]))
+    return _numbers(*numbers) + _source(fields["source"], fields["source_clock"])
 
 
 class Topic(NamedTuple):
@@ -107,7 +107,7 @@ def _class_in(name: str, schema: bytes) -> Any:
 
 @lru_cache(maxsize=256)
 def _fields(name: str, schema: bytes) -> set[tuple[str, int, int]]:
-    return {(each.name, each.number, each.type) for each in _class_in(name, schema).DESCRIPTOR.fields}
+    return {(entry.name, entry.number, entry.type) for entry in _class_in(name, schema).DESCRIPTOR.fields}
 
 
 def _decode_json(topic: str, data: bytes) -> dict[str, Any]:

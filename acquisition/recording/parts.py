@@ -62,7 +62,7 @@ class RecordingParts(MessageSink):
         self.paths: list[Path] = []
         self.trouble = ""
         self.listeners: list[Listener] = []
-        self._told_deleted = False
+        self._reported_deleted = False
         self.lost = 0  # messages that no disk and no memory could hold
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
         self._clock = dict(clock or {})
@@ -306,13 +306,13 @@ class RecordingParts(MessageSink):
         self._unkept, self._asked = 0, (0, 0)
 
     def _has_vanished(self) -> bool:
-        found = False
+        vanished = False
 
         def look() -> None:
-            nonlocal found
-            found = self._part is not None and self._part.vanished
+            nonlocal vanished
+            vanished = self._part is not None and self._part.vanished
 
-        return self._attempt(look) and found
+        return self._attempt(look) and vanished
 
     def _put_back(self) -> None:
         """Somebody has deleted the file: its content is still there, and is written once more.
@@ -326,16 +326,16 @@ class RecordingParts(MessageSink):
             path = self._new_file(name)
             self._part.put_back(path)
         except OSError as error:
-            if not self._told_deleted:
+            if not self._reported_deleted:
                 self.tell(
                     "error", f"{name}.mcap was deleted while it was written and cannot be put back yet: {error}"
                 )
-            self._told_deleted = True
+            self._reported_deleted = True
             return
         self.tell("error", f"{name}.mcap was deleted while it was written; it is put back as {path.name}")
         self.paths[-1] = path
         self._closed_bytes += self._part.size_bytes
-        self._told_deleted, self._part = False, None
+        self._reported_deleted, self._part = False, None
         self._confirmed()
         self._try_to_open("the part before was deleted")
 
@@ -421,6 +421,6 @@ def _stem(folder: Path, name: str, started: datetime) -> str:
         return stem
     first = re.match(rf".*?_{_TIME}", latest)
     base = first[0] if first else latest
-    runs = (re.match(rf"{re.escape(base)}_run(\d+)_", other) for other in stems)
+    runs = (re.match(rf"{re.escape(base)}_run(\d+)_", existing) for existing in stems)
     number = 1 + max((int(run[1]) for run in runs if run), default=0)
     return f"{base}_run{number:05d}_{time_text}"

@@ -175,29 +175,29 @@ class MessageStream:
         size_bytes = 0
         with open_recording(self.path) as stream:
             self.meter = Meter(self.path, os.fstat(stream.fileno()).st_size)
-            for found in scan(stream):
-                if isinstance(found, Intact) and isinstance(found.record, mcap.Chunk):
-                    chunks.append((found.start, found.record))
-                    size_bytes += len(found.record.data)
+            for extent in scan(stream):
+                if isinstance(extent, Intact) and isinstance(extent.record, mcap.Chunk):
+                    chunks.append((extent.start, extent.record))
+                    size_bytes += len(extent.record.data)
                     if size_bytes < _ENOUGH_BYTES:
                         continue
-                if isinstance(found, Intact) and found.record is None:
+                if isinstance(extent, Intact) and extent.record is None:
                     continue
                 yield from self._unpacked(chunks)
                 chunks.clear()
                 size_bytes = 0
-                yield from self._outside_chunks(found)
+                yield from self._outside_chunks(extent)
             yield from self._unpacked(chunks)
 
-    def _outside_chunks(self, found: Intact | Damage) -> Iterator[Batch | mcap.McapRecord]:
-        if isinstance(found, Damage):
+    def _outside_chunks(self, extent: Intact | Damage) -> Iterator[Batch | mcap.McapRecord]:
+        if isinstance(extent, Damage):
             self.closed = False
-            if not found.cut:
-                raise self._damaged(found.why, f" near byte {found.start}")
-        elif isinstance(found.record, mcap.Message):
-            yield Batch.of_message(found.record)
-        elif found.record is not None and not isinstance(found.record, mcap.Chunk):
-            yield found.record
+            if not extent.cut:
+                raise self._damaged(extent.why, f" near byte {extent.start}")
+        elif isinstance(extent.record, mcap.Message):
+            yield Batch.of_message(extent.record)
+        elif extent.record is not None and not isinstance(extent.record, mcap.Chunk):
+            yield extent.record
 
     def _unpacked(self, chunks: list[tuple[int, mcap.Chunk]]) -> Iterator[Batch | mcap.McapRecord]:
         """What is in chunks one after the other, with the places in the file at which they begin."""
@@ -278,7 +278,9 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     )
 
 
-def _said(batch: Batch, topic: Topic, meter: Meter, key: str, what: str) -> list[tuple[str, dict[str, Any]]]:
+def _keyed_bodies(
+    batch: Batch, topic: Topic, meter: Meter, key: str, what: str
+) -> list[tuple[str, dict[str, Any]]]:
     """What the messages of a batch, all of one topic, say; each behind what it says under a key."""
     sizes = batch.sizes
     meter.check(TEXT_BYTES, int(sizes.max()))
@@ -329,18 +331,20 @@ def read_recording(path: Path | str) -> Recording:
                 raw[topic.name] += count
             elif topic.name == EVENT_TOPIC:
                 part = batch.of_channels([number])
-                said = _said(part, topic, stream.meter, "message", "event")
-                events += zip(part.heads["log_ns"].tolist(), [text for text, _ in said], strict=True)
-                labels += [(str(body.get("name", "")), level_name(body.get("level"))) for _, body in said]
+                entries = _keyed_bodies(part, topic, stream.meter, "message", "event")
+                events += zip(part.heads["log_ns"].tolist(), [text for text, _ in entries], strict=True)
+                labels += [(str(body.get("name", "")), level_name(body.get("level"))) for _, body in entries]
             elif topic.name == HEALTH_TOPIC:
                 part = batch.of_channels([number])
-                health |= _said(part, topic, stream.meter, "source", "state of a source")
+                health |= _keyed_bodies(part, topic, stream.meter, "source", "state of a source")
             elif topic.name == PREDICTION_TOPIC:
                 predictions += count
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={printable(topic.removeprefix(CHANNEL_PREFIX)): each.series() for topic, each in samples.items()},
+        series={
+            printable(topic.removeprefix(CHANNEL_PREFIX)): builder.series() for topic, builder in samples.items()
+        },
         raw=printable(dict(raw)),
         events=printable(events),
         messages=messages,

@@ -67,13 +67,13 @@ class Definitions:
 
     header: mcap.Header = field(default_factory=lambda: mcap.Header("", ""))
     vouched: dict[tuple[type, int], mcap.Channel | mcap.Schema] = field(default_factory=dict)
-    others: dict[tuple[type, int], mcap.Channel | mcap.Schema] = field(default_factory=dict)
+    unvouched: dict[tuple[type, int], mcap.Channel | mcap.Schema] = field(default_factory=dict)
     chunk_starts: array[int] = field(default_factory=lambda: array("Q"))
 
     def find(self, kind: type[Definition], number: int) -> Definition | None:
         """The channel or schema of this number."""
-        found = self.vouched.get((kind, number)) or self.others.get((kind, number))
-        return found if isinstance(found, kind) else None
+        definition = self.vouched.get((kind, number)) or self.unvouched.get((kind, number))
+        return definition if isinstance(definition, kind) else None
 
 
 def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Definitions:
@@ -82,21 +82,21 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     Raises :class:`InputError` for more of them than there can be.
     """
     definitions, meter = Definitions(), Meter(path, os.fstat(stream.fileno()).st_size)
-    for found in _scan(stream, progress):
-        if not isinstance(found, Intact):
+    for extent in _scan(stream, progress):
+        if not isinstance(extent, Intact):
             continue
-        if isinstance(found.record, mcap.Header):
-            definitions.header = found.record
-        if isinstance(found.record, mcap.Metadata | mcap.Attachment):
-            count_description(found.record, meter)
-        if isinstance(found.record, mcap.ChunkIndex):
-            definitions.chunk_starts.append(found.record.chunk_start_offset)
-        known = definitions.vouched if isinstance(found.record, mcap.Chunk) else definitions.others
-        for record in _definitions_in(found.record, meter):
-            first = known.get((type(record), record.id))
+        if isinstance(extent.record, mcap.Header):
+            definitions.header = extent.record
+        if isinstance(extent.record, mcap.Metadata | mcap.Attachment):
+            count_description(extent.record, meter)
+        if isinstance(extent.record, mcap.ChunkIndex):
+            definitions.chunk_starts.append(extent.record.chunk_start_offset)
+        by_number = definitions.vouched if isinstance(extent.record, mcap.Chunk) else definitions.unvouched
+        for record in _definitions_in(extent.record, meter):
+            first = by_number.get((type(record), record.id))
             count_definition(record, meter, is_new=first != record)
             if first is None:
-                known[type(record), record.id] = record
+                by_number[type(record), record.id] = record
     definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
     return definitions
 
@@ -105,21 +105,21 @@ def _definitions_in(record: mcap.McapRecord | None, meter: Meter) -> Iterator[mc
     """Those in a record. Raises :class:`InputError` where the file holds more of anything than its budget."""
     within = batches(record) if isinstance(record, mcap.Chunk) else iter([record])
     with suppress(RecordError):  # counted when the messages are copied
-        for each in within:
-            if isinstance(each, mcap.Channel | mcap.Schema):
-                yield each
-            elif isinstance(each, Batch | mcap.Message):
-                meter.add(MESSAGES, len(each) if isinstance(each, Batch) else 1)
+        for item in within:
+            if isinstance(item, mcap.Channel | mcap.Schema):
+                yield item
+            elif isinstance(item, Batch | mcap.Message):
+                meter.add(MESSAGES, len(item) if isinstance(item, Batch) else 1)
 
 
 def _scan(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
     """As :func:`scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0
-    for found in scan(stream):
-        yield found
-        if found.end - shown > size_bytes // 100:
-            shown = found.end
+    for extent in scan(stream):
+        yield extent
+        if extent.end - shown > size_bytes // 100:
+            shown = extent.end
             progress(shown / size_bytes)
 
 
@@ -149,18 +149,20 @@ def verify(partial: Path, target: Path, saved: Digest) -> None:
 
     Raises :class:`StorageError`, about the name that it is to get, if it does not hold what was saved.
     """
-    ours, theirs = Digest(), Digest()
+    stream_digest, index_digest = Digest(), Digest()
     try:
         written = MessageStream(partial)
         for entry in written:
-            ours.add(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
+            stream_digest.add(entry.topic, entry.log_ns, entry.publish_ns, entry.data)
         with partial.open("rb") as stream:
             for topic, message in _by_index(stream):
-                theirs.add(topic, message.log_time, message.publish_time, message.data)
+                index_digest.add(topic, message.log_time, message.publish_time, message.data)
     except (InputError, McapError, ValueError, KeyError, struct.error) as error:
         raise _unlike(target, str(error)) from error
-    if not written.closed or not ours.value == theirs.value == saved.value:
-        raise _unlike(target, f"{ours.messages:,} and {theirs.messages:,} messages of {saved.messages:,}")
+    if not written.closed or not stream_digest.value == index_digest.value == saved.value:
+        raise _unlike(
+            target, f"{stream_digest.messages:,} and {index_digest.messages:,} messages of {saved.messages:,}"
+        )
 
 
 def _by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
@@ -264,27 +266,29 @@ class Saving:
         """Define a topic in the copy."""
         self._channel(channel.id)
 
-    def take(self, found: Intact | Damage) -> None:
+    def take(self, extent: Intact | Damage) -> None:
         """Copy a record, or count what was lost."""
-        size_bytes = found.end - found.start
-        if isinstance(found, Damage):
+        size_bytes = extent.end - extent.start
+        if isinstance(extent, Damage):
             starts = self.definitions.chunk_starts
-            indexed = bisect_left(starts, found.end) - bisect_left(starts, found.start)
-            self.found.lose(found.why, size_bytes, max(found.chunks, indexed))
-            self._after_damage |= found.messages
-        elif found.private:
+            indexed = bisect_left(starts, extent.end) - bisect_left(starts, extent.start)
+            self.found.lose(extent.why, size_bytes, max(extent.chunks, indexed))
+            self._after_damage |= extent.messages
+        elif extent.private:
             self.found.lose("a private record of another program", size_bytes)
-        elif isinstance(found.record, mcap.Chunk):
-            self._take_chunk(found.record, size_bytes)
-        elif isinstance(found.record, mcap.Message):
-            self.take_message(found.record)
-        elif isinstance(found.record, mcap.Metadata):
-            self._take_metadata(found.record)
-        elif isinstance(found.record, mcap.Attachment):
-            each = found.record
-            self.writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
+        elif isinstance(extent.record, mcap.Chunk):
+            self._take_chunk(extent.record, size_bytes)
+        elif isinstance(extent.record, mcap.Message):
+            self.take_message(extent.record)
+        elif isinstance(extent.record, mcap.Metadata):
+            self._take_metadata(extent.record)
+        elif isinstance(extent.record, mcap.Attachment):
+            attachment = extent.record
+            self.writer.add_attachment(
+                attachment.create_time, attachment.log_time, attachment.name, attachment.media_type, attachment.data
+            )
             self.found.attachments += 1
-        elif isinstance(found.record, mcap.Footer):
+        elif isinstance(extent.record, mcap.Footer):
             self.found.closed = True
 
     def _take_chunk(self, chunk: mcap.Chunk, size_bytes: int) -> None:
@@ -423,8 +427,8 @@ def _write(
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=zstd, enable_data_crcs=True)
         writer.start(profile=definitions.header.profile, library=software_version())
         saved = saving(writer, definitions)
-        for found in _scan(stream, progress):
-            saved.take(found)
+        for extent in _scan(stream, progress):
+            saved.take(extent)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()
         os.fsync(file.fileno())
@@ -437,10 +441,10 @@ class Migration(Saving):
     ``kept`` are those that fit no schema of today; they stay JSON, and are read as such.
     """
 
-    def __init__(self, writer: Writer, definitions: Definitions, known: Mapping[str, Channel]) -> None:
+    def __init__(self, writer: Writer, definitions: Definitions, channels: Mapping[str, Channel]) -> None:
         self.converted: Counter[str] = Counter()
         self.kept: Counter[str] = Counter()
-        self._known = known
+        self._trial_channels = channels
         self._numbers: dict[str, int] = {}
         self._kinds: dict[str, int] = {}
         super().__init__(writer, definitions)
@@ -471,7 +475,7 @@ class Migration(Saving):
             return None
         if topic not in self._numbers:
             try:
-                kind, metadata = kind_of(topic), channel_metadata(topic, self._known)
+                kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
             except (KeyError, IndexError):
                 return None
             if kind.title not in self._kinds:
@@ -488,9 +492,13 @@ def migrate(source: Path, target: Path, progress: Progress = lambda share: None)
     messages in JSON, :class:`StorageError` when ``target`` exists, cannot be written, or does not read back as it
     was written. ``source`` is only read.
     """
-    known = channels_known_to(read_trial(source))
+    channels = channels_known_to(read_trial(source))
     return copy_intact(
-        source, target, lambda writer, found: Migration(writer, found, known), _check_migrated, progress
+        source,
+        target,
+        lambda writer, definitions: Migration(writer, definitions, channels),
+        _check_migrated,
+        progress,
     )
 
 

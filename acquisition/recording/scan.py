@@ -91,12 +91,12 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
     offset = 0
     while offset < records.size_bytes:
         try:
-            found = records.record_or_damage_at(offset)
+            extent = records.record_or_damage_at(offset)
         except OSError as error:
             where, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
             raise InputError("cannot be read", where=where, why=error.strerror or str(error), fix=fix) from error
-        yield found
-        offset = found.end
+        yield extent
+        offset = extent.end
 
 
 class _Records:
@@ -273,8 +273,8 @@ class _Records:
 
     def _ends_within_magic(self, offset: int) -> bool:
         """Whether all that is left of the file from here on is the beginning of its last bytes."""
-        left = self.size_bytes - offset
-        return 0 < left < len(MCAP_MAGIC) and self._peek(offset, left) == MCAP_MAGIC[:left]
+        remaining = self.size_bytes - offset
+        return 0 < remaining < len(MCAP_MAGIC) and self._peek(offset, remaining) == MCAP_MAGIC[:remaining]
 
     def _next_intact(self, start: int, *, only_chunks: bool = False) -> tuple[int, int]:
         """Where the next intact record begins, or the end of the file; and the damaged chunks on the way."""
@@ -313,8 +313,8 @@ class _Records:
         while start < self.size_bytes:
             block = self._peek(start, span_bytes + _OVERLAP_BYTES)
             place = -1
-            while found := self._pattern(only_chunks).search(block, place + 1):
-                place = found.start()
+            while match := self._pattern(only_chunks).search(block, place + 1):
+                place = match.start()
                 if place >= span_bytes:
                     break
                 yield start + place

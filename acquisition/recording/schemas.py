@@ -276,14 +276,14 @@ def kind_of(topic: str) -> Kind:
     return _RAW[topic.split("/")[2]] if topic.startswith(RAW_PREFIX) else _WELL_KNOWN[topic]
 
 
-def channel_metadata(topic: str, known: Mapping[str, Channel] = BY_NAME) -> dict[str, str]:
+def channel_metadata(topic: str, channels: Mapping[str, Channel] = BY_NAME) -> dict[str, str]:
     """What a topic's record says of it: of a channel its unit, its meaning and the range of possible values.
 
-    ``known`` are the channels. Raises KeyError for another.
+    ``channels`` are the channels by name. Raises KeyError for another.
     """
     if not topic.startswith(CHANNEL_PREFIX):
         return {}
-    channel = known[topic.removeprefix(CHANNEL_PREFIX)]
+    channel = channels[topic.removeprefix(CHANNEL_PREFIX)]
     interval = "one turn, half open" if channel.circular else "inclusive"
     return {
         "unit": channel.unit,

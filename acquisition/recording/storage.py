@@ -67,7 +67,7 @@ def why_full(folder: Path, settings: RecordingSection, ratio: float = 1.0) -> st
 
 def require_room(folder: Path, settings: RecordingSection) -> None:
     """Raise :class:`StorageError` where a recording cannot begin for want of room; the folder need not be there."""
-    existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    existing = next(directory for directory in (folder, *folder.absolute().parents) if directory.exists())
     if why := shortage(settings, *free_bytes(existing)):
         fix = "free space, or lower `reserve_mb` in [recording]"
         raise StorageError("cannot be recorded to", where=str(folder), why=why, fix=fix)

@@ -36,13 +36,13 @@ def write_table(
     is no channel, :class:`StorageError` when the file cannot be written.
     """
     expect_suffix(path, ".mcap")
-    known = channels_of_trial(trial)
-    unknown = [name for name in table.columns if name not in known]
+    channels = channels_of_trial(trial)
+    unknown = [name for name in table.columns if name not in channels]
     if unknown:
         raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
     with atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
-        for name, said in (metadata or {}).items():
-            writer.write_metadata(name, said)
+        for name, entries in (metadata or {}).items():
+            writer.write_metadata(name, entries)
         _write_rows(writer, table, source, qualities or {})
     return int(table.notna().to_numpy().sum())
 

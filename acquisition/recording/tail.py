@@ -95,7 +95,7 @@ class Tail:
             self._offset = place.end
         else:
             self._offset = places[-1].end if places else self._offset
-        return {topic.removeprefix(CHANNEL_PREFIX): each.series() for topic, each in samples.items()}
+        return {topic.removeprefix(CHANNEL_PREFIX): builder.series() for topic, builder in samples.items()}
 
     def _places(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
@@ -131,8 +131,8 @@ class Tail:
         try:
             record = parse(place.opcode, content)
             self._meter.add(EXPANDED_BYTES, len(record.data) if isinstance(record, mcap.Chunk) else 0)
-            for each in batches(record) if isinstance(record, mcap.Chunk) else [record]:
-                self._note(each, samples)
+            for item in batches(record) if isinstance(record, mcap.Chunk) else [record]:
+                self._note(item, samples)
         except InputError:  # more than its budget
             raise
         except (RecordError, KeyError, TypeError, ValueError, OverflowError):

@@ -38,30 +38,30 @@ def count_records(data: Any, ends: Any) -> tuple[int, int, Any, int]:
 
     Then where the last good record ends, and what is wrong with the next: 0, :data:`TOO_SHORT` or :data:`CUT`.
     """
-    messages = others = 0
+    messages = non_messages = 0
     place = np.int64(0)
     for end in ends:
         while place < end:
-            left = end - place - _HEAD_BYTES
-            if left < 0:
-                return messages, others, place, CUT
+            remaining = end - place - _HEAD_BYTES
+            if remaining < 0:
+                return messages, non_messages, place, CUT
             length = _number(data, place + 1, 8)
-            if length > np.uint64(left):
-                return messages, others, place, CUT
+            if length > np.uint64(remaining):
+                return messages, non_messages, place, CUT
             if data[place] != _MESSAGE:
-                others += 1
+                non_messages += 1
             elif length < np.uint64(_FIXED_BYTES):
-                return messages, others, place, TOO_SHORT
+                return messages, non_messages, place, TOO_SHORT
             else:
                 messages += 1
             place += _HEAD_BYTES + np.int64(length)
-    return messages, others, place, 0
+    return messages, non_messages, place, 0
 
 
 @njit(cache=True, nogil=True)
-def read_heads(data: Any, heads: Any, others: Any) -> None:
+def read_heads(data: Any, heads: Any, places: Any) -> None:
     """Fill in the head of all messages, and where other records begin."""
-    index = other = 0
+    index = filled = 0
     place = np.int64(0)
     while place < data.size:
         after = place + _HEAD_BYTES + np.int64(_number(data, place + 1, 8))
@@ -73,8 +73,8 @@ def read_heads(data: Any, heads: Any, others: Any) -> None:
             head.start, head.end = fields + _FIXED_BYTES, after
             index += 1
         else:
-            others[other] = place
-            other += 1
+            places[filled] = place
+            filled += 1
         place = after
 
 
@@ -90,15 +90,15 @@ def _is_sample(data: Any, start: Any, end: Any) -> Any:
 
 
 @njit(inline="always")
-def _same(data: Any, one: Any, other: Any, size: Any) -> Any:
+def _same(data: Any, first: Any, second: Any, size: Any) -> Any:
     """Whether the same bytes stand in two places."""
     index = 0
     while index + 8 <= size:
-        if _number(data, one + index, 8) != _number(data, other + index, 8):
+        if _number(data, first + index, 8) != _number(data, second + index, 8):
             return False
         index += 8
     while index < size:
-        if data[one + index] != data[other + index]:
+        if data[first + index] != data[second + index]:
             return False
         index += 1
     return True
@@ -117,7 +117,7 @@ def sort_samples(
     sample whose numbers are where they should be.
     """
     last_start, last_size = np.zeros(place.size, np.int64), np.full(place.size, -1)
-    found = 0
+    change_count = 0
     for index in range(heads.size):
         head = heads[index]
         topic = rank[head.channel]
@@ -131,7 +131,7 @@ def sort_samples(
         value[row], quality[row] = _number(data, head.start + VALUE_AT, 8), data[head.start + QUALITY_AT]
         start, size = head.start + SOURCE_AT, head.end - head.start - SOURCE_AT
         if size != last_size[topic] or not _same(data, last_start[topic], start, size):
-            changes[found, 0], changes[found, 1] = row, index
-            found += 1
+            changes[change_count, 0], changes[change_count, 1] = row, index
+            change_count += 1
         last_start[topic], last_size[topic] = start, size
-    return found
+    return change_count

@@ -40,7 +40,7 @@ class RecordingWriter(MessageSink):
     ) -> None:
         self.path = Path(path)
         self.messages = 0
-        self._known = channels_known_to(trial)
+        self._trial_channels = channels_known_to(trial)
         self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         self._schemas: dict[str, int] = {}
         try:
@@ -144,7 +144,7 @@ class RecordingWriter(MessageSink):
         self._file.flush()
 
     def _register(self, topic: str) -> list[int]:
-        kind, metadata = kind_of(topic), channel_metadata(topic, self._known)
+        kind, metadata = kind_of(topic), channel_metadata(topic, self._trial_channels)
         if kind.title not in self._schemas:
             self._schemas[kind.title] = self._mcap.register_schema(kind.title, ENCODING, kind.descriptors)
         number = self._mcap.register_channel(topic, ENCODING, self._schemas[kind.title], metadata)

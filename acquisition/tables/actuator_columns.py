@@ -57,39 +57,39 @@ class _Part:
 def find_actuators(draft: Draft, ship: Actuators = ()) -> tuple[Actuators, list[Found]]:
     """The actuators that columns tell of, or a known ``ship``'s, and the columns with the channels they become."""
     exact = _by_name(draft, ship or _named(draft))
-    taken = {each.candidate.column for each in exact}
-    parts = [_part(each) for each in draft.of(*_KIND_OF) if each.column not in taken]
-    azimuths = {each.side for each in parts if each.kind == "azimuth"}
+    used_columns = {column.candidate.column for column in exact}
+    parts = [_part(candidate) for candidate in draft.of(*_KIND_OF) if candidate.column not in used_columns]
+    azimuths = {control.side for control in parts if control.kind == "azimuth"}
     parts = [  # a shaft at the side of an azimuth thruster is the thruster's
-        replace(each, kind="azimuth") if each.kind == "propeller" and each.side in azimuths else each
-        for each in parts
+        replace(control, kind="azimuth") if control.kind == "propeller" and control.side in azimuths else control
+        for control in parts
     ]
-    found = {each.channel: each for each in exact}
-    kinds = {each.name: each.kind for each in _named(draft)}
-    pitched = {each.side for each in parts if each.candidate.quantity.name == "propeller_pitch"}
-    for part in sorted(parts, key=lambda each: each.is_order):
-        meant = _hers(part, ship) if ship else [_new(part, parts, pitched)]
-        if len(meant) > 1:
-            names = " and ".join(each.name for each in meant)
+    columns = {column.channel: column for column in exact}
+    kinds = {device.name: device.kind for device in _named(draft)}
+    pitched = {control.side for control in parts if control.candidate.quantity.name == "propeller_pitch"}
+    for part in sorted(parts, key=lambda control: control.is_order):
+        matched = _actuators_of_part(part, ship) if ship else [_new_actuator(part, parts, pitched)]
+        if len(matched) > 1:
+            names = " and ".join(device.name for device in matched)
             draft.warnings.append(f"{part.candidate.column!r} names no side: it is taken for {names} alike")
-        for actuator in meant:
+        for actuator in matched:
             stem = actuator.name + _ENDING[part.candidate.quantity.name]
             if stem not in {channel.name for channel in actuator.channels}:
                 continue
-            channel = name_of_order(stem) if part.is_order and stem in found else stem
-            if channel in found:
-                other = found[channel].candidate.column
-                draft.note(part.candidate.column, "-", "", f"not used: {other!r} is taken for it")
+            channel = name_of_order(stem) if part.is_order and stem in columns else stem
+            if channel in columns:
+                rival = columns[channel].candidate.column
+                draft.note(part.candidate.column, "-", "", f"not used: {rival!r} is taken for it")
                 continue
             why = f"{actuator.name}: {actuator.kind.replace('_', ' ')}"
-            found[channel] = Found(
+            columns[channel] = Found(
                 part.candidate, channel, actuator.kind, why + (", its order" if part.is_order else "")
             )
             kinds[actuator.name] = actuator.kind
     actuators = tuple(Actuator(name, kind) for name, kind in kinds.items())
     if set(actuators) <= set(DEFAULT) and actuators:
         actuators = DEFAULT
-    return ship or actuators, list(found.values())
+    return ship or actuators, list(columns.values())
 
 
 def _named(draft: Draft) -> Actuators:
@@ -110,24 +110,24 @@ def _named(draft: Draft) -> Actuators:
 def _by_name(draft: Draft, ship: Actuators) -> list[Found]:
     """The columns that are called as a ship's own channels, with a blank for a line or their unit in brackets."""
     channels = {channel.name: (actuator, channel.unit) for actuator in ship for channel in actuator.channels}
-    orders = {name_of_order(name): each for name, each in channels.items()}
-    found: dict[str, Found] = {}
+    orders = {name_of_order(name): owner for name, owner in channels.items()}
+    columns: dict[str, Found] = {}
     for column in map(str, draft.raw.columns.columns):
         head = headed(column)
         stems = {re.sub(r"\W+", "_", name.strip().lower()) for name in (column, head.name)}
         for channel, (actuator, unit) in (channels | orders).items():
             is_called = channel in stems or (channel.rpartition("_")[0] in stems and bool(head.units))
-            if is_called and channel not in found and (not head.units or _fits(unit, head.units)):
-                quantity = next(each for each in QUANTITIES if each.name == _QUANTITY_OF[unit])
+            if is_called and channel not in columns and (not head.units or _fits(unit, head.units)):
+                quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_OF[unit])
                 units = head.units or units_called(draft.raw.units.get(column, ""))
                 candidate = Candidate(column, quantity, 1.0, units, frozenset(words_of(column)))
-                found[channel] = Found(candidate, channel, actuator.kind, f"{actuator.name}: by its name")
-    return list(found.values())
+                columns[channel] = Found(candidate, channel, actuator.kind, f"{actuator.name}: by its name")
+    return list(columns.values())
 
 
 def _fits(unit: str, stated: tuple[str, ...]) -> bool:
-    quantity = next(each for each in QUANTITIES if each.name == _QUANTITY_OF[unit])
-    return any(measures(quantity, each) for each in stated)
+    quantity = next(entry for entry in QUANTITIES if entry.name == _QUANTITY_OF[unit])
+    return any(measures(quantity, spelling) for spelling in stated)
 
 
 def _part(candidate: Candidate) -> _Part:
@@ -137,30 +137,30 @@ def _part(candidate: Candidate) -> _Part:
         kind = "tunnel"
     if candidate.quantity.name == "shaft" and words & _AZIMUTH_WORDS:
         kind = "azimuth"
-    side = next((name for name, known in _SIDES.items() if words & known), "")
+    side = next((name for name, markers in _SIDES.items() if words & markers), "")
     number = next((word for word in sorted(words) if word.isdigit() and len(word) == 1), "")
     return _Part(candidate, kind, side or number, bool(words & ORDER))
 
 
-def _hers(part: _Part, ship: Actuators) -> list[Actuator]:
+def _actuators_of_part(part: _Part, ship: Actuators) -> list[Actuator]:
     """The ship's actuators that a column tells of; without a side all of a kind, as of one order to a pair."""
     words = _SIDES.get(part.side, {part.side})
     for kind in _LIKE[part.kind]:
-        of_kind = [each for each in ship if each.kind == kind]
-        at_side = [each for each in of_kind if not words.isdisjoint(each.name.split("_"))]
+        of_kind = [actuator for actuator in ship if actuator.kind == kind]
+        at_side = [actuator for actuator in of_kind if not words.isdisjoint(actuator.name.split("_"))]
         if of_kind and (at_side or not part.side or len(of_kind) == 1):
             return at_side or of_kind
     return []
 
 
-def _new(part: _Part, parts: Iterable[_Part], pitched: set[str]) -> Actuator:
+def _new_actuator(part: _Part, parts: Iterable[_Part], pitched: set[str]) -> Actuator:
     """An actuator of a ship that nothing else is known of."""
     if part.kind == "azimuth":
         return Actuator(
             _name(part.side, "azimuth") if part.side.isdigit() or not part.side else part.side, "azimuth"
         )
     if part.kind == "tunnel":
-        sides = {each.side for each in parts if each.kind == "tunnel"}
+        sides = {control.side for control in parts if control.kind == "tunnel"}
         return Actuator(
             "tunnel" if len(sides) == 1 and part.side != "stern" else _name(part.side, "tunnel"), "tunnel"
         )

@@ -31,7 +31,7 @@ def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap
         if key in _TIME:
             continue
         check_answer(key, value)
-        for channel in _meant(channels, kind, name, key):
+        for channel in _answered_channels(channels, kind, name, key):
             entry = channels[channel]
             unit = next(iter(units_called(value)), value)
             is_scale = kind == "full_scale"
@@ -42,18 +42,18 @@ def map_as_answered(columns: ColumnMap, answers: Mapping[str, str]) -> ColumnMap
     return answered
 
 
-def _meant(channels: Mapping[str, Column], kind: str, name: str, key: str) -> list[str]:
+def _answered_channels(channels: Mapping[str, Column], kind: str, name: str, key: str) -> list[str]:
     """The channels of a map that an answer is about."""
     if kind == "unit" and name:
-        meant = [channel for channel, entry in channels.items() if entry.column == name]
+        names = [channel for channel, entry in channels.items() if entry.column == name]
     elif kind == "full_scale":
         scaled = [channel for channel, entry in channels.items() if entry.unit == "percent"]
-        meant = [channel for channel in scaled if not name or channel in (f"{name}_rpm", f"{name}_angle_deg")]
+        names = [channel for channel in scaled if not name or channel in (f"{name}_rpm", f"{name}_angle_deg")]
     else:
-        meant = []
-    if not meant:
+        names = []
+    if not names:
         raise ConfigurationError(f"the answer {key} is to no question of this table", fix="change the map")
-    return meant
+    return names
 
 
 def time_as_answered(time: TimeColumn, answers: Mapping[str, str]) -> TimeColumn:

@@ -40,22 +40,24 @@ def read_mat(path: Path) -> RawTable:
     vectors = _vectors(content) or _of_simulink(content) or _of_one_struct(content, path)
     lengths = Counter(len(vector) for vector in vectors.values())
     usual = lengths.most_common(1)[0][0]
-    odd = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
-    if odd:
+    unequal = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
+    if unequal:
         raise InputError(
-            f"holds vectors that are not {usual} long: {', '.join(odd)}", where=str(path), fix="leave them out"
+            f"holds vectors that are not {usual} long: {', '.join(unequal)}", where=str(path), fix="leave them out"
         )
-    told = {str(name): str(unit) for name, unit in units.items()} if isinstance(units, dict) else {}
-    return RawTable(path, pd.DataFrame(vectors), trial_of(trial) if isinstance(trial, dict) else Trial(), told)
+    stated_units = {str(name): str(unit) for name, unit in units.items()} if isinstance(units, dict) else {}
+    return RawTable(
+        path, pd.DataFrame(vectors), trial_of(trial) if isinstance(trial, dict) else Trial(), stated_units
+    )
 
 
 def _of_one_struct(content: Mapping[str, Any], path: Path) -> dict[str, NDArray[Any]]:
-    structs = [each for each in content.values() if isinstance(each, dict)]
-    found = [vectors for each in structs if (vectors := _vectors(_flat(each)))]
-    if len(found) != 1:
-        what = "holds no vectors" if not found else f"holds {len(found)} structs of vectors"
+    structs = [value for value in content.values() if isinstance(value, dict)]
+    candidates = [vectors for struct in structs if (vectors := _vectors(_flat(struct)))]
+    if len(candidates) != 1:
+        what = "holds no vectors" if not candidates else f"holds {len(candidates)} structs of vectors"
         raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
-    return found[0]
+    return candidates[0]
 
 
 def _flat(struct: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
@@ -71,11 +73,11 @@ def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
 
     A signal is called by its label, else by the variable; the times are those of the first of the structures.
     """
-    found: dict[str, NDArray[Any]] = {}
+    series: dict[str, NDArray[Any]] = {}
     for variable, struct in content.items():
         if not (isinstance(struct, dict) and {"time", "signals"} <= set(struct)):
             continue
-        found.setdefault("time", np.atleast_1d(struct["time"]))
+        series.setdefault("time", np.atleast_1d(struct["time"]))
         signals = struct["signals"] if isinstance(struct["signals"], list | np.ndarray) else [struct["signals"]]
         for number, signal in enumerate(signals):
             values, label = np.asarray(signal["values"]), str(np.squeeze(signal.get("label", "")) or "")
@@ -84,20 +86,20 @@ def _of_simulink(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
             )
             columns = values if values.ndim == 2 else values[:, np.newaxis]
             for place in range(columns.shape[1]):
-                found[name if columns.shape[1] == 1 else f"{name}.{place + 1}"] = columns[:, place]
-    return found
+                series[name if columns.shape[1] == 1 else f"{name}.{place + 1}"] = columns[:, place]
+    return series
 
 
 def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     """The numeric and text vectors among a file's variables; a single number is a vector of one."""
-    found = {}
+    vectors = {}
     for name, value in content.items():
         if name == "units" or isinstance(value, dict | str):
             continue
         array = np.atleast_1d(np.asarray(value))
         if array.ndim == 1 and array.size and array.dtype.kind in "biufUO" and not isinstance(array[0], dict):
-            found[name] = array
-    return found
+            vectors[name] = array
+    return vectors
 
 
 def read_netcdf(path: Path) -> RawTable:
@@ -105,23 +107,27 @@ def read_netcdf(path: Path) -> RawTable:
     if is_hdf5 := _is_hdf5(path):
         require_package("h5py", "hdf5", path)
     variables, attributes = read_in_child(FOREIGN_READER, "netcdf_4" if is_hdf5 else "netcdf", path)
-    said_so = (name for name, (_, _, said) in variables.items() if said.get("standard_name") == "time")
+    said_so = (name for name, (_, _, metadata) in variables.items() if metadata.get("standard_name") == "time")
     time = next((name for name in (*_TIME_NAMES, *said_so) if name in variables), None)
     if time is None:
         raise InputError("has no variable time", where=str(path), fix="rename the one that holds the times")
     rows = variables[time][0]
-    along = {name: each for name, each in variables.items() if each[0] == rows}
+    along = {name: variable for name, variable in variables.items() if variable[0] == rows}
     if "provenance" in attributes:  # of our own exports: lat and lon follow from the other columns
-        along = {name: each for name, each in along.items() if name not in ("lat", "lon")}
-    frame = pd.DataFrame({name: _unpacked(values, said) for name, (_, values, said) in along.items()})
+        along = {name: variable for name, variable in along.items() if name not in ("lat", "lon")}
+    frame = pd.DataFrame({name: _unpacked(values, metadata) for name, (_, values, metadata) in along.items()})
     since = _SINCE.match(str(along[time][2].get("units", "")))
     if since:
         frame[time] = _times_since(frame[time], since)
-    units = {name: str(said["units"]) for name, (_, _, said) in along.items() if "units" in said and name != time}
+    units = {
+        name: str(metadata["units"])
+        for name, (_, _, metadata) in along.items()
+        if "units" in metadata and name != time
+    }
     meanings = {
         name: str(meaning)
-        for name, (_, _, said) in along.items()
-        if (meaning := said.get("standard_name") or said.get("long_name"))
+        for name, (_, _, metadata) in along.items()
+        if (meaning := metadata.get("standard_name") or metadata.get("long_name"))
     }
     return RawTable(path, frame, trial_of(parse_json(str(attributes.get("trial", "{}")))), units, meanings)
 
@@ -136,15 +142,17 @@ def _is_hdf5(path: Path) -> bool:
 def _times_since(counted: pd.Series[Any], since: re.Match[str]) -> pd.Series[Any]:
     start = pd.Timestamp(since[2])
     start = start.tz_localize("UTC") if start.tz is None else start
-    whole = np.floor(counted)
+    whole_units = np.floor(counted)
     # pandas cuts off what is less than a nanosecond, and a count in binary is often short of it
-    part_ns = np.rint((counted - whole) * _UNIT_NS[since[1]])
-    return start + pd.to_timedelta(whole, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
+    part_ns = np.rint((counted - whole_units) * _UNIT_NS[since[1]])
+    return start + pd.to_timedelta(whole_units, unit=_UNITS[since[1]]) + pd.to_timedelta(part_ns, unit="ns")  # type: ignore[call-overload, no-any-return]
 
 
-def _unpacked(values: NDArray[Any], said: Mapping[str, Any]) -> NDArray[Any]:
+def _unpacked(values: NDArray[Any], metadata: Mapping[str, Any]) -> NDArray[Any]:
     """A variable's values in its unit, NaN where there is none."""
-    missing = [np.ravel(said[name])[0] for name in ("_FillValue", "missing_value") if name in said]
-    scale, offset = (np.ravel(said.get(name, usual))[0] for name, usual in (("scale_factor", 1), ("add_offset", 0)))
+    missing = [np.ravel(metadata[name])[0] for name in ("_FillValue", "missing_value") if name in metadata]
+    scale, offset = (
+        np.ravel(metadata.get(name, usual))[0] for name, usual in (("scale_factor", 1), ("add_offset", 0))
+    )
     result = values if (scale, offset) == (1, 0) else values * float(scale) + float(offset)
     return np.where(np.isin(values, missing), np.nan, result) if missing else result

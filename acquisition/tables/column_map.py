@@ -174,7 +174,7 @@ class ColumnMap:
     @property
     def actuators(self) -> Actuators:
         """The ship's actuators, none where the map does not list them."""
-        return tuple(Actuator(each.name, each.kind) for each in self.actuator)
+        return tuple(Actuator(actuator.name, actuator.kind) for actuator in self.actuator)
 
     @property
     def columns_of_numbers(self) -> tuple[str, ...]:
@@ -206,16 +206,18 @@ def load_column_map(path: Path | str) -> tuple[ColumnMap, Declared]:
 def column_map_of(text: str, path: Path | str) -> tuple[ColumnMap, Declared]:
     """As :func:`load_column_map`, of the text of a map that is, or will be, at ``path``."""
     loaded, ship = parse_for_ship(text, path, ColumnMap)
-    declared = tuple(each.channel for each in ship.declared if each.channel.group == "declared")
-    known = with_declared(declared)
+    declared = tuple(
+        declaration.channel for declaration in ship.declared if declaration.channel.group == "declared"
+    )
+    channels = with_declared(declared)
     for name, column in loaded.channels.items():
-        if complaint := _complaint(known[name], column):
+        if complaint := _complaint(channels[name], column):
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
     if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
         what = "in_name is for seconds, with a zone and without a start"
         raise ConfigurationError(what, where=f"{path}, line {line_of(text, ['time', 'in_name'])}")
-    return loaded, tuple(each for each in declared if each.name in loaded.channels)
+    return loaded, tuple(channel for channel in declared if channel.name in loaded.channels)
 
 
 def _complaint(channel: Channel, column: Column) -> str:
@@ -247,19 +249,19 @@ class _Asked:
 
     def drop_unreadable(self, timed: TimedRows, columns: ColumnMap) -> tuple[pd.DatetimeIndex, dict[str, int]]:
         """Drop rows that cannot be read; the times of the others, and how many are dropped, by the reason."""
-        given = [name for name in columns.columns_of_numbers if name in self.raw.columns]
-        valid, dropped = readable_rows(self.raw, timed.index, given)
+        names = [name for name in columns.columns_of_numbers if name in self.raw.columns]
+        valid, dropped = readable_rows(self.raw, timed.index, names)
         self.raw = replace(self.raw, columns=self.raw.columns[valid].reset_index(drop=True))
         return timed.index[valid], dropped
 
     def numbers(self, name: str, keys: tuple[str, ...], missing: tuple[float, ...] = ()) -> Floats:
-        values = parse_numbers(self.raw, self.known(name, keys))
+        values = parse_numbers(self.raw, self.require_column(name, keys))
         return np.where(np.isin(values, missing), np.nan, values) if missing else values
 
-    def known(self, name: str, keys: tuple[str, ...], names: Iterable[str] | None = None) -> str:
-        given = list(map(str, self.raw.columns.columns if names is None else names))
-        if name not in given:
-            near = get_close_matches(name, given, n=1, cutoff=0.4) or given
+    def require_column(self, name: str, keys: tuple[str, ...], names: Iterable[str] | None = None) -> str:
+        present = list(map(str, self.raw.columns.columns if names is None else names))
+        if name not in present:
+            near = get_close_matches(name, present, n=1, cutoff=0.4) or present
             what = f"asks for column {name!r}, which {self.raw.path} has not"
             where = line_in_map(self.map_path, keys)
             raise ConfigurationError(what, where=where, fix=f"did you mean {', '.join(map(repr, near))}?")
@@ -275,12 +277,12 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
     :class:`InputError` for cells that are no numbers and rows without a time.
     """
-    asked, units, twice = _Asked(raw, map_path), raw.units, 0
-    asked.known(columns.time.column, ("time", "column"))
+    asked, units, duplicates = _Asked(raw, map_path), raw.units, 0
+    asked.require_column(columns.time.column, ("time", "column"))
     if columns.time.date is not None:
-        asked.known(columns.time.date, ("time", "date"))
+        asked.require_column(columns.time.date, ("time", "date"))
     if columns.long is not None:
-        asked.raw, twice = _widened(asked, columns.long, columns)
+        asked.raw, duplicates = _widened(asked, columns.long, columns)
         units = asked.raw.units
     drops = columns.unreadable_rows == "drop"
     timed = resolve_times(asked.raw, columns.time, strict=not drops)
@@ -288,9 +290,9 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     dropped: dict[str, int] = {}
     if drops:
         index, dropped = asked.drop_unreadable(timed, columns)
-    dropped |= {"twice of one variable and time": twice} if twice else {}
+    dropped |= {"twice of one variable and time": duplicates} if duplicates else {}
     trial = columns.trial.as_trial(columns.conditions, columns.instruments, columns.particulars)
-    trial, known = replace(trial, channels=as_text(declared)), with_declared(declared)
+    trial, channels = replace(trial, channels=as_text(declared)), with_declared(declared)
     result = TableFile(pd.DataFrame(index=index), trial, dropped=dropped, remarks=timed.remarks)
     for name, entry in columns.channels.items():
         if entry.column is None:
@@ -298,8 +300,8 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
             result.sources[name] = "assumed"
         else:
             values = asked.numbers(entry.column, ("channels", name, "column"), entry.missing)
-            step = entry.step_to(known[name], units.get(entry.column) if columns.long else None)
-            result.table[name] = _turned_back(known[name], step.scale * values + step.offset)
+            step = entry.step_to(channels[name], units.get(entry.column) if columns.long else None)
+            result.table[name] = _turned_back(channels[name], step.scale * values + step.offset)
             result.sources[name] = f"table: {entry.column}"
     if columns.position:
         _add_position(result, columns.position, asked)
@@ -310,19 +312,19 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str, de
     result.sources.update(derive(result.table, columns.derive))
     if columns.apparent_wind:
         _add_true_wind(result, columns.apparent_wind, asked)
-    given = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
-    result.passed_over = tuple(name for name in map(str, given) if name not in asked.used)
+    names = raw.columns.columns if columns.long is None else raw.columns[columns.long.variable].unique()
+    result.passed_over = tuple(name for name in map(str, names) if name not in asked.used)
     return result
 
 
 def _widened(asked: _Asked, long: Long, columns: ColumnMap) -> tuple[RawTable, int]:
     """As :func:`widen`, of the variables that the map asks for."""
-    variables = asked.raw.columns[asked.known(long.variable, ("long",))].unique()
+    variables = asked.raw.columns[asked.require_column(long.variable, ("long",))].unique()
     for name in (long.value, *((long.unit,) if long.unit is not None else ())):
-        asked.known(name, ("long",))
+        asked.require_column(name, ("long",))
     for channel, entry in columns.channels.items():
         if entry.column is not None:
-            asked.known(entry.column, ("channels", channel, "column"), variables)
+            asked.require_column(entry.column, ("channels", channel, "column"), variables)
     keys = [name for name in (columns.time.column, columns.time.date) if name is not None]
     return widen(asked.raw, long, keys, columns.columns_asked_for)
 
@@ -336,21 +338,21 @@ def widen(raw: RawTable, long: Long, keys: Sequence[str], names: Collection[str]
     rows = raw.columns[raw.columns[long.variable].isin(names)]
     units: dict[str, str] = {}
     if long.unit is not None:
-        told = rows.dropna(subset=[long.unit]).drop_duplicates(long.variable)
-        units = dict(zip(told[long.variable], told[long.unit].astype("str"), strict=True))
-    twice = rows.duplicated([*keys, long.variable], keep="last")
+        stated = rows.dropna(subset=[long.unit]).drop_duplicates(long.variable)
+        units = dict(zip(stated[long.variable], stated[long.unit].astype("str"), strict=True))
+    duplicated = rows.duplicated([*keys, long.variable], keep="last")
     wide = rows.pivot_table(index=[*keys], columns=long.variable, values=long.value, aggfunc="last", sort=False)
-    return replace(raw, columns=wide.reset_index().rename_axis(columns=None), units=units), int(twice.sum())
+    return replace(raw, columns=wide.reset_index().rename_axis(columns=None), units=units), int(duplicated.sum())
 
 
-def long_map(raw: RawTable, known: Collection[str]) -> ColumnMap | None:
+def long_map(raw: RawTable, channels: Collection[str]) -> ColumnMap | None:
     """The map of a long table that needs none: columns have the usual names, variables those of channels."""
-    given = list(map(str, raw.columns.columns))
-    found = [next((name for name in names if name in given), None) for names in _LONG]
-    time, variable, value, unit = found
-    if time is None or variable is None or value is None or set(given) - set(found):
+    present = list(map(str, raw.columns.columns))
+    columns = [next((name for name in names if name in present), None) for names in _LONG]
+    time, variable, value, unit = columns
+    if time is None or variable is None or value is None or set(present) - set(columns):
         return None
-    named = [name for name in map(str, raw.columns[variable].unique()) if name in known]
+    named = [name for name in map(str, raw.columns[variable].unique()) if name in channels]
     seconds = pd.api.types.is_numeric_dtype(raw.columns[time])
     return ColumnMap(
         time=TimeColumn(time, "seconds" if seconds else "iso"),
@@ -371,10 +373,10 @@ def _turned_back(channel: Channel, values: Floats) -> Floats:
 def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
     latitude, longitude = _degrees(asked, entry)
-    nowhere = (latitude == 0.0) & (longitude == 0.0)
-    if nowhere.any():
-        latitude, longitude = (np.where(nowhere, np.nan, angle) for angle in (latitude, longitude))
-        result.remarks = (*result.remarks, without_fix(nowhere))
+    no_fix = (latitude == 0.0) & (longitude == 0.0)
+    if no_fix.any():
+        latitude, longitude = (np.where(no_fix, np.nan, angle) for angle in (latitude, longitude))
+        result.remarks = (*result.remarks, without_fix(no_fix))
     valid = (np.abs(latitude) <= 90.0) & (np.abs(longitude) <= 180.0)
     if not valid.any():
         what = f"columns {entry.latitude!r} and {entry.longitude!r} contain no position"
@@ -384,35 +386,35 @@ def _add_position(result: TableFile, entry: Position, asked: _Asked) -> None:
     result.trial = replace(result.trial, origin_latitude_deg=origin[0], origin_longitude_deg=origin[1])
     north, east = np.full((2, valid.size), np.nan)
     north[valid], east[valid], _ = pymap3d.geodetic2ned(latitude[valid], longitude[valid], 0.0, *origin, 0.0)
-    made = {"north_m": north, "east_m": east, "latitude_deg": latitude, "longitude_deg": longitude}
-    for name, values in made.items():
+    channels = {"north_m": north, "east_m": east, "latitude_deg": latitude, "longitude_deg": longitude}
+    for name, values in channels.items():
         result.table[name] = values
         result.sources[name] = f"table: {entry.latitude}, {entry.longitude}"
 
 
-def without_fix(nowhere: Bools) -> str:
+def without_fix(no_fix: Bools) -> str:
     """A remark on rows [n] of a mask that are at latitude and longitude 0."""
-    return f"{int(nowhere.sum()):,} rows at latitude 0, longitude 0, as without a fix, have no position"
+    return f"{int(no_fix.sum()):,} rows at latitude 0, longitude 0, as without a fix, have no position"
 
 
 def _degrees(asked: _Asked, entry: Position) -> list[Floats]:
     """Latitude and longitude [deg]; positive to the north and to the east."""
-    names = [asked.known(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
+    names = [asked.require_column(getattr(entry, key), ("position", key)) for key in ("latitude", "longitude")]
     columns = [asked.raw.columns[name] for name in names]
     if entry.unit == AS_TEXT:
         values, signs = degrees_of_text(columns[0], columns[1], entry.o_is)
     else:
         values = [_angle(asked, name, entry) for name in names]
-        signs = [np.full(each.size, np.nan) for each in values]
+        signs = [np.full(angle.size, np.nan) for angle in values]
     axes: tuple[tuple[Axis, str | None], ...] = ("north_south", entry.north_south), ("east_west", entry.east_west)
     for place, (axis, name) in enumerate(axes):
         if name is not None:
-            letters = asked.raw.columns[asked.known(name, ("position", axis))]
+            letters = asked.raw.columns[asked.require_column(name, ("position", axis))]
             stated = signs_of(letters, axis, entry.o_is)
             values[place] = np.where(np.isnan(stated) & np.isnan(signs[place]), np.nan, values[place])
             signs[place] = np.where(np.isnan(signs[place]), stated, signs[place])
-        there = ~np.isnan(signs[place])
-        values[place][there] = with_hemisphere(values[place], signs[place], columns[place])[there]
+        signed = ~np.isnan(signs[place])
+        values[place][signed] = with_hemisphere(values[place], signs[place], columns[place])[signed]
     return values
 
 
@@ -450,13 +452,13 @@ def _add_velocity(result: TableFile, entry: Velocity, asked: _Asked) -> None:
 
 def _add_true_wind(result: TableFile, entry: ApparentWind, asked: _Asked) -> None:
     """The wind over ground from the wind past the ship: take away the ship's own motion, turn by the heading."""
-    own = ("heading_deg", "surge_mps", "sway_mps")
-    if needed := [name for name in own if name not in result.table]:
+    inputs = ("heading_deg", "surge_mps", "sway_mps")
+    if needed := [name for name in inputs if name not in result.table]:
         where = line_in_map(asked.map_path, ["apparent_wind"])
         raise ConfigurationError(f"apparent_wind needs {', '.join(needed)}", where=where, fix="map them too")
     angle = np.deg2rad(asked.numbers(entry.angle, ("apparent_wind", "angle")) * scale_to("deg", entry.angle_unit))
     speed = asked.numbers(entry.speed, ("apparent_wind", "speed")) * scale_to("m/s", entry.speed_unit)
-    motion = [result.table[name].to_numpy(dtype=float) for name in own]
+    motion = [result.table[name].to_numpy(dtype=float) for name in inputs]
     result.table["wind_direction_deg"], result.table["wind_speed_mps"] = true_wind(angle, speed, *motion)
     for name in ("wind_direction_deg", "wind_speed_mps"):
         result.sources[name] = f"table: {entry.angle}, {entry.speed} derived from apparent wind"

@@ -30,7 +30,7 @@ class Quantity:
 
 _TREE = tomllib.loads(Path(__file__).with_name("column_names.toml").read_text(encoding="utf-8"))
 _WORDS = {name: frozenset(words.split()) for name, words in _TREE.pop("words").items()}
-_WHOLE = {short: whole for whole, shorts in _TREE.pop("abbreviations").items() for short in shorts.split()}
+_FULL_WORDS = {short: full for full, shorts in _TREE.pop("abbreviations").items() for short in shorts.split()}
 _LATIN = 0x2E80  # where the letters of East Asia begin
 _SHORT = 4  # letters: what is shorter is an abbreviation as a word only
 
@@ -41,13 +41,13 @@ def plain_letters(text: str) -> str:
 
 
 def _without_accents(text: str) -> str:
-    return "".join(each for each in unicodedata.normalize("NFKD", text) if not unicodedata.combining(each))
+    return "".join(letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
 
 
 def _in_full(word: str) -> str:
     """A word that is an abbreviation, or ends in one as ``drehgeschw`` does, in full."""
-    short = next((each for each in _WHOLE if word == each or (len(each) > _SHORT and word.endswith(each))), "")
-    return word.removesuffix(short) + _WHOLE[short] if short else word
+    short = next((key for key in _FULL_WORDS if word == key or (len(key) > _SHORT and word.endswith(key))), "")
+    return word.removesuffix(short) + _FULL_WORDS[short] if short else word
 
 
 def _phrase(text: str) -> str:
@@ -56,29 +56,29 @@ def _phrase(text: str) -> str:
 
 
 QUANTITIES = tuple(
-    Quantity(name, entry["unit"], tuple(_phrase(each) for each in entry["phrases"].split(",")))
+    Quantity(name, entry["unit"], tuple(_phrase(phrase) for phrase in entry["phrases"].split(",")))
     for name, entry in _TREE.items()
 )
-BY_CHANNEL = {each.name: each for each in QUANTITIES if each.name in BY_NAME} | {
-    f"{each.name}_deg": each for each in QUANTITIES if each.name in ("latitude", "longitude")
+BY_CHANNEL = {quantity.name: quantity for quantity in QUANTITIES if quantity.name in BY_NAME} | {
+    f"{quantity.name}_deg": quantity for quantity in QUANTITIES if quantity.name in ("latitude", "longitude")
 }
 """The quantities whose channels have a name of their own."""
-_PHRASES = frozenset(phrase for each in QUANTITIES for phrase in each.phrases)
+_PHRASES = frozenset(phrase for quantity in QUANTITIES for phrase in quantity.phrases)
 LETTERS = frozenset(letter for phrase in _PHRASES for letter in phrase if ord(letter) > _LATIN)
 """The Chinese and Japanese letters of the phrases."""
 PORT, STARBOARD, BOW, STERN = (_WORDS[name] for name in ("port", "starboard", "bow", "stern"))
 TUNNEL, ORDER = _WORDS["tunnel"], _WORDS["order"]
 TIME_WORDS = frozenset(
     word
-    for each in QUANTITIES
-    if each.name in ("time", "date")
-    for phrase in each.phrases
+    for quantity in QUANTITIES
+    if quantity.name in ("time", "date")
+    for phrase in quantity.phrases
     for word in phrase.split()
 )
 """The words of columns that state the time."""
 _SAY_NO_MORE = PORT | STARBOARD | BOW | STERN | TUNNEL | ORDER | _WORDS["centre"] | _WORDS["nothing"]
 _LEAST_COVER = 0.55  # a "vertical velocity" is no speed: half of the name says something else
-_REST_COUNTS = 0.05  # of words that say nothing: the plainer of two names is meant
+_EXTRA_WORD_COUNTS = 0.05  # of words that say nothing: the plainer of two names is meant
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ class Match:
 
     quantity: Quantity
     cover: float
-    rest: frozenset[str]
+    remaining: frozenset[str]
 
 
 def words_of(name: str) -> tuple[str, ...]:
@@ -107,8 +107,8 @@ def matches(name: str) -> tuple[Match, ...]:
     if " ".join(words) not in _PHRASES and any(word in _WORDS["other"] or "force" in word for word in words):
         return ()
     text, joined = f" {' '.join(words)} ", "".join(words)
-    found = [each for quantity in QUANTITIES if (each := _match(quantity, words, text, joined))]
-    return tuple(sorted(found, key=lambda each: -each.cover))
+    candidates = [match for quantity in QUANTITIES if (match := _match(quantity, words, text, joined))]
+    return tuple(sorted(candidates, key=lambda candidate: -candidate.cover))
 
 
 def _match(quantity: Quantity, words: tuple[str, ...], text: str, joined: str) -> Match | None:
@@ -117,20 +117,24 @@ def _match(quantity: Quantity, words: tuple[str, ...], text: str, joined: str) -
     Words of sides may stand amid a phrase, and its words in another order.
     """
     plain = f" {' '.join(word for word in words if word not in PORT | STARBOARD)} "
-    said = [each for each in quantity.phrases if len(each) > 1 and (f" {each} " in text or f" {each} " in plain)]
-    if joined in {each.replace(" ", "") for each in quantity.phrases}:
+    wordings = [
+        wording
+        for wording in quantity.phrases
+        if len(wording) > 1 and (f" {wording} " in text or f" {wording} " in plain)
+    ]
+    if joined in {wording.replace(" ", "") for wording in quantity.phrases}:
         return Match(quantity, 1.0, frozenset())
-    said += [each for each in quantity.phrases if " " in each and _in_any_order(each, words)]
-    if not said:
+    wordings += [wording for wording in quantity.phrases if " " in wording and _in_any_order(wording, words)]
+    if not wordings:
         return None
-    phrase = max(said, key=len)
-    rest = list(words)
+    phrase = max(wordings, key=len)
+    remaining = list(words)
     for word in phrase.split():
-        rest.remove(word)
-    others = [word for word in rest if word not in _SAY_NO_MORE and not word.isdigit()]
+        remaining.remove(word)
+    unexplained = [word for word in remaining if word not in _SAY_NO_MORE and not word.isdigit()]
     size = len(phrase.replace(" ", ""))
-    cover = size / (size + sum(map(len, others)) + _REST_COUNTS * len(rest))
-    return Match(quantity, cover, frozenset(rest)) if cover >= _LEAST_COVER else None
+    cover = size / (size + sum(map(len, unexplained)) + _EXTRA_WORD_COUNTS * len(remaining))
+    return Match(quantity, cover, frozenset(remaining)) if cover >= _LEAST_COVER else None
 
 
 def _in_any_order(phrase: str, words: tuple[str, ...]) -> bool:
@@ -238,11 +242,11 @@ def headed(name: str) -> Headed:
     >>> headed("Speed over ground [kn]").name, headed("sog_kn").units, headed("v / (m/s)").units
     ('Speed over ground', ('knots',), ('m/s',))
     """
-    for found in reversed(list(_BRACKETED.finditer(name))):
-        units = units_called(found[1])
-        if units or _NOT_UNITS.fullmatch(found[1].strip()):
-            bare = (name[: found.start()] + " " + name[found.end() :]).strip(" /,;:-")
-            return Headed(bare, units, found[1].strip())
+    for match in reversed(list(_BRACKETED.finditer(name))):
+        units = units_called(match[1])
+        if units or _NOT_UNITS.fullmatch(match[1].strip()):
+            bare = (name[: match.start()] + " " + name[match.end() :]).strip(" /,;:-")
+            return Headed(bare, units, match[1].strip())
     for pattern in (r"\s+/\s*|\s*/\s+", r"\s*,\s*", r"\s+in\s+", r"\s*:\s*"):
         parts = re.split(pattern, name)
         if len(parts) > 1 and (units := units_called(parts[-1])):

@@ -102,8 +102,8 @@ def meaning_of_o(words: Iterable[str], name: str) -> MeaningOfO | None:
     >>> meaning_of_o(["o"], "E/O"), meaning_of_o(["o", "w"], "lon"), meaning_of_o(["o"], "lon")
     ('west', 'east', None)
     """
-    for beside in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", plain_letters(name)))):
-        is_west, is_east = bool(beside & _O_IS_WEST), bool(beside & _O_IS_EAST)
+    for hints in (set(words), set(re.findall(r"(?<![a-z])[elwvz](?![a-z])", plain_letters(name)))):
+        is_west, is_east = bool(hints & _O_IS_WEST), bool(hints & _O_IS_EAST)
         if is_west != is_east:
             return "west" if is_west else "east"
     return None
@@ -150,12 +150,12 @@ def _is_single(match: re.Match[str]) -> bool:
 def _degrees(match: re.Match[str] | None, is_ddmm: bool) -> float:
     if match is None:
         return np.nan
-    whole, minutes, seconds = (
+    whole_degrees, minutes, seconds = (
         float((match[part] or "0").replace(",", ".")) for part in ("degrees", "minutes", "seconds")
     )
     if is_ddmm and _is_single(match):
-        whole = float(from_degrees_and_minutes(whole)) if whole % 100.0 < 60.0 else np.nan
-    size = whole + minutes / 60.0 + seconds / 3600.0
+        whole_degrees = float(from_degrees_and_minutes(whole_degrees)) if whole_degrees % 100.0 < 60.0 else np.nan
+    size = whole_degrees + minutes / 60.0 + seconds / 3600.0
     return -size if match["sign"] == "-" else size
 
 

@@ -34,9 +34,9 @@ def derive(table: pd.DataFrame, names: Sequence[str]) -> dict[str, str]:
     sources: dict[str, str] = {}
     for make, channels in _DERIVATIONS.items():
         wanted = [name for name in channels if name in names and name not in table]
-        if wanted and (made := make(table, seconds)):
-            table[wanted] = np.column_stack([made[0][name] for name in wanted])
-            sources |= dict.fromkeys(wanted, f"table derived from {made[1]}")
+        if wanted and (derived := make(table, seconds)):
+            table[wanted] = np.column_stack([derived[0][name] for name in wanted])
+            sources |= dict.fromkeys(wanted, f"table derived from {derived[1]}")
     return sources
 
 
@@ -60,10 +60,10 @@ def _velocity(table: pd.DataFrame, seconds: Floats) -> Made:
     """Surge and sway; of the positions where the table has no course and speed."""
     if "heading_deg" not in table:
         return None
-    told = velocity_over_ground(table, seconds)
-    if told is None:
+    velocity = velocity_over_ground(table, seconds)
+    if velocity is None:
         return None
-    north, east, source = told
+    north, east, source = velocity
     return to_ship_axes(table, north, east), f"{source} and heading_deg"
 
 
@@ -110,33 +110,33 @@ def rate(seconds: Floats, values: Floats) -> Floats:
     there is none, of values and of neighbours. The nearest on either side count however far they are.
     """
     result = np.full(values.size, np.nan)
-    there = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
-    t, y = seconds[there], values[there]
-    if there.size < 2 or np.any(np.diff(t) < 0.0):
+    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
+    t, y = seconds[valid], values[valid]
+    if valid.size < 2 or np.any(np.diff(t) < 0.0):
         return result
-    places = np.arange(there.size)
+    places = np.arange(valid.size)
     low = np.minimum(np.searchsorted(t, t - _REACH_S), np.maximum(places - _LEAST_NEIGHBOURS, 0))
     high = np.maximum(
-        np.searchsorted(t, t + _REACH_S, "right"), np.minimum(places + _LEAST_NEIGHBOURS + 1, there.size)
+        np.searchsorted(t, t + _REACH_S, "right"), np.minimum(places + _LEAST_NEIGHBOURS + 1, valid.size)
     )
     count = (high - low).astype(float)
     t0, y0 = t - t[0], y - y.mean()
-    sums = [np.concatenate([[0.0], np.cumsum(each)]) for each in (t0, y0, t0 * t0, t0 * y0)]
-    st, sy, stt, sty = (each[high] - each[low] for each in sums)
+    sums = [np.concatenate([[0.0], np.cumsum(terms)]) for terms in (t0, y0, t0 * t0, t0 * y0)]
+    st, sy, stt, sty = (total[high] - total[low] for total in sums)
     spread = stt - st * st / count
     with np.errstate(divide="ignore", invalid="ignore"):
-        result[there] = np.where(spread > 0.0, (sty - st * sy / count) / spread, np.nan)
+        result[valid] = np.where(spread > 0.0, (sty - st * sy / count) / spread, np.nan)
     return result
 
 
 def at_all_rows(seconds: Floats, values: Floats) -> Floats:
     """Values carried to the rows without one, along straight lines between two no more than 3 s apart; else NaN."""
-    there = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
-    if there.size == 0:
+    valid = np.flatnonzero(np.isfinite(values) & np.isfinite(seconds))
+    if valid.size == 0:
         return values
-    result = np.interp(seconds, seconds[there], values[there], left=np.nan, right=np.nan)
-    after = np.clip(np.searchsorted(seconds[there], seconds), 1, max(there.size - 1, 1))
-    gap = seconds[there][np.minimum(after, there.size - 1)] - seconds[there][after - 1]
+    result = np.interp(seconds, seconds[valid], values[valid], left=np.nan, right=np.nan)
+    after = np.clip(np.searchsorted(seconds[valid], seconds), 1, max(valid.size - 1, 1))
+    gap = seconds[valid][np.minimum(after, valid.size - 1)] - seconds[valid][after - 1]
     return np.where(np.isfinite(values), values, np.where(gap <= 2.0 * _REACH_S, result, np.nan))
 
 

@@ -86,11 +86,11 @@ class Draft:
 
     def ask(self, key: str, text: str, options: Sequence[str] = (), default: str | None = None) -> str | None:
         """The answer to a question, which is noted as long as there is none; the default, if any, meanwhile."""
-        given = self.answers.get(key)
-        if given is not None:
-            check_answer(key, given, options)
+        answer = self.answers.get(key)
+        if answer is not None:
+            check_answer(key, answer, options)
             self.used.add(key)
-            return given
+            return answer
         self.questions.append(Question(key, text, (*options,), default))
         return default
 
@@ -100,8 +100,15 @@ class Draft:
 
     def of(self, *names: str) -> list[Candidate]:
         """The candidates for quantities, the plainest and fullest first; columns without a value come last."""
-        found = [each for each in self.candidates if each.quantity.name in names]
-        return sorted(found, key=lambda each: (self.is_empty(each.column), -each.cover, -self.count(each.column)))
+        candidates = [candidate for candidate in self.candidates if candidate.quantity.name in names]
+        return sorted(
+            candidates,
+            key=lambda candidate: (
+                self.is_empty(candidate.column),
+                -candidate.cover,
+                -self.count(candidate.column),
+            ),
+        )
 
     def count(self, column: str) -> int:
         """How many cells are filled."""
@@ -113,7 +120,7 @@ class Draft:
 
     def note(self, column: str, taken_for: str, unit: str = "", *reasons: str) -> None:
         """Write down what a column was taken for."""
-        self.readings.append(Reading(column, taken_for, unit, tuple(each for each in reasons if each)))
+        self.readings.append(Reading(column, taken_for, unit, tuple(reason for reason in reasons if reason)))
 
 
 _CHECKS: dict[str, Callable[[str], object]] = {
@@ -125,17 +132,17 @@ KEYS = frozenset({*_CHECKS, "date_order", "o_is", "time_unit", "x_axis", "course
 """What may be answered, beside ``unit.COLUMN`` and ``full_scale.ACTUATOR``."""
 
 
-def check_answer(key: str, given: str, options: Sequence[str] = ()) -> None:
+def check_answer(key: str, answer: str, options: Sequence[str] = ()) -> None:
     """Raise :class:`ConfigurationError` for an answer that is none."""
-    if options and given not in (*options, SKIP):
-        raise ConfigurationError(f"answer {key}={given} is none of {', '.join(options)}")
+    if options and answer not in (*options, SKIP):
+        raise ConfigurationError(f"answer {key}={answer} is none of {', '.join(options)}")
     check = _CHECKS.get(key.partition(".")[0])
-    if check is None or given == SKIP:
+    if check is None or answer == SKIP:
         return
     try:
-        check(given)
+        check(answer)
     except ValueError as error:
-        raise ConfigurationError(f"answer {key}={given} cannot be used", why=str(error)) from error
+        raise ConfigurationError(f"answer {key}={answer} cannot be used", why=str(error)) from error
 
 
 def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
@@ -150,15 +157,18 @@ def check_keys(answers: Mapping[str, str], columns: Sequence[str]) -> None:
 
 def candidates_of(raw: RawTable) -> list[Candidate]:
     """Each column with the first quantity that its name, or what the file says of it, means and its unit fits."""
-    found = []
+    candidates = []
     for column in map(str, raw.columns.columns):
         head = headed(column)
-        told = units_called(raw.units.get(column, ""))
+        stated_units = units_called(raw.units.get(column, ""))
         if (exact := BY_CHANNEL.get(column)) is not None:
-            found.append(Candidate(column, exact, 1.0, told or head.units, frozenset(words_of(column))))
+            candidates.append(
+                Candidate(column, exact, 1.0, stated_units or head.units, frozenset(words_of(column)))
+            )
             continue
-        names = [(raw.meanings.get(column, ""), told), (head.name, told or head.units)]
-        names += [(column, told)] if column.endswith(head.text) else []  # what looked like a unit may be none
+        names = [(raw.meanings.get(column, ""), stated_units), (head.name, stated_units or head.units)]
+        if column.endswith(head.text):  # what looked like a unit may be none
+            names.append((column, stated_units))
         for name, units in names:
             fitting = [
                 (match, usable)
@@ -169,32 +179,32 @@ def candidates_of(raw: RawTable) -> list[Candidate]:
                 match, usable = _plain_n(fitting, raw) if name == "n" else fitting[0]
                 if match.quantity.name in BY_CHANNEL and ORDER & set(words_of(name)):
                     break  # what is wanted of the motion is not the motion
-                found.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
+                candidates.append(Candidate(column, match.quantity, match.cover, usable, frozenset(words_of(name))))
                 break
-    return found
+    return candidates
 
 
 def with_answers(draft: Draft) -> list[Candidate]:
     """The candidates, their units as answered; those to skip are left out. Raises :class:`ConfigurationError`."""
-    kept = []
-    for each in candidates_of(draft.raw):
-        given = draft.answers.get(f"unit.{each.column}")
-        draft.used.add(f"unit.{each.column}")
-        if given == SKIP:
-            draft.note(each.column, "-", "", "left out, as answered")
+    candidates = []
+    for candidate in candidates_of(draft.raw):
+        answer = draft.answers.get(f"unit.{candidate.column}")
+        draft.used.add(f"unit.{candidate.column}")
+        if answer == SKIP:
+            draft.note(candidate.column, "-", "", "left out, as answered")
             continue
-        units = units_called(given) or (given,) if given else each.units
-        if given and not measures(each.quantity, units[0]):
-            raise ConfigurationError(f"unit {given!r} does not fit what {each.column!r} is taken for")
-        kept.append(replace(each, units=units))
-    return kept
+        units = units_called(answer) or (answer,) if answer else candidate.units
+        if answer and not measures(candidate.quantity, units[0]):
+            raise ConfigurationError(f"unit {answer!r} does not fit what {candidate.column!r} is taken for")
+        candidates.append(replace(candidate, units=units))
+    return candidates
 
 
 def _plain_n(fitting: list[tuple[Match, tuple[str, ...]]], raw: RawTable) -> tuple[Match, tuple[str, ...]]:
     """A small n is to the north beside an e, else turns of the shaft."""
-    beside = {str(column).lower() for column in raw.columns.columns}
-    wanted = "north_m" if beside & {"e", "east"} else "shaft"
-    return next((each for each in fitting if each[0].quantity.name == wanted), fitting[0])
+    names = {str(column).lower() for column in raw.columns.columns}
+    wanted = "north_m" if names & {"e", "east"} else "shaft"
+    return next((pair for pair in fitting if pair[0].quantity.name == wanted), fitting[0])
 
 
 def measures(quantity: Quantity, unit: str) -> bool:
@@ -216,10 +226,12 @@ def as_toml(tree: Mapping[str, Any], comments: Mapping[str, str]) -> str:
     """A map's tables as TOML; ``comments`` by channel stand behind its line."""
     lines = [f"{key} = {_value(value)}" for key, value in tree.items() if not _is_table(value)]
     for key, value in tree.items():
-        for each in value if isinstance(value, list) and _is_table(value) else [value]:
-            if isinstance(each, dict):
+        for table in value if isinstance(value, list) and _is_table(value) else [value]:
+            if isinstance(table, dict):
                 lines += ["", f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
-                lines += [f"{name} = {_value(entry)}{_comment(comments.get(name))}" for name, entry in each.items()]
+                lines += [
+                    f"{name} = {_value(entry)}{_comment(comments.get(name))}" for name, entry in table.items()
+                ]
     return "\n".join(lines) + "\n"
 
 

@@ -41,26 +41,26 @@ class Fit:
 
 def grid_of(seconds: Floats) -> Floats:
     """Instants [s] between which increments are compared: 5 s apart, or two rows of a slower table."""
-    there = seconds[np.isfinite(seconds)]
-    if there.size < _FEWEST:
+    times = seconds[np.isfinite(seconds)]
+    if times.size < _FEWEST:
         return np.empty(0)
-    usual = float(np.median(np.diff(np.unique(there)))) if np.unique(there).size > 1 else _STEP_S
-    step = max(_STEP_S, _STEP_ROWS * usual, float(np.ptp(there)) / _MOST)
-    return np.arange(there.min(), there.max() + 1e-9, step)
+    usual = float(np.median(np.diff(np.unique(times)))) if np.unique(times).size > 1 else _STEP_S
+    step = max(_STEP_S, _STEP_ROWS * usual, float(np.ptp(times)) / _MOST)
+    return np.arange(times.min(), times.max() + 1e-9, step)
 
 
 def increments(seconds: Floats, values: Floats, grid: Floats) -> Floats:
     """By how much a series grows between the instants of the grid."""
-    there = _usable(seconds, values)
-    if there.sum() < 2:
+    usable = _usable(seconds, values)
+    if usable.sum() < 2:
         return np.full(grid.size - 1, np.nan)
-    return np.diff(np.interp(grid, seconds[there], values[there]))
+    return np.diff(np.interp(grid, seconds[usable], values[usable]))
 
 
 def integrals(seconds: Floats, rates: Floats, grid: Floats) -> Floats:
     """What a rate adds up to between the instants of the grid, by trapezoids."""
-    there = _usable(seconds, rates)
-    t, r = seconds[there], rates[there]
+    usable = _usable(seconds, rates)
+    t, r = seconds[usable], rates[usable]
     if t.size < 2:
         return np.full(grid.size - 1, np.nan)
     total = np.concatenate([[0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * np.diff(t))])
@@ -69,11 +69,11 @@ def integrals(seconds: Floats, rates: Floats, grid: Floats) -> Floats:
 
 def over_gaps(seconds: Floats, grid: Floats) -> Bools:
     """Which steps of the grid lie, with an end, where nothing was measured for longer than three steps."""
-    there = np.sort(seconds[np.isfinite(seconds)])
-    if there.size < 2 or grid.size < 2:
+    times = np.sort(seconds[np.isfinite(seconds)])
+    if times.size < 2 or grid.size < 2:
         return np.ones(max(grid.size - 1, 0), np.bool_)
-    after = np.clip(np.searchsorted(there, grid), 1, there.size - 1)
-    lost = there[after] - there[after - 1] > _LONGEST_GAP_STEPS * (grid[1] - grid[0])
+    after = np.clip(np.searchsorted(times, grid), 1, times.size - 1)
+    lost = times[after] - times[after - 1] > _LONGEST_GAP_STEPS * (grid[1] - grid[0])
     return np.asarray(lost[1:] | lost[:-1])
 
 
@@ -82,19 +82,19 @@ def means(seconds: Floats, values: Floats, grid: Floats) -> Floats:
     return integrals(seconds, values, grid) / np.diff(grid) if grid.size > 1 else np.empty(0)
 
 
-def fit(measured: Floats, told: Floats) -> Fit:
-    """The factor k of least squares in ``measured = k told``, of the increments that are no outliers.
+def fit(measured: Floats, reference: Floats) -> Fit:
+    """The factor k of least squares in ``measured = k reference``, of the increments that are no outliers.
 
     Outliers are further than six median residuals from the line of the median ratio: jumps and angles that were
     interpolated through north.
     """
-    there = np.isfinite(measured) & np.isfinite(told)
-    x, y = told[there], measured[there]
+    valid = np.isfinite(measured) & np.isfinite(reference)
+    x, y = reference[valid], measured[valid]
     large = np.abs(x) > np.median(np.abs(x)) if x.size else np.zeros(0, np.bool_)
     if large.any():
         residuals = np.abs(y - float(np.median(y[large] / x[large])) * x)
-        kept = residuals <= _OUTLYING * np.median(residuals) + 1e-12 * np.max(np.abs(y))
-        x, y = x[kept], y[kept]
+        inliers = residuals <= _OUTLYING * np.median(residuals) + 1e-12 * np.max(np.abs(y))
+        x, y = x[inliers], y[inliers]
     power = float(np.sqrt(np.sum(x * x) * np.sum(y * y)))
     if x.size < _FEWEST or power == 0.0:
         return Fit(np.nan, 0.0, x.size)
@@ -105,25 +105,25 @@ def agreement(north: Floats, east: Floats, direction_deg: Floats) -> float:
     """How far displacements [n] point where angles say, weighed by length: 1 along them, 0 anyhow, -1 against."""
     length = np.hypot(north, east)
     along = north * np.cos(np.deg2rad(direction_deg)) + east * np.sin(np.deg2rad(direction_deg))
-    there = np.isfinite(along)
-    total = float(length[there].sum())
-    return float(along[there].sum()) / total if there.sum() >= _FEWEST and total > 0.0 else 0.0
+    valid = np.isfinite(along)
+    total = float(length[valid].sum())
+    return float(along[valid].sum()) / total if valid.sum() >= _FEWEST and total > 0.0 else 0.0
 
 
 def restlessness(seconds: Floats, vector: np.ndarray, grid: Floats) -> float:
     """The mean square by which a complex series changes over six intervals of the grid, half a minute."""
     parts = [means(seconds, part, grid) for part in (np.real(vector), np.imag(vector))]
-    whole = parts[0] + 1j * parts[1]
-    steps = whole[_WIND_STEPS:] - whole[:-_WIND_STEPS]
+    mean_vector = parts[0] + 1j * parts[1]
+    steps = mean_vector[_WIND_STEPS:] - mean_vector[:-_WIND_STEPS]
     steps = steps[np.isfinite(steps)]
     return float(np.mean(np.abs(steps) ** 2)) if steps.size >= _FEWEST else np.nan
 
 
 def _usable(seconds: Floats, values: Floats) -> Bools:
-    there = np.isfinite(seconds) & np.isfinite(values)
-    latest = np.maximum.accumulate(np.where(there, seconds, -np.inf))
+    valid = np.isfinite(seconds) & np.isfinite(values)
+    latest = np.maximum.accumulate(np.where(valid, seconds, -np.inf))
     forward = np.concatenate([[True], latest[1:] > latest[:-1]])
-    return np.asarray(there & forward)
+    return np.asarray(valid & forward)
 
 
 NO_VALUE = (
@@ -154,27 +154,29 @@ SPEED = Rate(("m/s", "knots", "km/h", "cm/s", "mm/s"), "the positions", "positio
 TURNING = Rate(("deg/s", "deg/min", "rad/s"), "the heading", "the heading turns")
 
 
-def rate_by_fit(found: Fit, rate: Rate) -> Told | None:
+def rate_by_fit(regression: Fit, rate: Rate) -> Told | None:
     """The unit whose size a fit's factor is near to; None for one between all of them, and for no clear fit."""
-    if not found.is_clear:
+    if not regression.is_clear:
         return None
-    off = {unit: abs(np.log(abs(found.factor) / scale_to(rate.units[0], unit))) for unit in rate.units}
-    best = min(off, key=off.__getitem__)
+    deviations = {unit: abs(np.log(abs(regression.factor) / scale_to(rate.units[0], unit))) for unit in rate.units}
+    best = min(deviations, key=deviations.__getitem__)
     return (
-        (best, f"{rate.verb} {found.factor:.3g} {rate.units[0]} for 1 of it") if off[best] < np.log(NEAR) else None
+        (best, f"{rate.verb} {regression.factor:.3g} {rate.units[0]} for 1 of it")
+        if deviations[best] < np.log(NEAR)
+        else None
     )
 
 
-def odd_factor(column: str, unit: str, found: Fit, rate: Rate) -> str:
+def odd_factor(column: str, unit: str, regression: Fit, rate: Rate) -> str:
     """What is odd about a rate in its unit by a fit, with the unit that would fit; empty where nothing is.
 
     The true factor lies between that of least squares and the inverse of its converse, 1 / correlation^2 times as
     large, whichever of the two series is noisy (Frisch, Statistical Confluence Analysis, 1934).
     """
-    factor = abs(found.factor) / scale_to(rate.units[0], unit)
-    if not found.is_clear or (factor < _ODD and factor / found.correlation**2 > 1.0 / _ODD):
+    factor = abs(regression.factor) / scale_to(rate.units[0], unit)
+    if not regression.is_clear or (factor < _ODD and factor / regression.correlation**2 > 1.0 / _ODD):
         return ""
-    likely = rate_by_fit(found, rate)
+    likely = rate_by_fit(regression, rate)
     guess = f": {likely[0]}?" if likely and likely[0] != unit else ""
     return f"{column!r} in {unit} is off from {rate.source} by a factor {factor:.3f}{guess}"
 
@@ -208,9 +210,9 @@ def codes_of(values: Floats, factor: float, channel: Channel) -> list[float]:
     """The codes for no value among numbers that a factor takes to a channel: known ones that it cannot hold."""
     seen = np.unique(values[np.isin(values, NO_VALUE)]).tolist()
     low, high = (-360.0, 360.0) if channel.circular else (channel.low, channel.high)
-    outside = [each for each in sorted(seen) if not low <= each * factor <= high]
-    rest = values[np.isfinite(values) & ~np.isin(values, outside)]
-    runs_on = channel.circular and rest.size and np.max(np.abs(rest)) * abs(factor) > 360.0
+    outside = [code for code in sorted(seen) if not low <= code * factor <= high]
+    remaining = values[np.isfinite(values) & ~np.isin(values, outside)]
+    runs_on = channel.circular and remaining.size and np.max(np.abs(remaining)) * abs(factor) > 360.0
     return [] if runs_on else outside
 
 
@@ -228,5 +230,5 @@ def is_place(latitude: Floats, longitude: Floats) -> Any:
 
 def are_places(latitude: Floats, longitude: Floats) -> bool:
     """Whether most rows that have either are a place on earth."""
-    there = np.isfinite(latitude) | np.isfinite(longitude)
-    return bool(there.any() and np.mean(is_place(latitude, longitude)[there]) > 0.5)
+    valid = np.isfinite(latitude) | np.isfinite(longitude)
+    return bool(valid.any() and np.mean(is_place(latitude, longitude)[valid]) > 0.5)

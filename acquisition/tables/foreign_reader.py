@@ -67,11 +67,11 @@ def read_mat(path: str, cells: _Cells) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        found: dict[str, Any] = loadmat(path, simplify_cells=True)
+        variables: dict[str, Any] = loadmat(path, simplify_cells=True)
     except NotImplementedError:
-        found = _variables_of_hdf5(path)
-    _count(found, cells)
-    return found
+        variables = _variables_of_hdf5(path)
+    _count(variables, cells)
+    return variables
 
 
 def _count(value: Any, cells: _Cells) -> None:

@@ -54,111 +54,114 @@ _FASTEST_DRIFT_MPS = 2.0  # a ship that lies adrift goes any way to her heading,
 _NAMES = tuple(convention.name for convention in HEADINGS)
 
 
-def angle_unit(known: Known, candidate: Candidate, name: str) -> Told | None:
+def angle_unit(context: Known, candidate: Candidate, name: str) -> Told | None:
     """The unit of an angle: as the head says, else by the track, the range or the heading, else asked."""
     if candidate.headed:
         return candidate.headed
-    values = evidence.without_codes(known.draft.numbers(candidate.column))
+    values = evidence.without_codes(context.draft.numbers(candidate.column))
     values = values[np.isfinite(values)]
     if values.size == 0:
         return "deg", "no value"
-    if name in ("heading_deg", "course_over_ground_deg") and (found := _unit_by_track(known, candidate)):
-        return found
+    if name in ("heading_deg", "course_over_ground_deg") and (unit_guess := _unit_by_track(context, candidate)):
+        return unit_guess
     text = f"{candidate.column!r}, taken for {name}, goes up to {np.max(np.abs(values)):.3g}: degrees or radians?"
-    return evidence.angle_by_range(values, name, known.channels.get("heading_deg", {}).get("unit", "")) or asked(
-        known.draft, f"unit.{candidate.column}", text, ("deg", "rad")
+    return evidence.angle_by_range(values, name, context.channels.get("heading_deg", {}).get("unit", "")) or asked(
+        context.draft, f"unit.{candidate.column}", text, ("deg", "rad")
     )
 
 
-def _unit_by_track(known: Known, candidate: Candidate) -> Told | None:
+def _unit_by_track(context: Known, candidate: Candidate) -> Told | None:
     """The unit in which an angle turns as the track does, whichever of its axes is north."""
-    moves = _moves_of_track(known)
+    moves = _moves_of_track(context)
     if moves is None:
         return None
-    unit = judge_heading(moves, _readings(known, candidate.column)).unit
+    unit = judge_heading(moves, _readings(context, candidate.column)).unit
     if not unit:
         return None
     why = f"in {ANGLE_UNITS[unit]} it turns as the track does"
     if scale_to("deg", unit) < 1.0:
-        known.draft.warnings.append(f"{candidate.column!r} is taken for {ANGLE_UNITS[unit]}: {why}")
+        context.draft.warnings.append(f"{candidate.column!r} is taken for {ANGLE_UNITS[unit]}: {why}")
     return unit, why
 
 
-def _moves_of_track(known: Known) -> Complexes | None:
+def _moves_of_track(context: Known) -> Complexes | None:
     """The moves by two coordinates, whichever is which."""
-    if "north_m" in known.series or known.grid.size < 3:
-        return moves_of(known)
-    pairs = [[known.draft.of(name) for name in names] for names in (POSITION, ("x", "y"))]
+    if "north_m" in context.series or context.grid.size < 3:
+        return moves_of(context)
+    pairs = [[context.draft.of(name) for name in names] for names in (POSITION, ("x", "y"))]
     pair = next((pair for pair in pairs if all(pair)), None)
     if pair is None:
         return None
-    one, two = (evidence.increments(known.t, known.draft.numbers(each[0].column), known.grid) for each in pair)
-    return np.asarray(one + 1j * two)
+    first_moves, second_moves = (
+        evidence.increments(context.t, context.draft.numbers(candidates[0].column), context.grid)
+        for candidates in pair
+    )
+    return np.asarray(first_moves + 1j * second_moves)
 
 
-def _readings(known: Known, column: str, taken: str = "deg") -> dict[str, Floats]:
+def _readings(context: Known, column: str, taken: str = "deg") -> dict[str, Floats]:
     """The mean angle [deg] between the moments of the grid by each unit that a column may be in, ``taken`` too.
 
     Parts of a degree only where values lie beyond a turn: a heading of few degrees is none of many tenths.
     """
-    numbers = known.draft.numbers(column)
+    numbers = context.draft.numbers(column)
     beyond = np.unique(numbers[np.abs(numbers) > _A_TURN_DEG]).size >= _FEWEST_BEYOND
     units = [unit for unit in ANGLE_UNITS if beyond or scale_to("deg", unit) >= 1.0]
-    return {unit: mean_angle(known, numbers * scale_to("deg", unit)) for unit in (taken, *units)}
+    return {unit: mean_angle(context, numbers * scale_to("deg", unit)) for unit in (taken, *units)}
 
 
-def read_heading(known: Known) -> None:
+def read_heading(context: Known) -> None:
     """Take a column, or the quaternion, for the heading."""
-    draft = known.draft
+    draft = context.draft
     quaternion = [draft.of(f"quaternion_{part}") for part in "xyzw"]
     candidate = best(draft, "heading_deg")
     if candidate is None and all(quaternion):
-        names = [each[0].column for each in quaternion]
+        names = [candidates[0].column for candidates in quaternion]
         draft.tree["orientation"] = dict(zip("xyzw", names, strict=True)) | {"frame": "enu"}
         x, y, z, w = (draft.numbers(name) for name in names)
-        known.series["heading_deg"] = heading_of_quaternion(x, y, z, w)
+        context.series["heading_deg"] = heading_of_quaternion(x, y, z, w)
         for name in names:
             draft.note(name, "heading_deg", "", "a quaternion in the frames of ROS (REP 103)")
         return
     candidate = candidate or _course_as_heading(draft)
-    if candidate is not None and (told := angle_unit(known, candidate, "heading_deg")):
-        take(known, "heading_deg", candidate, *told)
+    if candidate is not None and (unit_guess := angle_unit(context, candidate, "heading_deg")):
+        take(context, "heading_deg", candidate, *unit_guess)
 
 
 def _course_as_heading(draft: Draft) -> Candidate | None:
     """A column called course: the heading beside a course over ground, else asked."""
-    found = draft.of("course")
-    if not found or draft.of("course_over_ground_deg"):
-        return found[0] if found else None
-    text = f"is {found[0].column!r} the heading or the course over ground?"
+    candidates = draft.of("course")
+    if not candidates or draft.of("course_over_ground_deg"):
+        return candidates[0] if candidates else None
+    text = f"is {candidates[0].column!r} the heading or the course over ground?"
     answer = draft.ask("course", text, ("heading", "course over ground"))
     if answer and answer != "heading":
-        quantity = replace(found[0].quantity, name="course_over_ground_deg")
-        draft.candidates.append(replace(found[0], quantity=quantity))
-    return found[0] if answer == "heading" else None
+        quantity = replace(candidates[0].quantity, name="course_over_ground_deg")
+        draft.candidates.append(replace(candidates[0], quantity=quantity))
+    return candidates[0] if answer == "heading" else None
 
 
-def judge_heading_column(known: Known) -> None:
+def judge_heading_column(context: Known) -> None:
     """Hold the heading against the track: in another unit or convention it is corrected where that is clear and
     said, else asked."""
-    moves, entry = moves_of(known), known.channels.get("heading_deg")
-    if entry is None or "heading" in known.draft.answers:
-        _judge_quaternion(known, moves)
-        _as_answered(known)
+    moves, entry = moves_of(context), context.channels.get("heading_deg")
+    if entry is None or "heading" in context.draft.answers:
+        _judge_quaternion(context, moves)
+        _as_answered(context)
         return
     if moves is None:
         return
-    verdict = judge_heading(moves, _readings(known, entry["column"], entry["unit"]), entry["unit"])
+    verdict = judge_heading(moves, _readings(context, entry["column"], entry["unit"]), entry["unit"])
     if verdict.unit and verdict.unit != entry["unit"]:
-        _ask_unit(known.draft, entry["column"], entry["unit"], verdict)
+        _ask_unit(context.draft, entry["column"], entry["unit"], verdict)
     elif verdict.unit and verdict.convention is None:
-        known.draft.warnings.append(_of_another_zero(entry["column"], verdict))
+        context.draft.warnings.append(_of_another_zero(entry["column"], verdict))
     elif verdict.convention is None:
-        _judge_straight_course(known, moves)
+        _judge_straight_course(context, moves)
     elif verdict.convention is CLOCKWISE:
-        known.heading_is_sure = True
+        context.heading_is_sure = True
     else:
-        _correct_heading(known, moves, verdict.convention, verdict)
+        _correct_heading(context, moves, verdict.convention, verdict)
 
 
 def _of_another_zero(column: str, verdict: HeadingVerdict) -> str:
@@ -172,30 +175,30 @@ def _of_another_zero(column: str, verdict: HeadingVerdict) -> str:
     )
 
 
-def _as_answered(known: Known) -> None:
+def _as_answered(context: Known) -> None:
     """Count the heading as the answer says."""
-    answer = known.draft.answers.get("heading")
-    if answer is None or "heading_deg" not in known.channels:
+    answer = context.draft.answers.get("heading")
+    if answer is None or "heading_deg" not in context.channels:
         return
-    known.draft.ask("heading", "", _NAMES)
-    convention = next((each for each in HEADINGS if each.name == answer), CLOCKWISE)
+    context.draft.ask("heading", "", _NAMES)
+    convention = next((heading for heading in HEADINGS if heading.name == answer), CLOCKWISE)
     if convention is not CLOCKWISE:
         why = f"counts {convention.words}, as answered"
-        count_otherwise(known, "heading_deg", convention.scale, convention.offset_deg, why)
-    known.heading_is_sure = True
+        count_otherwise(context, "heading_deg", convention.scale, convention.offset_deg, why)
+    context.heading_is_sure = True
 
 
-def _judge_quaternion(known: Known, moves: Complexes | None) -> None:
+def _judge_quaternion(context: Known, moves: Complexes | None) -> None:
     """A quaternion in the frames of aircraft and ships where the track says so."""
-    entry = known.draft.tree.get("orientation")
+    entry = context.draft.tree.get("orientation")
     if entry is None or moves is None:
         return
-    verdict = judge_heading(moves, {"deg": mean_angle(known, known.series["heading_deg"])})
-    known.heading_is_sure = verdict.convention is not None
+    verdict = judge_heading(moves, {"deg": mean_angle(context, context.series["heading_deg"])})
+    context.heading_is_sure = verdict.convention is not None
     if verdict.convention is FROM_EAST:
         entry["frame"] = "ned"
-        known.series["heading_deg"] = wrap_360(90.0 - known.series["heading_deg"])
-        known.draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
+        context.series["heading_deg"] = wrap_360(90.0 - context.series["heading_deg"])
+        context.draft.warnings.append(f"the quaternion is in axes to north, east and down: {verdict.evidence}")
 
 
 def _ask_unit(draft: Draft, column: str, unit: str, verdict: HeadingVerdict) -> None:
@@ -210,107 +213,107 @@ def _ask_unit(draft: Draft, column: str, unit: str, verdict: HeadingVerdict) -> 
 
 
 def _correct_heading(
-    known: Known, moves: Complexes, convention: HeadingConvention, verdict: HeadingVerdict
+    context: Known, moves: Complexes, convention: HeadingConvention, verdict: HeadingVerdict
 ) -> None:
     """Turn a heading that counts otherwise, or ask where the positions may be mirrored instead."""
-    draft, exchanged = known.draft, _exchanged(known, moves) if convention is FROM_EAST else None
+    draft, exchanged = context.draft, _exchanged(context, moves) if convention is FROM_EAST else None
     if exchanged is not None and _CLEARER * exchanged < verdict.best.variance:
         draft.warnings.append("the track runs along the heading with its axes exchanged: latitude for longitude?")
         return
-    column, evidence_said = (
-        known.channels["heading_deg"]["column"],
+    column, reading_text = (
+        context.channels["heading_deg"]["column"],
         f"counts {convention.words}: {verdict.evidence}",
     )
-    told = _has_hemispheres(known, convention) or (
+    is_settled = _has_hemispheres(context, convention) or (
         exchanged is not None and _CLEARER * verdict.best.variance < exchanged
     )
-    if told or _is_track_confirmed(known, moves):
-        count_otherwise(known, "heading_deg", convention.scale, convention.offset_deg, evidence_said)
-        draft.warnings.append(f"{column!r} {evidence_said}; it is turned, --answer heading=clockwise leaves it")
-        known.heading_is_sure = True
+    if is_settled or _is_track_confirmed(context, moves):
+        count_otherwise(context, "heading_deg", convention.scale, convention.offset_deg, reading_text)
+        draft.warnings.append(f"{column!r} {reading_text}; it is turned, --answer heading=clockwise leaves it")
+        context.heading_is_sure = True
         return
     text = (
-        f"{column!r} turns against the track. Either it {evidence_said}. Or it is right and the positions are not:"
-        f" {convention.mirrored}; then correct these{_course_beside(known, moves, convention)}. Which is it?"
+        f"{column!r} turns against the track. Either it {reading_text}. Or it is right and the positions are not:"
+        f" {convention.mirrored}; then correct these{_course_beside(context, moves, convention)}. Which is it?"
     )
     draft.ask("heading", text, (convention.name, CLOCKWISE.name))
 
 
-def judge_course_column(known: Known) -> None:
+def judge_course_column(context: Known) -> None:
     """Hold the course over ground against the positions: its unit is asked, and another sense reported."""
-    moves, entry = moves_of(known), known.channels.get("course_over_ground_deg")
-    if entry is None or moves is None or "north_m" not in known.series:
+    moves, entry = moves_of(context), context.channels.get("course_over_ground_deg")
+    if entry is None or moves is None or "north_m" not in context.series:
         return
     column, verdict = (
         entry["column"],
-        judge_heading(moves, _readings(known, entry["column"], entry["unit"]), entry["unit"]),
+        judge_heading(moves, _readings(context, entry["column"], entry["unit"]), entry["unit"]),
     )
     if verdict.unit and verdict.unit != entry["unit"]:
-        _ask_unit(known.draft, column, entry["unit"], verdict)
+        _ask_unit(context.draft, column, entry["unit"], verdict)
     elif verdict.convention not in (None, CLOCKWISE):
-        known.draft.warnings.append(
+        context.draft.warnings.append(
             f"{column!r}, a course, is {verdict.convention.words}, or the positions are wrong:"
             f" {verdict.convention.mirrored}; {verdict.evidence}"
         )
 
 
-def _exchanged(known: Known, moves: Complexes) -> float | None:
+def _exchanged(context: Known, moves: Complexes) -> float | None:
     """The variance of the drift angle if latitude and longitude were exchanged; None where they cannot be.
 
     A minute of longitude is shorter than one of latitude, so that an exchange bends the track.
     """
-    if known.origin is None:
+    if context.origin is None:
         return None
-    latitude, longitude = np.deg2rad(known.origin)
+    latitude, longitude = np.deg2rad(context.origin)
     if abs(longitude) > 0.5 * np.pi:
         return 1.0
     turned = moves.imag / np.cos(latitude) + 1j * moves.real * np.cos(longitude)
-    return drift_of(turned, mean_angle(known, known.series["heading_deg"])).variance
+    return drift_of(turned, mean_angle(context, context.series["heading_deg"])).variance
 
 
-def _has_hemispheres(known: Known, convention: HeadingConvention) -> bool:
+def _has_hemispheres(context: Known, convention: HeadingConvention) -> bool:
     """Whether positions have the sign or letter whose loss would look like a convention."""
-    position, places = known.draft.tree.get("position", {}), {ANTICLOCKWISE: 1, FROM_SOUTH: 0}
-    if convention not in places or known.origin is None:
+    position, places = context.draft.tree.get("position", {}), {ANTICLOCKWISE: 1, FROM_SOUTH: 0}
+    if convention not in places or context.origin is None:
         return False
     place = places[convention]
     letters = ("north_south", "east_west")[place] in position or position.get("unit") == "text"
-    return letters or known.origin[place] < 0.0
+    return letters or context.origin[place] < 0.0
 
 
-def _is_track_confirmed(known: Known, moves: Complexes) -> bool:
+def _is_track_confirmed(context: Known, moves: Complexes) -> bool:
     """Whether the course, or a rate of turn against the heading, says that the track is not mirrored."""
-    if "north_m" not in known.series or known.positions_are_sure:
+    if "north_m" not in context.series or context.positions_are_sure:
         return True
-    if "course_over_ground_deg" in known.series:
-        course = mean_angle(known, known.series["course_over_ground_deg"])
+    if "course_over_ground_deg" in context.series:
+        course = mean_angle(context, context.series["course_over_ground_deg"])
         return judge_heading(moves, {"deg": course}).convention is CLOCKWISE
-    candidate = next(iter(known.draft.of("yaw_rate_dps")), None)
-    turning = UNKNOWN if candidate is None else _fit_to_heading(known, candidate.column)
+    candidate = next(iter(context.draft.of("yaw_rate_dps")), None)
+    turning = UNKNOWN if candidate is None else _fit_to_heading(context, candidate.column)
     return turning.is_clear and turning.factor < 0.0
 
 
-def _course_beside(known: Known, moves: Complexes, convention: HeadingConvention) -> str:
+def _course_beside(context: Known, moves: Complexes, convention: HeadingConvention) -> str:
     """That the course over ground sides with the heading against the positions; empty where it does not."""
-    course = known.series.get("course_over_ground_deg")
-    if course is None or judge_heading(moves, {"deg": mean_angle(known, course)}).convention is not convention:
+    course = context.series.get("course_over_ground_deg")
+    if course is None or judge_heading(moves, {"deg": mean_angle(context, course)}).convention is not convention:
         return ""
     return ", against which the course over ground turns as well"
 
 
-def _judge_straight_course(known: Known, moves: Complexes) -> None:
+def _judge_straight_course(context: Known, moves: Complexes) -> None:
     """Ask, with the heading as it is until then, where a straight track runs elsewhere than the heading points."""
-    draft, heading = known.draft, mean_angle(known, known.series["heading_deg"])
+    draft, heading = context.draft, mean_angle(context, context.series["heading_deg"])
     along = agreement(moves.real, moves.imag, heading)
-    fast = float(np.nanmedian(np.abs(moves) / np.diff(known.grid))) > _FASTEST_DRIFT_MPS
-    column = known.channels["heading_deg"]["column"]
+    fast = float(np.nanmedian(np.abs(moves) / np.diff(context.grid))) > _FASTEST_DRIFT_MPS
+    column = context.channels["heading_deg"]["column"]
     if fast and (likely := conventions_of_course(moves, heading)):
-        off = drift_of(moves, heading).mean_deg
+        drift_deg = drift_of(moves, heading).mean_deg
         words = " or ".join(convention.words for convention in likely)
-        side = "starboard" if off > 0.0 else "port"
+        side = "starboard" if drift_deg > 0.0 else "port"
         text = (
-            f"the track runs {abs(off):.0f} deg to {side} of {column!r}: does it count {words}? A straight course"
-            " does not tell"
+            f"the track runs {abs(drift_deg):.0f} deg to {side} of {column!r}: does it count {words}?"
+            " A straight course does not tell"
         )
         draft.ask("heading", text, (CLOCKWISE.name, *(convention.name for convention in likely)), CLOCKWISE.name)
         draft.warnings.append(f"{text}; it stays as it is, --answer heading={likely[0].name} turns it")
@@ -320,84 +323,90 @@ def _judge_straight_course(known: Known, moves: Complexes) -> None:
         )
 
 
-def _fit_to_heading(known: Known, column: str) -> Fit:
+def _fit_to_heading(context: Known, column: str) -> Fit:
     """A rate of turn as the table has it against the turns of the heading."""
-    if not (turned := changes_of(known, "heading_deg")):
+    if not (turned := changes_of(context, "heading_deg")):
         return UNKNOWN
-    return fit(turned[0], integrals(known.t, evidence.without_codes(known.draft.numbers(column)), known.grid))
+    return fit(turned[0], integrals(context.t, evidence.without_codes(context.draft.numbers(column)), context.grid))
 
 
-def read_yaw_rate(known: Known) -> None:
+def read_yaw_rate(context: Known) -> None:
     """Take a column for the yaw rate, in the unit and sense of the heading's turns."""
-    candidate = best(known.draft, "yaw_rate_dps")
+    candidate = best(context.draft, "yaw_rate_dps")
     if candidate is None:
         return
-    column, found = candidate.column, _fit_to_heading(known, candidate.column)
+    column, regression = candidate.column, _fit_to_heading(context, candidate.column)
     text = f"{column!r}, taken for yaw_rate_dps: in which unit? The heading does not tell."
-    told = rate_unit(known, candidate, found, evidence.TURNING)
-    told = told or asked(known.draft, f"unit.{column}", text, evidence.TURNING.units)
-    if told is None:
+    unit_guess = rate_unit(context, candidate, regression, evidence.TURNING)
+    unit_guess = unit_guess or asked(context.draft, f"unit.{column}", text, evidence.TURNING.units)
+    if unit_guess is None:
         return
-    take(known, "yaw_rate_dps", candidate, *told)
-    if not (found.is_clear and found.factor < 0.0) or known.heading_is_asked:
+    take(context, "yaw_rate_dps", candidate, *unit_guess)
+    if not (regression.is_clear and regression.factor < 0.0) or context.heading_is_asked:
         return
-    if known.heading_is_sure:
-        turn_round(known, "yaw_rate_dps", "positive to starboard by the heading")
+    if context.heading_is_sure:
+        turn_round(context, "yaw_rate_dps", "positive to starboard by the heading")
         return
     text = f"{column!r} turns against the heading, which no track confirms: does it count positive to port?"
-    if known.draft.ask("rate_of_turn", text, ("port", "starboard"), "port") == "port":
-        turn_round(known, "yaw_rate_dps", "positive to starboard by the heading, which no track confirms")
+    if context.draft.ask("rate_of_turn", text, ("port", "starboard"), "port") == "port":
+        turn_round(context, "yaw_rate_dps", "positive to starboard by the heading, which no track confirms")
 
 
-def read_earth_velocity(known: Known) -> None:
+def read_earth_velocity(context: Known) -> None:
     """Take columns called surge and sway for the velocity to north and east, where the track says so."""
-    pair = [known.draft.of(name) for name in ("surge_mps", "sway_mps")]
-    if not all(pair) or "north_m" not in known.series or "heading_deg" not in known.series or known.grid.size < 3:
+    pair = [context.draft.of(name) for name in ("surge_mps", "sway_mps")]
+    if (
+        not all(pair)
+        or "north_m" not in context.series
+        or "heading_deg" not in context.series
+        or context.grid.size < 3
+    ):
         return
-    columns = [found[0] for found in pair]
+    columns = [candidates[0] for candidates in pair]
     speeds = [
-        evidence.without_codes(known.draft.numbers(each.column)) * scale_to("m/s", (each.units or ("m/s",))[0])
-        for each in columns
+        evidence.without_codes(context.draft.numbers(candidate.column))
+        * scale_to("m/s", (candidate.units or ("m/s",))[0])
+        for candidate in columns
     ]
-    body, moves = speeds[0] + 1j * speeds[1], moves_of(known)
-    heading = np.exp(1j * np.deg2rad(unwrap(known.series["heading_deg"])))
+    body, moves = speeds[0] + 1j * speeds[1], moves_of(context)
+    heading = np.exp(1j * np.deg2rad(unwrap(context.series["heading_deg"])))
     in_axes = {"ship": body * heading, "north_east": body, "east_north": 1j * body.conj()}
     assert moves is not None
-    axes, fits = judge_axes(moves, {name: travelled(known, velocity) for name, velocity in in_axes.items()})
+    axes, fits = judge_axes(moves, {name: travelled(context, velocity) for name, velocity in in_axes.items()})
     if axes in ("", "ship"):
         return
     unit = columns[0].headed or evidence.rate_by_fit(Fit(fits[axes].factor, 1.0, moves.size), SPEED)
-    unit = unit or asked(known.draft, "unit.speed", f"in which unit is {columns[0].column!r}?", SPEED.units[:3])
+    unit = unit or asked(context.draft, "unit.speed", f"in which unit is {columns[0].column!r}?", SPEED.units[:3])
     if unit is None:
         return
-    left, as_ship = (f"{np.sqrt(fits[name].left):.1%}" for name in (axes, "ship"))
-    why = f"{left} of the way is left over, {as_ship} as surge and sway"
-    _take_velocity(known, columns if axes == "north_east" else columns[::-1], unit, why)
-    names = " and ".join(repr(each.column) for each in columns)
-    known.draft.warnings.append(
+    residual, as_ship = (f"{np.sqrt(fits[name].left):.1%}" for name in (axes, "ship"))
+    why = f"{residual} of the way is left over, {as_ship} as surge and sway"
+    _take_velocity(context, columns if axes == "north_east" else columns[::-1], unit, why)
+    names = " and ".join(repr(candidate.column) for candidate in columns)
+    context.draft.warnings.append(
         f"{names} are speeds {AXES[axes]}: {why}; surge and sway are made of them by the heading"
     )
 
 
-def _take_velocity(known: Known, columns: list[Candidate], unit: Told, why: str) -> None:
+def _take_velocity(context: Known, columns: list[Candidate], unit: Told, why: str) -> None:
     """Let two columns be the velocity to north and to east, and surge and sway what follows from them."""
     north, east = columns
-    known.draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit[0]}
-    known.speed_units.add(unit[0])
-    for each, way in zip(columns, ("north", "east"), strict=True):
-        known.draft.note(each.column, f"velocity to {way}", unit[0], unit[1], why)
-    numbers = [known.draft.numbers(each.column) * scale_to("m/s", unit[0]) for each in columns]
-    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(known.series["heading_deg"]))
-    known.series |= {"surge_mps": body.real, "sway_mps": body.imag}
+    context.draft.tree["velocity"] = {"north": north.column, "east": east.column, "unit": unit[0]}
+    context.speed_units.add(unit[0])
+    for component, way in zip(columns, ("north", "east"), strict=True):
+        context.draft.note(component.column, f"velocity to {way}", unit[0], unit[1], why)
+    numbers = [context.draft.numbers(candidate.column) * scale_to("m/s", unit[0]) for candidate in columns]
+    body = (numbers[0] + 1j * numbers[1]) * np.exp(-1j * np.deg2rad(context.series["heading_deg"]))
+    context.series |= {"surge_mps": body.real, "sway_mps": body.imag}
 
 
-def check_sway(known: Known) -> None:
+def check_sway(context: Known) -> None:
     """Turn a sway round that counts to port by the track."""
-    moved = changes_of(known, *POSITION, "heading_deg", "sway_mps")
-    if not moved or "sway_mps" not in known.channels or known.heading_is_asked:
+    moved = changes_of(context, *POSITION, "heading_deg", "sway_mps")
+    if not moved or "sway_mps" not in context.channels or context.heading_is_asked:
         return
-    heading = np.deg2rad(mean_angle(known, known.series["heading_deg"]))
+    heading = np.deg2rad(mean_angle(context, context.series["heading_deg"]))
     across = moved[1] * np.cos(heading) - moved[0] * np.sin(heading)
-    found = fit(across, integrals(known.t, known.series["sway_mps"], known.grid))
-    if found.is_clear and found.factor < 0.0:
-        turn_round(known, "sway_mps", "positive to starboard by the track")
+    regression = fit(across, integrals(context.t, context.series["sway_mps"], context.grid))
+    if regression.is_clear and regression.factor < 0.0:
+        turn_round(context, "sway_mps", "positive to starboard by the track")

@@ -132,8 +132,8 @@ def import_proposed(
     if proposal.unanswered:
         raise InputError(f"{proposal.unanswered[0]}", where=str(raw.path))
     refuse_overwriting(output, force)
-    known = Path(map_path)
-    if not (known.is_file() and known.read_bytes() == proposal.text.encode()):
+    map_file = Path(map_path)
+    if not (map_file.is_file() and map_file.read_bytes() == proposal.text.encode()):
         refuse_overwriting(map_path, force, "import with it by --columns, name another file by --write-map")
     columns, declared = column_map_of(proposal.text, map_path)
     with written_together(Path(output)):
@@ -154,15 +154,15 @@ def is_standard(raw: RawTable) -> bool:
 
     It is not where other columns are of quantities that are known, or the times in another form.
     """
-    given = list(map(str, raw.columns.columns))
+    names = list(map(str, raw.columns.columns))
     channels = channels_of_trial(raw.trial)
     if (long := long_map(raw, channels)) is not None:
         return bool(long.channels)
-    ours = [name for name in given if name == "time" or _is_ours(name, channels) or find_channel(name)]
+    own_names = [name for name in names if name == "time" or _is_our_column(name, channels) or find_channel(name)]
     if raw.trial.actuators:
         return True
-    known = {candidate.column for candidate in candidates_of(raw)} - set(ours)
-    return "time" in given and 2 * len(ours) > len(given) and not known and is_usual_time(raw)
+    recognised = {candidate.column for candidate in candidates_of(raw)} - set(own_names)
+    return "time" in names and 2 * len(own_names) > len(names) and not recognised and is_usual_time(raw)
 
 
 def refuse_overwriting(path: Path | str, force: bool, fix: str = "name another file") -> None:
@@ -223,7 +223,7 @@ def read_table_file(
     else:
         file = apply_column_map(raw, long, path)
         file = _for_ship(
-            file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, known=bool(ship)
+            file, ship or actuators_in_columns(map(str, file.table), file.trial), raw, vessel, is_known=bool(ship)
         )
     return _checked(file, raw, allow_missing, fix)
 
@@ -243,10 +243,10 @@ def _through_map(
     """A table through its map, of the ship that is given, or the map names, or its columns tell of."""
     ship = _actuators_of(vessel)
     file = apply_column_map(raw, columns, map_path, declared)
-    known = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
-    ship = known or actuators_in_columns([*file.table, *columns.absent], file.trial)
+    stated_ship = ship or columns.actuators or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
+    ship = stated_ship or actuators_in_columns([*file.table, *columns.absent], file.trial)
     _check_mapped(columns.channels, ship, file.trial, map_path)
-    file = _for_ship(file, ship, raw, vessel, known=bool(known))
+    file = _for_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
     allow_missing = allow_missing or set(_missing(file)) <= set(columns.absent)
     fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
     return _checked(file, raw, allow_missing, fix)
@@ -265,9 +265,9 @@ def _checked(file: TableFile, raw: RawTable, allow_missing: bool, fix: str) -> T
 def _missing(file: TableFile) -> tuple[str, ...]:
     """The channels that a table lacks; the controls of a ship that nothing names are those that it has."""
     trial, columns = file.trial, file.table.columns
-    known = is_ship_known(trial.vessel, trial.actuators)
+    is_known = is_ship_known(trial.vessel, trial.actuators)
     return tuple(
-        name for name in required_names(from_text(trial.actuators), columns, known=known) if name not in columns
+        name for name in required_names(from_text(trial.actuators), columns, known=is_known) if name not in columns
     )
 
 
@@ -276,16 +276,20 @@ def actuators_in_columns(names: Iterable[str], trial: Trial) -> Actuators:
 
     R/V Gunnerus' where one of hers is among them, so that a misspelt one is found out; else by their names.
     """
-    found = actuators_of(names, {"trial": {"channels": trial.channels}})
-    return DEFAULT if {each.name for each in found} & {each.name for each in DEFAULT} else found
+    actuators = actuators_of(names, {"trial": {"channels": trial.channels}})
+    return (
+        DEFAULT
+        if {actuator.name for actuator in actuators} & {actuator.name for actuator in DEFAULT}
+        else actuators
+    )
 
 
 def _check_mapped(names: Iterable[str], ship: Actuators, trial: Trial, map_path: Path | str) -> None:
     channels = channel_names(ship, declared_from_text(trial.channels))
     for name in names:
         if name not in channels:
-            hers = ", ".join(each.name for each in ship)
-            what = f"{_with_hint(name, channels)} is not a channel of a ship with actuators {hers}"
+            actuator_names = ", ".join(actuator.name for actuator in ship)
+            what = f"{_with_hint(name, channels)} is not a channel of a ship with actuators {actuator_names}"
             where = line_in_map(map_path, ["channels", name])
             raise ConfigurationError(what, where=where, fix="correct the name, or give the ship with --vessel FILE")
 
@@ -294,16 +298,18 @@ def _standard(
     raw: RawTable, ignore_unknown: bool, ship: Actuators, answers: Mapping[str, str], vessel: Path | str | None
 ) -> TableFile:
     """A table whose columns are named as the channels."""
-    given = list(map(str, raw.columns.columns))
-    if "time" not in given:
-        near = get_close_matches("time", given, n=1)
+    present = list(map(str, raw.columns.columns))
+    if "time" not in present:
+        near = get_close_matches("time", present, n=1)
         where, fix = str(raw.path), "rename the column, or name it in a column map (--columns)"
-        raise InputError("has no column `time`", where=where, why=f"it has {', '.join(near or given[:6])}", fix=fix)
-    known = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else ())
-    ship = known or actuators_in_columns(given, raw.trial)
+        raise InputError(
+            "has no column `time`", where=where, why=f"it has {', '.join(near or present[:6])}", fix=fix
+        )
+    stated_ship = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else ())
+    ship = stated_ship or actuators_in_columns(present, raw.trial)
     channels = channels_of_trial(replace(raw.trial, actuators=as_text(ship)))
     unknown = tuple(
-        name for name in given if name not in channels and name != "time" and not _is_ours(name, channels)
+        name for name in present if name not in channels and name != "time" and not _is_our_column(name, channels)
     )
     if unknown and not ignore_unknown:
         ships = "; give the ship with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
@@ -314,12 +320,12 @@ def _standard(
     of_columns = {key: value for key, value in answers.items() if key not in TIME_KEYS}
     time = time_as_answered(usual_time(raw), of_time)
     timed = resolve_times(raw, time, strict=True)
-    names = [name for name in channels if name in given and answers.get(f"unit.{name}") != SKIP]
+    names = [name for name in channels if name in present and answers.get(f"unit.{name}") != SKIP]
     columns = {name: _in_its_turn(channels[name], parse_numbers(timed.raw, name)) for name in names}
     table = pd.DataFrame(columns, index=timed.index)
     file = TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown, remarks=timed.remarks)
     judge_columns(file, timed.raw, time, of_columns)
-    return _for_ship(file, ship, raw, vessel, known=bool(known))
+    return _for_ship(file, ship, raw, vessel, is_known=bool(stated_ship))
 
 
 def _in_its_turn(channel: Channel, values: Floats) -> Floats:
@@ -329,17 +335,17 @@ def _in_its_turn(channel: Channel, values: Floats) -> Floats:
 
 
 def _for_ship(
-    file: TableFile, ship: Actuators, raw: RawTable, vessel: Path | str | None, *, known: bool
+    file: TableFile, ship: Actuators, raw: RawTable, vessel: Path | str | None, *, is_known: bool
 ) -> TableFile:
     """The table in the order of the ship's channels, its trial with names and the ship's actuators."""
     name = file.trial.vessel if vessel is None else name_of_ship(vessel)
-    text = stated_text(ship, name) if known else as_text(ship)
+    text = stated_text(ship, name) if is_known else as_text(ship)
     file.trial = replace(file.trial, name=file.trial.name or raw.name, vessel=name, actuators=text)
     file.table = file.table[[name for name in channels_of_trial(file.trial) if name in file.table]]
     return file
 
 
-def _is_ours(name: str, channels: Collection[str]) -> bool:
+def _is_our_column(name: str, channels: Collection[str]) -> bool:
     """Whether a column is one of our own exports that is no channel."""
     stems = {name, *(name.removesuffix(ending) for ending in BESIDE)}
     return not stems.isdisjoint(LABELS) or (name not in channels and not stems.isdisjoint(channels))
@@ -355,9 +361,9 @@ def quality_flags(table: pd.DataFrame, trial: Trial | None = None) -> dict[str, 
 
     ``trial`` tells of channels that are declared.
     """
-    flags, known = {}, channels_known_to(trial or Trial())
+    flags, channels = {}, channels_known_to(trial or Trial())
     for name, column in table.items():
         values = column.to_numpy(dtype=float)
-        outside = np.isfinite(values) & ~is_possible(known[str(name)], values)
+        outside = np.isfinite(values) & ~is_possible(channels[str(name)], values)
         flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
     return flags

@@ -122,8 +122,8 @@ def _on_earth(frame: pd.DataFrame) -> pd.DataFrame:
     centre = [f"{axis}-ecef(m)" for axis in "xyz"]
     if set(centre) <= set(frame):
         places = pymap3d.ecef2geodetic(*(frame[name].to_numpy() for name in centre))
-        made = dict(zip(("latitude(deg)", "longitude(deg)", "height(m)"), places, strict=True))
-        return frame.drop(columns=centre).assign(**made)
+        geodetic = dict(zip(("latitude(deg)", "longitude(deg)", "height(m)"), places, strict=True))
+        return frame.drop(columns=centre).assign(**geodetic)
     return frame.rename(columns={"e-baseline(m)": "east(m)", "n-baseline(m)": "north(m)", "u-baseline(m)": "up(m)"})
 
 
@@ -153,11 +153,11 @@ def without_heads_of_labview(text: str) -> tuple[list[str], str]:
 
 def _divided(part: str) -> tuple[str, str]:
     """The rows of a segment, and the head of the next one, which begins with the number of its channels."""
-    _, _, rest = part.partition("\n")
-    begin = re.search(r"^Channels\b", rest, re.MULTILINE)
+    _, _, body = part.partition("\n")
+    begin = re.search(r"^Channels\b", body, re.MULTILINE)
     if begin is None:
         raise ValueError("a segment of this LabVIEW measurement has no line Channels")
-    return rest[: begin.start()], rest[begin.start() :]
+    return body[: begin.start()], body[begin.start() :]
 
 
 def _counted_on(first_body: str, body: str, first: Sequence[str], head: str, place: int) -> str:
@@ -182,5 +182,5 @@ def _later(line: str, seconds: float) -> str:
 
 def is_table_of_frames(names: Sequence[str]) -> bool:
     """Whether columns are those of frames of a CAN bus."""
-    given = {name.strip().lower() for name in names}
-    return any(head <= given for head in _CAN_HEADS)
+    plain_names = {name.strip().lower() for name in names}
+    return any(head <= plain_names for head in _CAN_HEADS)

@@ -30,9 +30,9 @@ def proposal_table(proposal: Proposal) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title in ("column", "taken for", "unit", "because"):
         table.add_column(title, overflow="fold")
-    for each in proposal.readings:
-        cells = (each.column, each.taken_for, each.unit, "; ".join(each.reasons))
-        table.add_row(*cells, style="dim" if each.taken_for == "-" else "")
+    for reading in proposal.readings:
+        cells = (reading.column, reading.taken_for, reading.unit, "; ".join(reading.reasons))
+        table.add_row(*cells, style="dim" if reading.taken_for == "-" else "")
     for name in proposal.passed_over:
         table.add_row(name, "-", "", "not known, ignored", style="dim")
     return table
@@ -50,7 +50,7 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
     file = apply_column_map(raw, columns, path, declared)
     table = file.table.iloc[:: max(1, len(file.table) // _MOST_POINTS)]
     names = [name for name in map(str, table.columns) if name not in _TRACK]
-    why = {each.taken_for: each for each in proposal.readings}
+    why = {entry.taken_for: entry for entry in proposal.readings}
     rows = max(4, -(-len(names) // 2))
     figure = Figure(figsize=(14.0, 1.5 * rows + 1.0), layout="constrained")
     grid = figure.add_gridspec(rows, 3, width_ratios=(1.3, 1.0, 1.0))
@@ -60,14 +60,16 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
         track.set(xlabel="east [m]", ylabel="north [m]", title=raw.path.name, aspect="equal", adjustable="datalim")
     else:
         track.set_axis_off()
-    known = known_channels({"trial": {"channels": file.trial.channels}})
+    channels = known_channels({"trial": {"channels": file.trial.channels}})
     for number, name in enumerate(names):
         axes = figure.add_subplot(grid[number % rows, 1 + number // rows])
         axes.plot(*_line(table[name], is_circular(name), table.index[0]), color="#1f4e79", linewidth=0.8)
-        said = why.get(name)
-        source = said.column + (f" ({said.unit})" if said.unit not in said.column else "") if said else "derived"
+        reading = why.get(name)
+        source = "derived"
+        if reading:
+            source = reading.column + (f" ({reading.unit})" if reading.unit not in reading.column else "")
         axes.set_title(f"{name}  ←  {source}", fontsize=8, loc="left")
-        axes.set_ylabel(channel_unit(name, known), fontsize=8)
+        axes.set_ylabel(channel_unit(name, channels), fontsize=8)
         axes.tick_params(labelsize=7)
     figure.supxlabel(f"minutes since {table.index[0]:%Y-%m-%d %H:%M:%S} UTC", fontsize=8)
     FigureCanvasAgg(figure)
@@ -77,9 +79,9 @@ def draw_preview(raw: RawTable, proposal: Proposal, path: Path) -> None:
 
 def _line(column: pd.Series[float], circular: bool, start: pd.Timestamp) -> tuple[Floats, Floats]:
     """Minutes since the start and values of a line; an angle's is broken where it crosses the whole turn."""
-    there = column.dropna()
-    times = np.asarray((pd.DatetimeIndex(there.index) - start) / pd.Timedelta(minutes=1), dtype=np.float64)
-    values: Floats = there.to_numpy().astype(np.float64)
+    present = column.dropna()
+    times = np.asarray((pd.DatetimeIndex(present.index) - start) / pd.Timedelta(minutes=1), dtype=np.float64)
+    values: Floats = present.to_numpy().astype(np.float64)
     if not circular or values.size == 0 or np.ptp(unwrap(values)) == 0.0:
         return times, values
     breaks = wraps_of(values)

@@ -47,7 +47,7 @@ class Proposal:
     @property
     def unanswered(self) -> tuple[Question, ...]:
         """The questions that have to be answered before an import."""
-        return tuple(each for each in self.questions if each.default is None)
+        return tuple(question for question in self.questions if question.default is None)
 
 
 def propose(
@@ -69,21 +69,21 @@ def propose(
     if vessel:
         draft.tree["trial"] = {"vessel": vessel}
     used = set(read_time(draft))
-    draft.candidates = [each for each in draft.candidates if each.column not in used]
+    draft.candidates = [candidate for candidate in draft.candidates if candidate.column not in used]
     seconds = _seconds(draft)
-    known = Known(draft, seconds, grid_of(seconds))
-    _complete(known, read_channels(known, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
-    _check_times(known)
-    _drop_text(known)
-    asked = any(each.default is None for each in draft.questions)
+    context = Known(draft, seconds, grid_of(seconds))
+    _complete(context, read_channels(context, ship) or DEFAULT_SHIP, ship_is_known=bool(ship))
+    _check_times(context)
+    _drop_text(context)
+    asked = any(question.default is None for question in draft.questions)
     if not asked and not draft.tree.get("channels") and "position" not in draft.tree:
         raise InputError("has no column that is a channel", where=str(raw.path), fix="give a map with --columns")
     for key in [key for key in draft.answers if key not in draft.used]:
         draft.warnings.append(
             f"the answer {key}={draft.answers[key]} is not used: the table leaves no such question"
         )
-    used |= {each.column for each in draft.readings}
-    comments = {each.taken_for: "; ".join(each.reasons) for each in draft.readings}
+    used |= {reading.column for reading in draft.readings}
+    comments = {reading.taken_for: "; ".join(reading.reasons) for reading in draft.readings}
     passed = tuple(name for name in map(str, draft.raw.columns.columns) if name not in used)
     text = as_toml(_in_order(draft.tree), comments)
     return Proposal(text, tuple(draft.readings), tuple(draft.questions), tuple(draft.warnings), passed)
@@ -98,10 +98,10 @@ def _in_order(tree: dict[str, Any]) -> dict[str, Any]:
 
 def _find_long(draft: Draft) -> None:
     """Spread a table that has a row for each value."""
-    found = candidates_of(draft.raw)
+    candidates = candidates_of(draft.raw)
 
     def of(*names: str) -> list[str]:
-        return [each.column for each in found if each.quantity.name in names]
+        return [candidate.column for candidate in candidates if candidate.quantity.name in names]
 
     keys, values = of("time", "date"), of("value")
     for variable in of("variable"):
@@ -111,9 +111,9 @@ def _find_long(draft: Draft) -> None:
         if text and keys and values and 1 < len(names) <= min(_MOST_VARIABLES, column.size // 2):
             long = Long(variable, values[0], next(iter(of("unit")), None))
             draft.tree["long"] = {key: value for key, value in vars(long).items() if value is not None}
-            draft.raw, twice = widen(draft.raw, long, keys, names)
-            if twice:
-                draft.warnings.append(f"{twice:,} values come twice of one variable and time; the last counts")
+            draft.raw, duplicates = widen(draft.raw, long, keys, names)
+            if duplicates:
+                draft.warnings.append(f"{duplicates:,} values come twice of one variable and time; the last counts")
             return
 
 
@@ -124,25 +124,25 @@ def _seconds(draft: Draft) -> Floats:
     draft.raw = timed.raw
     draft.warnings.extend(timed.remarks)
     ns = timed.index.asi8
-    known = ~np.asarray(timed.index.isna())
+    has_time = ~np.asarray(timed.index.isna())
     cells = draft.raw.columns[time.column]
-    if not known.any():
+    if not has_time.any():
         example = next(iter(cells.dropna()), "")
         what = f"no time of column {time.column!r} can be read, like {str(example)!r}"
         raise InputError(what, where=str(draft.raw.path))
-    if not known.all():
+    if not has_time.all():
         draft.tree["unreadable_rows"] = "drop"
-        row = int(np.flatnonzero(~known)[0])
+        row = int(np.flatnonzero(~has_time)[0])
         draft.warnings.append(
-            f"{int((~known).sum()):,} rows have no time that can be read, like {str(cells.iloc[row])!r} in row"
+            f"{int((~has_time).sum()):,} rows have no time that can be read, like {str(cells.iloc[row])!r} in row"
             f" {row + 1}; they are dropped"
         )
-    return np.where(known, (ns - ns[known][0]) / 1e9, np.nan)
+    return np.where(has_time, (ns - ns[has_time][0]) / 1e9, np.nan)
 
 
-def _complete(known: Known, ship: Actuators, *, ship_is_known: bool) -> None:
+def _complete(context: Known, ship: Actuators, *, ship_is_known: bool) -> None:
     """Put the channels into the map, those that follow from them, and those that are absent."""
-    draft, has = known.draft, set(known.channels) | set(known.series)
+    draft, has = context.draft, set(context.channels) | set(context.series)
     wanted = [name for name in _derivable(has) if name not in has]
     if "heading_deg" not in has and "north_m" in has:
         draft.warnings.append("no column tells the heading: surge, sway and yaw rate are left out")
@@ -154,10 +154,10 @@ def _complete(known: Known, ship: Actuators, *, ship_is_known: bool) -> None:
             has |= {"wind_direction_deg", "wind_speed_mps"}
         else:
             del draft.tree["apparent_wind"]
-    draft.tree["channels"] = known.channels
+    draft.tree["channels"] = context.channels
     states_ship = ship_is_known or "actuator" in draft.tree
     draft.tree["absent"] = [name for name in required_names(ship, has, known=states_ship) if name not in has]
-    _declare(known)
+    _declare(context)
 
 
 def _derivable(has: set[str]) -> tuple[str, ...]:
@@ -168,10 +168,10 @@ def _derivable(has: set[str]) -> tuple[str, ...]:
     return ("speed_over_ground_mps", "course_over_ground_deg") if "north_m" in has else ()
 
 
-def _drop_text(known: Known) -> None:
+def _drop_text(context: Known) -> None:
     """Let rows go in which a column of numbers holds a word, if they are few, and say which."""
-    draft = known.draft
-    for column in dict.fromkeys(str(entry["column"]) for entry in known.channels.values()):
+    draft = context.draft
+    for column in dict.fromkeys(str(entry["column"]) for entry in context.channels.values()):
         cells = draft.raw.columns[column]
         words = no_numbers(cells)
         if 0 < np.count_nonzero(words) <= _MOST_WORDS * cells.notna().sum():
@@ -183,9 +183,9 @@ def _drop_text(known: Known) -> None:
             )
 
 
-def _declare(known: Known) -> None:
+def _declare(context: Known) -> None:
     """Let shaft power and torque be channels that the map declares."""
-    draft = known.draft
+    draft = context.draft
     for name, (channel, unit) in _DECLARED.items():
         candidate = best(draft, name)
         if candidate is None:
@@ -195,26 +195,26 @@ def _declare(known: Known) -> None:
             draft.note(candidate.column, "-", "", "left out: no unit")
             continue
         draft.tree.setdefault("channel", []).append({"name": channel, "unit": unit, "range": [-1e5, 1e5]})
-        known.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
+        context.channels[channel] = {"column": candidate.column, "unit": candidate.units[0]}
         draft.note(candidate.column, channel, candidate.units[0], "declared in the map")
 
 
-def _check_times(known: Known) -> None:
+def _check_times(context: Known) -> None:
     """Say so where span, step or track cannot be a trial's."""
-    there = np.isfinite(known.t)
-    steps, warnings = np.diff(known.t[there]), known.draft.warnings
+    has_time = np.isfinite(context.t)
+    steps, warnings = np.diff(context.t[has_time]), context.draft.warnings
     if steps.size == 0:
         return
-    span, usual = float(np.ptp(known.t[there])), float(np.median(np.abs(steps)))
+    span, usual = float(np.ptp(context.t[has_time])), float(np.median(np.abs(steps)))
     if span > _LONGEST_S:
         days = span / 86_400
         warnings.append(f"the table lasts {days:.0f} days: day and month in the wrong order, or ms for s?")
     elif 0.0 < usual < _SHORTEST_STEP_S:
         warnings.append(f"rows are {usual:.2g} s apart: the times may be in a larger unit")
     forward = steps > 0.0
-    if "north_m" not in known.series or not forward.any():
+    if "north_m" not in context.series or not forward.any():
         return
-    moved = np.hypot(*(np.diff(known.series[name][there]) for name in ("north_m", "east_m")))
+    moved = np.hypot(*(np.diff(context.series[name][has_time]) for name in ("north_m", "east_m")))
     speed = float(np.nanmedian(moved[forward] / steps[forward]))
     if speed > FASTEST_MPS:
         warnings.append(

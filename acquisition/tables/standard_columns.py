@@ -37,26 +37,26 @@ def judge_columns(file: TableFile, raw: RawTable, time: TimeColumn, answers: Map
     check_keys(answers, names)
     draft.candidates = with_answers(draft)
     seconds = seconds_of(pd.DatetimeIndex(file.table.index))
-    known = Known(draft, seconds, grid_of(seconds))
-    read_motion(known)
+    context = Known(draft, seconds, grid_of(seconds))
+    read_motion(context)
     if unused := [key for key in answers if key not in draft.used]:
         raise ConfigurationError(
             f"the answer {', '.join(unused)} is to no question of this table", fix="name a column map"
         )
-    if (question := next((each for each in draft.questions if each.default is None), None)) is not None:
+    if (question := next((entry for entry in draft.questions if entry.default is None), None)) is not None:
         raise InputError(str(question), where=str(raw.path))
     file.remarks = (*file.remarks, *draft.warnings)
-    _convert(file, raw, time, known)
+    _convert(file, raw, time, context)
 
 
-def _convert(file: TableFile, raw: RawTable, time: TimeColumn, known: Known) -> None:
+def _convert(file: TableFile, raw: RawTable, time: TimeColumn, context: Known) -> None:
     """Put the channels that are not as their names state into the table, as a map of them would."""
-    velocity = known.draft.tree.get("velocity")
-    channels = {name: entry for name, entry in known.channels.items() if _is_changed(name, entry)}
+    velocity = context.draft.tree.get("velocity")
+    channels = {name: entry for name, entry in context.channels.items() if _is_changed(name, entry)}
     if not channels and not velocity:
         return
     if velocity:
-        channels |= {"heading_deg": known.channels["heading_deg"]}
+        channels |= {"heading_deg": context.channels["heading_deg"]}
     columns = ColumnMap(
         time=time,
         channels={name: Column(**entry) for name, entry in channels.items()},

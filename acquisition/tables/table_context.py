@@ -46,51 +46,51 @@ class Known:
 
 def best(draft: Draft, name: str) -> Candidate | None:
     """The likeliest column for a quantity; the others are said to be left."""
-    found = draft.of(name)
-    for each in found[1:]:
-        draft.note(each.column, "-", "", f"not used: {found[0].column!r} is taken for it")
-    return found[0] if found else None
+    candidates = draft.of(name)
+    for candidate in candidates[1:]:
+        draft.note(candidate.column, "-", "", f"not used: {candidates[0].column!r} is taken for it")
+    return candidates[0] if candidates else None
 
 
-def take(known: Known, name: str, candidate: Candidate, unit: str, *why: str, **more: Any) -> None:
+def take(context: Known, name: str, candidate: Candidate, unit: str, *why: str, **more: Any) -> None:
     """Let a column be a channel."""
-    channel, column, draft = BY_NAME[name], candidate.column, known.draft
+    channel, column, draft = BY_NAME[name], candidate.column, context.draft
     entry: dict[str, Any] = {"column": column, "unit": unit}
     factor = more["full_scale"] / 100.0 if more else scale_to(channel.unit, unit)
     values = draft.numbers(column)
     if missing := evidence.codes_of(values, factor, channel):
         entry["missing"] = missing
-        why = (*why, f"{', '.join(f'{each:g}' for each in missing)} stands for no value")
+        why = (*why, f"{', '.join(f'{code:g}' for code in missing)} stands for no value")
         values = evidence.without_codes(values, missing)
-    known.channels[name] = entry | more
-    known.series[name] = values * factor
+    context.channels[name] = entry | more
+    context.series[name] = values * factor
     draft.note(column, name, unit, *why)
     if np.isnan(values).all():
         draft.warnings.append(f"column {column!r}, taken for {name}, holds no value at all")
 
 
-def take_best(known: Known, name: str, unit_of: Callable[[Known, Candidate, str], Told | None]) -> None:
+def take_best(context: Known, name: str, unit_of: Callable[[Known, Candidate, str], Told | None]) -> None:
     """Let the likeliest column for a channel be it, in the unit that is found."""
-    candidate = best(known.draft, name)
-    if candidate is not None and (told := unit_of(known, candidate, name)):
-        take(known, name, candidate, *told)
+    candidate = best(context.draft, name)
+    if candidate is not None and (unit_guess := unit_of(context, candidate, name)):
+        take(context, name, candidate, *unit_guess)
 
 
-def turn_round(known: Known, name: str, why: str) -> None:
+def turn_round(context: Known, name: str, why: str) -> None:
     """Change the sign of a channel that was taken."""
-    column = count_otherwise(known, name, -1.0, 0.0, f"sign turned: {why}")
-    known.draft.warnings.append(f"the sign of {column!r} is turned round: {why}")
+    column = count_otherwise(context, name, -1.0, 0.0, f"sign turned: {why}")
+    context.draft.warnings.append(f"the sign of {column!r} is turned round: {why}")
 
 
-def count_otherwise(known: Known, name: str, scale: float, offset: float, why: str) -> str:
+def count_otherwise(context: Known, name: str, scale: float, offset: float, why: str) -> str:
     """Let a channel that was taken be ``scale`` times what it was, plus ``offset``; the column's name."""
-    entry, readings = known.channels[name], known.draft.readings
+    entry, readings = context.channels[name], context.draft.readings
     entry["scale"] = scale * entry.get("scale", 1.0)
     if shifted := scale * entry.get("offset", 0.0) + offset:
         entry["offset"] = shifted
-    values = scale * known.series[name] + offset
-    known.series[name] = wrap_360(values) if name == "heading_deg" else values
-    place = next(i for i, each in enumerate(readings) if each.taken_for == name)
+    values = scale * context.series[name] + offset
+    context.series[name] = wrap_360(values) if name == "heading_deg" else values
+    place = next(i for i, reading in enumerate(readings) if reading.taken_for == name)
     readings[place] = replace(readings[place], reasons=(*readings[place].reasons, why))
     return readings[place].column
 
@@ -101,40 +101,40 @@ def asked(draft: Draft, key: str, text: str, options: tuple[str, ...]) -> Told |
     return None if answer == SKIP else (answer or options[0], "as answered")
 
 
-def changes_of(known: Known, *names: str) -> list[Floats]:
+def changes_of(context: Known, *names: str) -> list[Floats]:
     """How much channels change from one moment of the grid to the next; empty where that cannot be told."""
-    if known.grid.size < 3 or not set(names) <= set(known.series):
+    if context.grid.size < 3 or not set(names) <= set(context.series):
         return []
-    turning = {"heading_deg": unwrap(known.series["heading_deg"])} if "heading_deg" in names else {}
-    return [increments(known.t, (known.series | turning)[name], known.grid) for name in names]
+    turning = {"heading_deg": unwrap(context.series["heading_deg"])} if "heading_deg" in names else {}
+    return [increments(context.t, (context.series | turning)[name], context.grid) for name in names]
 
 
-def moves_of(known: Known) -> Complexes | None:
+def moves_of(context: Known) -> Complexes | None:
     """The ship's moves between the moments of the grid, north + i east, by position or by course and speed."""
-    if measured := changes_of(known, *POSITION):
-        gap = over_gaps(known.t[np.isfinite(known.series["north_m"])], known.grid)
+    if measured := changes_of(context, *POSITION):
+        gap = over_gaps(context.t[np.isfinite(context.series["north_m"])], context.grid)
         return np.where(gap, np.nan, measured[0] + 1j * measured[1])
-    if known.grid.size < 3 or not set(GROUND) <= set(known.series):
+    if context.grid.size < 3 or not set(GROUND) <= set(context.series):
         return None
-    course, speed = (known.series[name] for name in GROUND)
-    return travelled(known, np.asarray(speed * np.exp(1j * np.deg2rad(course))))
+    course, speed = (context.series[name] for name in GROUND)
+    return travelled(context, np.asarray(speed * np.exp(1j * np.deg2rad(course))))
 
 
-def travelled(known: Known, velocity: Complexes) -> Complexes:
+def travelled(context: Known, velocity: Complexes) -> Complexes:
     """What a velocity [n] adds up to from one moment of the grid to the next."""
-    north, east = (integrals(known.t, part, known.grid) for part in (np.real(velocity), np.imag(velocity)))
+    north, east = (integrals(context.t, part, context.grid) for part in (np.real(velocity), np.imag(velocity)))
     return np.asarray(north + 1j * east)
 
 
-def mean_angle(known: Known, angle_deg: Floats) -> Floats:
+def mean_angle(context: Known, angle_deg: Floats) -> Floats:
     """The mean of an angle [n, deg], not wrapped, between the moments of the grid."""
-    return means(known.t, unwrap(angle_deg), known.grid)
+    return means(context.t, unwrap(angle_deg), context.grid)
 
 
-def rate_unit(known: Known, candidate: Candidate, found: Fit, kind: Rate) -> Told | None:
+def rate_unit(context: Known, candidate: Candidate, regression: Fit, kind: Rate) -> Told | None:
     """A rate's unit as the head says, else as the fit does; an oddness between the two is said."""
     if not candidate.headed:
-        return evidence.rate_by_fit(found, kind)
-    if odd := evidence.odd_factor(candidate.column, candidate.units[0], found, kind):
-        known.draft.warnings.append(odd)
+        return evidence.rate_by_fit(regression, kind)
+    if remark := evidence.odd_factor(candidate.column, candidate.units[0], regression, kind):
+        context.draft.warnings.append(remark)
     return candidate.headed

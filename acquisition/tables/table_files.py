@@ -201,20 +201,22 @@ def _read_sheet(path: Path) -> RawTable:
     require_package("python_calamine", "excel", path)
     sheets = read_in_child(FOREIGN_READER, "sheets", path)
     about = sheets.get("about", [])
-    ours = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
+    is_export = "data" in sheets and about[:1] == [ABOUT_COLUMNS]
     rows: list[Any] = (
         sheets["data"]
-        if ours
-        else max(sheets.values(), key=lambda each: sum(any(cell != "" for cell in row) for row in each), default=[])
+        if is_export
+        else max(
+            sheets.values(), key=lambda sheet: sum(any(cell != "" for cell in row) for row in sheet), default=[]
+        )
     )
     read = frame_of_rows(rows)
     frame = read.frame
-    if ours and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
+    if is_export and UTC_COLUMN in frame and "time" not in frame:  # people may have changed it since
         times = [f"{cell}Z" if _NAIVE_TIME.fullmatch(str(cell)) else cell for cell in frame[UTC_COLUMN]]
         frame = frame.assign(**{UTC_COLUMN: times}).rename(columns={UTC_COLUMN: "time"})
     refuse_twins(list(frame.columns), path)
-    said = {name: value for what, name, value in about if what == "trial"} if ours else {}
-    return RawTable.of_rows(path, replace(read, frame=frame), trial_of(said))
+    entries = {name: value for what, name, value in about if what == "trial"} if is_export else {}
+    return RawTable.of_rows(path, replace(read, frame=frame), trial_of(entries))
 
 
 def _read_gpx(path: Path) -> RawTable:
@@ -268,9 +270,9 @@ def require_package(module: str, extra: str, path: Path) -> None:
 
 def _trial_beside(path: Path) -> Trial:
     """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
-    beside = path.with_name(f"{path.name}.json")
+    sidecar = path.with_name(f"{path.name}.json")
     try:
-        return trial_of(read_json(beside)["trial"])
+        return trial_of(read_json(sidecar)["trial"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return Trial()
 

@@ -95,11 +95,13 @@ def find_layout(rows: Sequence[Sequence[Any]]) -> Layout:
         return Layout(tuple(f"column {place + 1}" for place in range(width)), None, first)
     named = named or [0]
     of_units = [number for number in named[1:] if _is_unit_row(rows[number])]
-    header = max((each for each in named if each not in of_units), key=lambda each: (_known_in(rows[each]), each))
-    names = _full_names(rows, header, [each for each in named if each not in of_units], width)
+    header = max(
+        (number for number in named if number not in of_units), key=lambda number: (_known_in(rows[number]), number)
+    )
+    names = _full_names(rows, header, [number for number in named if number not in of_units], width)
     if names and names[0][:1] in _COMMENT:
         names[0] = names[0].lstrip(f"{_COMMENT} ")
-    unit_row = next((rows[each] for each in of_units if each > header), [])
+    unit_row = next((rows[number] for number in of_units if number > header), [])
     units = {place: str(cell).strip() for place, cell in enumerate(unit_row) if _filled(cell)}
     by_name = {names[place]: text for place, text in units.items() if place < len(names) and text != "-"}
     return Layout(tuple(names), header, min(max(first, header + 1), len(rows)), by_name)
@@ -112,9 +114,11 @@ def _known_in(row: Sequence[Any]) -> int:
 def _full_names(rows: Sequence[Sequence[Any]], header: int, named: Sequence[int], width: int) -> list[str]:
     """The names of a header, with those of the row above or below where that makes another, known name of them."""
     names = [_name(cell) for cell in rows[header]]
-    twice = {name for name, count in Counter(names).items() if count > 1 and name}
+    repeated = {name for name, count in Counter(names).items() if count > 1 and name}
     groups = (
-        rows[header - 1] if header and (twice or header - 1 in named) and not _has_number(rows[header - 1]) else []
+        rows[header - 1]
+        if header and (repeated or header - 1 in named) and not _has_number(rows[header - 1])
+        else []
     )
     below = rows[header + 1] if header + 1 in named else []
     above = ""
@@ -122,7 +126,7 @@ def _full_names(rows: Sequence[Sequence[Any]], header: int, named: Sequence[int]
         above = _name(groups[place]) if place < len(groups) and _filled(groups[place]) else above
         behind = _name(below[place]) if place < len(below) else ""
         for full in (f"{above} {name}" if above else "", f"{name} {behind}" if behind else ""):
-            if full and name and (matches(headed(full).name) or name in twice):
+            if full and name and (matches(headed(full).name) or name in repeated):
                 names[place] = full
                 break
     return names
@@ -172,8 +176,8 @@ def _without_repeated(content: str, head: Sequence[str], header: int | None) -> 
     if header is None or head[header] not in content:
         return content, 0
     lines = set(head[header:])
-    kept = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
-    return "".join(kept), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
+    remaining = [line for line in _lines(content) if line.rstrip("\r\n") not in lines]
+    return "".join(remaining), sum(line.rstrip("\r\n") == head[header] for line in _lines(content))
 
 
 def _refuse_another_table(content: str, before: int, name: str, delimiter: str) -> None:
@@ -304,16 +308,16 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 def _delimiter(lines: Sequence[str]) -> str:
     """What divides most lines into equally many cells; of several, what the first of them has."""
-    best, found = 0.0, ","
+    best, likeliest = 0.0, ","
     for delimiter in _DELIMITERS:
         counts = Counter(len(_split(line, delimiter)) for line in lines)
-        width, count = max(counts.items(), key=lambda each: (each[0] > 1, each[1]))
+        width, count = max(counts.items(), key=lambda entry: (entry[0] > 1, entry[1]))
         share = count / len(lines) if width > 1 else 0.0
         if share > best + 0.05:
-            best, found = share, delimiter
+            best, likeliest = share, delimiter
     if best == 0.0 and len({len(line.split()) for line in lines[-10:]}) == 1 and len(lines[-1].split()) > 1:
         return " "
-    return found
+    return likeliest
 
 
 def _decimal_is_comma(cells: Sequence[str], delimiter: str) -> bool:
@@ -329,14 +333,14 @@ def _ungrouped(column: pd.Series[Any], decimal: str) -> pd.Series[Any]:
         return column
     text = column.dropna().astype(str).str.strip()
     grouped = text.str.fullmatch(_GROUPED[decimal])
-    other = "." if decimal == "," else ","
+    separator = "." if decimal == "," else ","
     if (
         text.empty
         or not grouped.any()
-        or not text.str.fullmatch(rf"[+-]?[\d{re.escape(other)}]*({re.escape(decimal)}\d*)?").all()
+        or not text.str.fullmatch(rf"[+-]?[\d{re.escape(separator)}]*({re.escape(decimal)}\d*)?").all()
     ):
         return column
-    plain = text.str.replace(other, "", regex=False).str.replace(decimal, ".", regex=False)
+    plain = text.str.replace(separator, "", regex=False).str.replace(decimal, ".", regex=False)
     return pd.to_numeric(plain).reindex(column.index)
 
 

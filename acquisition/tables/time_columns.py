@@ -167,8 +167,8 @@ def resolve_times(raw: RawTable, time: TimeColumn, *, strict: bool = False) -> T
             raise _without_zone(raw, time, int(np.flatnonzero(naive)[0]))
         time_ns[naive], remark = to_utc(local_ns[naive], zone)
         remarks += [remark] if remark else []
-    if time.format != "seconds" and time.start is not None and (known := time_ns != _NO_TIME).any():
-        time_ns[known] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[known][0]
+    if time.format != "seconds" and time.start is not None and (valid := time_ns != _NO_TIME).any():
+        time_ns[valid] += pd.Timestamp(time.start).as_unit("ns").value - time_ns[valid][0]
     time_ns, remark = _storable(time_ns, time.column)
     remarks += [remark] if remark else []
     if not remark and (time.format != "seconds" or time.start is None):
@@ -220,9 +220,9 @@ def _ns(times: pd.Series[Any]) -> tuple[Ints, Bools]:
     """Times as ns since 1970, and whether they are UTC. What is beyond nanoseconds has none."""
     is_utc = isinstance(times.dtype, pd.DatetimeTZDtype)
     plain = times.dt.tz_convert("UTC").dt.tz_localize(None) if is_utc else times
-    known = plain.dropna()
-    if len(known) and (known < _FIRST_NS).mean() > 0.5:  # a program's year 1: from the first day of 1970
-        plain = plain.dt.as_unit("us") - (known.iloc[0].normalize() - pd.Timestamp(0).as_unit("us"))
+    present = plain.dropna()
+    if len(present) and (present < _FIRST_NS).mean() > 0.5:  # a program's year 1: from the first day of 1970
+        plain = plain.dt.as_unit("us") - (present.iloc[0].normalize() - pd.Timestamp(0).as_unit("us"))
     in_range = (plain >= _FIRST_NS) & (plain < pd.Timestamp(STORABLE[1]))
     values = plain.where(in_range).dt.as_unit("ns").to_numpy()
     return values.astype("datetime64[ns]").view(np.int64), np.full(len(times), is_utc)
@@ -270,8 +270,8 @@ def _from_gps_weeks(raw: RawTable, time: TimeColumn) -> tuple[Ints, Bools]:
     )
     micros = np.rint(passed * (NS_IN[time.unit] / 1000.0))
     valid = (weeks >= 0.0) & (weeks < _MOST_WEEKS) & (micros >= 0.0) & (micros <= _WEEK_NS / 1000)
-    whole = np.where(valid, weeks, 0.0).astype(np.int64) * _WEEK_NS
-    gps_ns = _GPS_EPOCH_NS + whole + np.where(valid, micros, 0.0).astype(np.int64) * 1000
+    week_ns = np.where(valid, weeks, 0.0).astype(np.int64) * _WEEK_NS
+    gps_ns = _GPS_EPOCH_NS + week_ns + np.where(valid, micros, 0.0).astype(np.int64) * 1000
     return np.where(valid, gps_ns, _NO_TIME), np.zeros(gps_ns.size, dtype=bool)
 
 
@@ -317,10 +317,12 @@ def _counted(raw: RawTable, column: pd.Series[Any], time: TimeColumn) -> Ints:
     if numbers.dtype.kind in "iu":
         counted: Ints = np.where(valid, numbers.to_numpy().astype(np.int64), 0) * unit_ns
     else:
-        whole = np.floor(np.where(valid, values, 0.0))
+        whole_counts = np.floor(np.where(valid, values, 0.0))
         finest = _MICRO if start is None and time.unit == "s" else unit_ns
-        part = np.rint((np.where(valid, values, 0.0) - whole) * finest).astype(np.int64) * (unit_ns // finest)
-        counted = whole.astype(np.int64) * unit_ns + part
+        part = np.rint((np.where(valid, values, 0.0) - whole_counts) * finest).astype(np.int64) * (
+            unit_ns // finest
+        )
+        counted = whole_counts.astype(np.int64) * unit_ns + part
     return np.where(valid, begin_ns + counted, _NO_TIME)
 
 
@@ -328,14 +330,14 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
     """The instant that the seconds count from, by the time that the file's name holds."""
     form = time.in_name or ""
     parts = (_IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
-    found = re.search("".join(parts), raw.path.name)
+    match = re.search("".join(parts), raw.path.name)
     counted = pd.to_numeric(raw.columns[time.column], errors="coerce") * (NS_IN[time.unit] / NANO)
     passed_s = float(counted.max() if time.name_tells == "end" else counted.min())
     try:
         if form == TEXT:
             local = pd.Timestamp(time_in_name(raw.path.name) or "")
         else:
-            local = pd.Timestamp(datetime.strptime(found[0] if found else "", form))
+            local = pd.Timestamp(datetime.strptime(match[0] if match else "", form))
         utc_ns = to_utc(np.array([local.as_unit("ns").value]), time.zone or "UTC")[0][0]
         passed = pd.Timedelta(0 if np.isnan(passed_s) else round(1e6 * passed_s), "us")
         return str(pd.Timestamp(int(utc_ns), tz="UTC") - passed)
@@ -364,10 +366,10 @@ def _from_serial_days(column: pd.Series[Any], system: str) -> pd.Series[Any]:
 
 def _over_midnights(local_ns: Ints) -> Ints:
     """Times of day, all of one date, that run on to the next day where they fall by more than half a day."""
-    known = local_ns != _NO_TIME
-    days = np.cumsum(np.diff(local_ns[known], prepend=local_ns[known][:1]) < -DAY_NS // 2)
+    valid = local_ns != _NO_TIME
+    days = np.cumsum(np.diff(local_ns[valid], prepend=local_ns[valid][:1]) < -DAY_NS // 2)
     result = local_ns.copy()
-    result[known] += days * DAY_NS
+    result[valid] += days * DAY_NS
     return result
 
 
@@ -376,19 +378,19 @@ def _storable(time_ns: Ints, column: str) -> tuple[Ints, str]:
 
     Years such as 0001 and 9999 are what programs write that know no time.
     """
-    known, time_ns = time_ns != _NO_TIME, time_ns.copy()
-    early = known & (time_ns < 0)
+    valid, time_ns = time_ns != _NO_TIME, time_ns.copy()
+    early = valid & (time_ns < 0)
     remark = ""
-    if np.count_nonzero(early) > np.count_nonzero(known) / 2:
-        first = int(np.flatnonzero(known)[0])
+    if np.count_nonzero(early) > np.count_nonzero(valid) / 2:
+        first = int(np.flatnonzero(valid)[0])
         was, now = time_ns[first], time_ns[first] % DAY_NS
-        time_ns[known] += now - was
+        time_ns[valid] += now - was
         remark = (
             f"the times of {column!r} begin on {_iso(was)}: moved to 1970, so that durations are kept;"
             " --answer start=2026-05-17T12:00:00Z is the first row's time"
         )
-        early = known & (time_ns < 0)
-    return np.where(known & ~early & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
+        early = valid & (time_ns < 0)
+    return np.where(valid & ~early & (time_ns < _LAST_NS), time_ns, _NO_TIME), remark
 
 
 def _clock_remarks(time_ns: Ints, time: TimeColumn) -> list[str]:
@@ -429,9 +431,9 @@ def _refuse_unread(raw: RawTable, time: TimeColumn, missing: Bools) -> None:
     rows = np.flatnonzero(missing)
     if not rows.size:
         return
-    given = raw.columns[time.column].iloc[rows[0]]
+    cell = raw.columns[time.column].iloc[rows[0]]
     form = "an ISO 8601 time" if time.format in ("iso", "seconds") else f"a time of the form {time.format}"
-    what = "has no time" if pd.isna(given) else f"holds {str(given)!r}, which is not {form}"
+    what = "has no time" if pd.isna(cell) else f"holds {str(cell)!r}, which is not {form}"
     what, why = f"row {rows[0] + 1} of column {time.column!r} {what}", f"{rows.size} such rows"
     fix = "give every row a time like 2026-05-17T12:00:00Z, of the years 1970 to 2261"
     raise InputError(what, where=str(raw.path), why=why, fix=fix)

@@ -83,8 +83,8 @@ def _no_time(draft: Draft, columns: list[str]) -> InputError:
             return InputError(
                 f"column {column!r} holds {str(text)!r}, which is no known time", where=where, fix=fix
             )
-    given = ", ".join(map(repr, list(draft.raw.columns.columns)[:8]))
-    return InputError("has no time column", where=where, why=f"it has {given}", fix=fix)
+    names = ", ".join(map(repr, list(draft.raw.columns.columns)[:8]))
+    return InputError("has no time column", where=where, why=f"it has {names}", fix=fix)
 
 
 def _cells(draft: Draft, column: str) -> pd.Series[Any]:
@@ -118,14 +118,14 @@ def _unnamed_time(draft: Draft) -> str | None:
 
     A number is one only if its name has a word for time: others are as large.
     """
-    found = {"count": list[str](), "both": list[str]()}
+    candidates = {"count": list[str](), "both": list[str]()}
     for column in map(str, draft.raw.columns.columns):
         kind = _kind_of(draft, column)
         if kind == "both" or (
             kind == "count" and TIME_WORDS & set(words_of(column)) and _goes_forward(draft, column)
         ):
-            found[kind].append(column)
-    return next(iter(found["count"] + found["both"]), None)
+            candidates[kind].append(column)
+    return next(iter(candidates["count"] + candidates["both"]), None)
 
 
 def _goes_forward(draft: Draft, column: str) -> bool:
@@ -222,25 +222,28 @@ def _put_text(draft: Draft, entry: dict[str, Any], why: str) -> tuple[str, ...]:
 def _order(draft: Draft, stamps: list[Stamp]) -> tuple[Order, str]:
     """The order of the numbers in a column's dates, and why: as answered, as the whole column decides, or asked."""
     order, why = date_order(stamps)
-    possible = [each for each in ORDERS if all(each in stamp.orders for stamp in stamps)]
+    possible = [option for option in ORDERS if all(option in stamp.orders for stamp in stamps)]
     example = next((stamp for stamp in stamps if len(stamp.orders) > 1), stamps[0])
     answer = draft.answers.get("date_order")
     if answer is not None and possible and answer not in possible:
         against = next(stamp for stamp in stamps if answer not in stamp.orders)
         raise ConfigurationError(f"answer date_order={answer} cannot be used", why=f"there is {against.text!r}")
     if why == YEAR_LAST and answer is None:
-        others = [each for each in possible if each != order]
-        readings = [pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in (order, *others)]
+        alternatives = [option for option in possible if option != order]
+        readings = [
+            pd.Timestamp(example.local_ns(option)).strftime("%-d %B %Y") for option in (order, *alternatives)
+        ]
         draft.warnings.append(
             f"{example.text!r} is taken for {readings[0]}, as {why};"
-            f" --answer date_order={others[0]} for {readings[1]}"
+            f" --answer date_order={alternatives[0]} for {readings[1]}"
         )
     if why and answer is None:
         return order, "" if len(example.orders) == 1 else f"{order.replace('-', ' ')}: {why}"
-    days = {each: pd.Timestamp(example.local_ns(each)).strftime("%-d %B %Y") for each in possible}
+    days = {option: pd.Timestamp(example.local_ns(option)).strftime("%-d %B %Y") for option in possible}
     text = f"is {example.text} the {' or the '.join(days.values())}?"
     answer = draft.ask("date_order", text, possible)
-    return (next((each for each in possible if each == answer), order)), "as answered" if answer else "not clear"
+    order = next((option for option in possible if option == answer), order)
+    return order, "as answered" if answer else "not clear"
 
 
 def _passed_of_week(draft: Draft, numbers: list[str]) -> Candidate | None:
@@ -249,8 +252,8 @@ def _passed_of_week(draft: Draft, numbers: list[str]) -> Candidate | None:
     weeks = next(iter(draft.of("gps_week")), None)
     if named or weeks is None or not np.nanmedian(draft.numbers(weeks.column)) >= _ROLLED_WEEKS:
         return named
-    times = [each for each in draft.of("time") if each.column in numbers]
-    return next((each for each in times if np.nanmax(draft.numbers(each.column)) <= _WEEK_S), None)
+    times = [candidate for candidate in draft.of("time") if candidate.column in numbers]
+    return next((candidate for candidate in times if np.nanmax(draft.numbers(candidate.column)) <= _WEEK_S), None)
 
 
 def _gps_week(draft: Draft, week: str, passed: Candidate) -> tuple[str, ...]:
@@ -276,13 +279,17 @@ def _unit_of_week(draft: Draft, passed: Candidate) -> str:
     return units[0] if units else "ms" if is_ms or largest > _WEEK_S else "s"
 
 
-def _seconds(draft: Draft, column: str, told: str = "") -> tuple[str, ...]:
+def _seconds(draft: Draft, column: str, stated_unit: str = "") -> tuple[str, ...]:
     """Seconds, or what else is counted, since some start."""
     values = draft.numbers(column)
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     usual = float(np.median(steps)) if steps.size else 1.0
-    units = (told,) if told else next((each.units for each in draft.candidates if each.column == column), ())
-    unit, why = next((each for each in units if each in NS_IN), "s"), "as its head says"
+    units = (
+        (stated_unit,)
+        if stated_unit
+        else next((candidate.units for candidate in draft.candidates if candidate.column == column), ())
+    )
+    unit, why = next((symbol for symbol in units if symbol in NS_IN), "s"), "as its head says"
     if not units:
         why = f"steps of {usual:g}"
         if usual >= 20.0 or "time_unit" in draft.answers:
@@ -350,16 +357,16 @@ def _zone(draft: Draft, column: str, entry: Mapping[str, Any], several: str) -> 
                 " if it is UTC: --answer zone=UTC"
             )
         return stated, f"{stated} by its name"
-    beside, zones = _zones_beside(draft) if not several and not stated else ("", ())
+    zone_column, zones = _zones_beside(draft) if not several and not stated else ("", ())
     if len(zones) == 1 and _is_zone(zones[0]) and "zone" not in draft.answers:
-        draft.note(beside, "zone of the time", "", "the same in all rows")
-        return zones[0], f"{zones[0]} by column {beside!r}"
+        draft.note(zone_column, "zone of the time", "", "the same in all rows")
+        return zones[0], f"{zones[0]} by column {zone_column!r}"
     several = several or stated or ", ".join(zones)
     text, default = f"column {column!r} names no zone; which is it (UTC, +02:00, Europe/Oslo ...)?", "UTC"
     if several:
         text = f"column {column!r} names the zone {several}, which stands for several; which is it (-06:00 ...)?"
     if zones:
-        text = f"column {beside!r} states the zone as {several}; which is that of the times (UTC, +02:00 ...)?"
+        text = f"column {zone_column!r} states the zone as {several}; which is that of the times (UTC, +02:00 ...)?"
     zone = draft.ask("zone", text, (), None if several or words & _LOCAL_WORDS else default)
     if "zone" in draft.answers:
         return zone or default, f"{zone} as answered"
@@ -390,7 +397,10 @@ def _zone_in(name: str) -> str:
     words = set(re.findall(r"[a-z]+", name.lower()))
     if match := _OFFSET.search(name):
         return re.sub(r"\s", "", match[0])
-    if place := next((each for each in re.findall(r"[A-Z]\w+/[\w/]+", name) if each in available_timezones()), ""):
+    if place := next(
+        (place_name for place_name in re.findall(r"[A-Z]\w+/[\w/]+", name) if place_name in available_timezones()),
+        "",
+    ):
         return place
     if words & _UTC_WORDS:
         return "UTC"

@@ -35,7 +35,7 @@ def stamps_in(raw: RawTable, column: str, date: str | None = None, day: str | No
         text = f"{day} " + text
     elif date is not None:
         text = as_date(raw.columns[date]) + " " + text
-    return [whole_stamp(each) if isinstance(each, str) else None for each in text.tolist()]
+    return [whole_stamp(cell) if isinstance(cell, str) else None for cell in text.tolist()]
 
 
 def whole_stamp(text: str) -> Stamp | None:
@@ -85,9 +85,9 @@ def with_digits(column: pd.Series[Any], digits: int) -> pd.Series[Any]:
     """Numbers with at least so many digits, their microseconds besides."""
     valid = ((column >= 0.0) & (column < _MOST_DIGITS)).to_numpy()
     numbers = np.where(valid, column.to_numpy(dtype=float), 0.0)
-    whole = np.floor(numbers)
-    micros = np.rint((numbers - whole) * _MICRO).astype(np.int64)
-    seconds = whole.astype(np.int64) + micros // _MICRO
+    whole_seconds = np.floor(numbers)
+    micros = np.rint((numbers - whole_seconds) * _MICRO).astype(np.int64)
+    seconds = whole_seconds.astype(np.int64) + micros // _MICRO
     pairs = zip(seconds.tolist(), (micros % _MICRO).tolist(), strict=True)
     text = [f"{second:0{digits}d}" + (f".{micro:06d}" if micro else "") for second, micro in pairs]
     return pd.Series(text, index=column.index, dtype="str").where(valid)
@@ -109,8 +109,8 @@ def time_in_head(lines: Sequence[str]) -> str | None:
         if (stamp := find_stamp(line)) and len(stamp.orders) == 1 and stamp.has_year
     ]
     begins = [stamp for line, stamp in stamps if _START.search(line)] or [stamp for _, stamp in stamps]
-    found = {stamp.local_ns(stamp.orders[0]) for stamp in begins}
-    return pd.Timestamp(found.pop()).isoformat() if len(found) == 1 else None
+    starts = {stamp.local_ns(stamp.orders[0]) for stamp in begins}
+    return pd.Timestamp(starts.pop()).isoformat() if len(starts) == 1 else None
 
 
 def time_in_name(name: str) -> str | None:

@@ -41,7 +41,9 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
     time before. A single row in an hour that does not exist has the offset before it.
     """
     if zone == GPS:
-        return local_ns - NANO * np.array([gps_ahead_s(each) for each in local_ns.tolist()], dtype=np.int64), ""
+        return local_ns - NANO * np.array(
+            [gps_ahead_s(instant_ns) for instant_ns in local_ns.tolist()], dtype=np.int64
+        ), ""
     ahead_s = offset_s(zone)
     if ahead_s is not None and zone not in available_timezones():
         return local_ns - ahead_s * NANO, ""
@@ -60,10 +62,10 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
             return _unchanged(local_ns, summer, run[0], f"the hour that comes twice in {zone}, once", "back")
         if start < 0:
             start = int(run[-1]) + 1
-            other = _offset(local_ns, winter, run[0])
+            winter_offset = _offset(local_ns, winter, run[0])
             remark = (
                 f"{run.size} rows of {_day(local_ns[run[0]])} are in the hour that comes twice in {zone}; nothing"
-                f" states which: summer time is taken, --answer zone={other} is the other"
+                f" states which: summer time is taken, --answer zone={winter_offset} is the other"
             )
         result[start : run[-1] + 1] = winter[start : run[-1] + 1]
     return result, remark
@@ -71,17 +73,17 @@ def to_utc(local_ns: Ints, zone: str) -> tuple[Ints, str]:
 
 def _utc_ns(local_ns: Ints, zone: str, fold: int) -> Ints:
     """UTC by the first (0) or the second meaning of a local time, which differ where clocks are changed."""
-    whole, part = np.divmod(local_ns, 900 * NANO)  # clocks are changed at quarters of an hour
-    quarters, places = np.unique(whole, return_inverse=True)
+    quarter_index, part = np.divmod(local_ns, 900 * NANO)  # clocks are changed at quarters of an hour
+    quarters, places = np.unique(quarter_index, return_inverse=True)
     info = ZoneInfo(zone)
     offsets = [
         (dt.datetime(1970, 1, 1) + dt.timedelta(seconds=900 * quarter)).replace(tzinfo=info, fold=fold).utcoffset()
         for quarter in quarters.tolist()
     ]
     ahead_ns = np.array(
-        [round((each or dt.timedelta()).total_seconds()) * NANO for each in offsets], dtype=np.int64
+        [round((offset or dt.timedelta()).total_seconds()) * NANO for offset in offsets], dtype=np.int64
     )
-    return np.asarray(whole * 900 * NANO + part - ahead_ns[places], dtype=np.int64)
+    return np.asarray(quarter_index * 900 * NANO + part - ahead_ns[places], dtype=np.int64)
 
 
 def _stretches(mask: Bools) -> list[Ints]:
