@@ -20,7 +20,7 @@ from analysis.manoeuvres.indices import Current, Index, Manoeuvre, index_of
 from analysis.manoeuvres.measures import half_width_s, smooth_motion
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.runs import LONGEST_BETWEEN_S, stopping_indices
-from analysis.manoeuvres.turning_circle import LEAST_TURN_DEG, REMOVED, circle_indices, remove_current
+from analysis.manoeuvres.turning_circle import REMOVED, circle_indices, remove_current, shows_current
 from analysis.manoeuvres.zigzag import zigzag_indices
 
 _TIDE_RADPS = 2.0 * np.pi / (12.42 * 3600.0)
@@ -43,8 +43,8 @@ def observations_of(runs: Sequence[Manoeuvre]) -> list[Observation]:
     seen, pairs = list[Observation](), set[float]()
     for run in runs:
         time = run.start + (run.end - run.start) / 2
-        if run.current is not None and run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG:
-            current = run.current  # other runs have theirs from these circles
+        if run.current is not None and shows_current(run):
+            current = run.current
             seen.append(Observation(time, (1.0, 0.0), current.north_mps, current.north_within_mps))
             seen.append(Observation(time, (0.0, 1.0), current.east_mps, current.east_within_mps))
         pair = run.settings.get("reciprocal_pair")

@@ -268,3 +268,8 @@ def remove_current(motion: Motion, north_mps: float, east_mps: float, start: flo
         surge_mps=motion.surge_mps - ahead,
         sway_mps=motion.sway_mps - aside,
     )
+
+
+def shows_current(run: Manoeuvre) -> bool:
+    """Whether a run shows the current itself, as a circle and a half does; others have it from such ones."""
+    return run.current is not None and run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG

@@ -22,7 +22,7 @@ from analysis.conditions import beaufort, recorded_conditions
 from analysis.kinematics import mean_wind
 from analysis.manoeuvres.criteria import mean_of
 from analysis.manoeuvres.indices import index_of
-from analysis.manoeuvres.turning_circle import LEAST_TURN_DEG
+from analysis.manoeuvres.turning_circle import shows_current
 from analysis.quality.samples import ASSUMED
 from analysis.tables.table import sha256_of
 
@@ -270,8 +270,7 @@ def _current(manoeuvres: Iterable[Manoeuvre], stated_mps: float | None) -> str:
     """The mean of what turns of more than one and a half circles show, with its 95 % interval along itself,
     of two turns half of their range.
     """
-    circles = (run for run in manoeuvres if run.settings.get("turned_deg", 0.0) >= LEAST_TURN_DEG)
-    found = [run.current for run in circles if run.current is not None]
+    found = [run.current for run in manoeuvres if run.current is not None and shows_current(run)]
     if not found:
         return (
             "unknown: no turn of one and a half circles" if stated_mps is None else f"{stated_mps:g} m/s, as stated"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite, nan
 from pathlib import Path
@@ -24,7 +24,7 @@ from acquisition.core.errors import DataShortageError, SeatrialError
 from acquisition.recording.grouping import read_parts
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import Index, Manoeuvre
-from analysis.manoeuvres.turning_circle import REMOVED
+from analysis.manoeuvres.turning_circle import REMOVED, shows_current
 from analysis.prepare import Preparation, prepare
 from analysis.tables.table import select, trial_of
 from analysis.windows.recordings import named_recordings
@@ -191,7 +191,7 @@ def index_comparison(
     """
     rows, left_out, remarks = list[IndexComparison](), list[NotSimulated](), list[str]()
     for table, found in recordings:
-        runs = [run for run in found if _measured(run)]
+        runs = [_over_ground(run) for run in found if _measured(run)]
         if not runs:
             continue
         remarks += _remarks(table, predictor)
@@ -231,6 +231,14 @@ def runs_of_recordings(
             LOG.warning("%s: its manoeuvres are not compared: %s", name, error)
             continue
         yield table, runs
+
+
+def _over_ground(run: Manoeuvre) -> Manoeuvre:
+    """A run with the indices that its model has as well: with the current removed only where the run shows it."""
+    if shows_current(run):
+        return run
+    indices = {name: index for name, index in run.indices.items() if not name.endswith(REMOVED)}
+    return replace(run, current=None, indices=indices)
 
 
 def _measured(run: Manoeuvre) -> dict[str, Index]:

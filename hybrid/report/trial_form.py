@@ -26,6 +26,7 @@ from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells
 from analysis.products import Products
 from analysis.quality.samples import ASSUMED, white_noise
+from analysis.report.run_sheet import has_date
 from analysis.report.words import in_words
 from analysis.speed_power.report import power_text
 from analysis.speed_power.runs import mean_power_kw
@@ -54,7 +55,8 @@ class NumberedRun:
     @property
     def title(self) -> str:
         run = self.manoeuvre
-        return f"Test {self.number}: {run.sided_name}, {run.start:%Y-%m-%d %H:%M:%S} UTC"
+        time = f"{run.start:%Y-%m-%d %H:%M:%S} UTC" if has_date(run.start) else f"{run.start:%H:%M:%S}"
+        return f"Test {self.number}: {run.sided_name}, {time}"
 
 
 def numbered_runs(products: Mapping[str, Products]) -> list[NumberedRun]:

@@ -14,7 +14,7 @@ from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.conditions import recorded_conditions
 from analysis.manoeuvres.criteria import IndexRow, Mean, headline_of_criteria
 from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.report import index_cells, plain_name
+from analysis.manoeuvres.report import index_cells, left_out_line, plain_name
 from analysis.manoeuvres.standards import NOT_FOR_SHIP, RESOLUTION, condition_shortfalls
 from analysis.products import Products
 from analysis.report.manoeuvre_plots import PICTURED
@@ -235,6 +235,21 @@ def indices_of_sheets(case: Case) -> IndexComparisons:
     rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
     starts = {run.manoeuvre.start for run in pictured(case.runs, rows)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
+
+
+MOST_LEFT_OUT = 12
+
+
+def left_out_lines(case: Case) -> list[str]:
+    """What only began like a test, and why it is none; of many the first ones, and how many more."""
+    several = len(case.products) > 1
+    lines = [
+        (f"{name}: " if several else "") + left_out_line(candidate)
+        for name, made in case.products.items()
+        for candidate in made.left_out
+    ]
+    more = len(lines) - MOST_LEFT_OUT
+    return [*lines[:MOST_LEFT_OUT], *([f"{more} more in the output of manoeuvres"] if more > 0 else [])]
 
 
 def standard_conditions(case: Case, vessel: str) -> list[list[str]]:

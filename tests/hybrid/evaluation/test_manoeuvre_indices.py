@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import DataShortageError
 from analysis.manoeuvres import Index, Manoeuvre, find_manoeuvres
+from analysis.manoeuvres.indices import Current
 from analysis.tables.resample import resample
 from analysis.windows.recordings import SecondBySecond
 from hybrid import cli
@@ -33,6 +34,7 @@ from hybrid.evaluation.manoeuvre_indices import (
     IndexComparisons,
     JudgedModel,
     SimulatedIndex,
+    _over_ground,
     index_comparison,
     models_of,
 )
@@ -368,3 +370,16 @@ def test_errors_by_length_are_at_whole_seconds_of_the_ship(name: str) -> None:
 def test_times_longer_than_the_recording_are_left_out() -> None:
     short = resample(trial("gunnerus_short")[0]).iloc[:26]
     assert errors_of("gunnerus_short", short).lengths == (1, 2)
+
+
+def test_runs_with_the_current_of_others_are_compared_over_ground() -> None:
+    """A zigzag that has the current removed by a circle elsewhere cannot show it: the model sails it in the current."""
+    start = pd.Timestamp("2026-06-01T12:00:00Z")
+    index = Index(100.0, 90.0, 110.0, "m")
+    zigzag = Manoeuvre("zigzag", "zigzag 10/10", start, start, "port", {}, {"initial_turning_m": index},
+                       current=Current(0.3, 0.0, 0.01, 0.01))  # fmt: skip
+    zigzag = replace(zigzag, indices={**zigzag.indices, "initial_turning_m_current_removed": index})
+    assert _over_ground(zigzag).current is None
+    assert list(_over_ground(zigzag).indices) == ["initial_turning_m"]
+    circle = replace(zigzag, kind="turning_circle", settings={"turned_deg": 560.0})
+    assert _over_ground(circle) == circle
