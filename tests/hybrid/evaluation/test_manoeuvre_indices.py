@@ -373,7 +373,7 @@ def test_times_longer_than_the_recording_are_left_out() -> None:
 
 
 def test_runs_with_the_current_of_others_are_compared_over_ground() -> None:
-    """A zigzag that has the current removed by a circle elsewhere cannot show it: the model sails it in the current."""
+    """A zigzag whose current is that of a circle elsewhere does not show it: its model sails in the current."""
     start = pd.Timestamp("2026-06-01T12:00:00Z")
     index = Index(100.0, 90.0, 110.0, "m")
     zigzag = Manoeuvre("zigzag", "zigzag 10/10", start, start, "port", {}, {"initial_turning_m": index},
