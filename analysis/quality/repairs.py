@@ -85,12 +85,14 @@ def repair(
     certain to be late is moved by its delay, and the rows are joined anew.
     """
     if rebuild_positions is None:
-        rebuild_positions = any(each.code == "position_time_jitter" for each in findings)
+        rebuild_positions = any(finding.code == "position_time_jitter" for finding in findings)
     if rebuild_positions:
         findings = request_position_repair(findings, table)
     order, raw, findings = tuple(REPAIRS), table, tuple(findings)
     sure = [finding for finding in findings if finding.certain]
-    certain = sorted((each for each in sure if each.code in REPAIRS), key=lambda each: order.index(each.code))
+    certain = sorted(
+        (finding for finding in sure if finding.code in REPAIRS), key=lambda finding: order.index(finding.code)
+    )
     repairs: list[Repair] = []
     scaled = False
     for finding in certain:
@@ -117,7 +119,7 @@ def repair(
 def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
     """What was repaired with the delays that are certain taken off the stamps, those of the flags too."""
     table = repaired.table
-    late = [each for each in sure if each.code == "channel_delay" and each.channel in table]
+    late = [finding for finding in sure if finding.code == "channel_delay" and finding.channel in table]
     delays = {name: seconds for name, seconds in delays_of(late, table).items() if name in table}
     if not delays:
         return repaired
@@ -126,22 +128,22 @@ def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
         flags = _moved_flags(table, flags, delays)
     done = tuple(
         Repair(
-            each.code,
-            each.channel,
-            f"stamps moved by {-each.estimate['seconds']:+.2f} s",
-            int(table[each.channel].count()),
+            finding.code,
+            finding.channel,
+            f"stamps moved by {-finding.estimate['seconds']:+.2f} s",
+            int(table[finding.channel].count()),
         )
-        for each in late
+        for finding in late
     )
     return RepairResult(moved, (*repaired.repairs, *done), flags)
 
 
 def _moved_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
     """The flags of the rows that taking off the delays makes."""
-    by_ns = {name: -each for name, each in delays_in_ns(delays).items()}
-    beside = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
-    moved = move_stamps(table.assign(**beside), by_ns | {f"{name} flag": by_ns[name] for name in by_ns})
-    return moved[[*beside]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
+    by_ns = {name: -delay_ns for name, delay_ns in delays_in_ns(delays).items()}
+    flag_columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
+    moved = move_stamps(table.assign(**flag_columns), by_ns | {f"{name} flag": by_ns[name] for name in by_ns})
+    return moved[[*flag_columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
 
 
 def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -152,14 +154,14 @@ def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) ->
     give is the better truth is for the analyst to say. It is where windows of predicted position are to
     be judged, whose errors would else be the stamps' own.
     """
-    others = [
+    remaining = [
         replace(finding, certain=True) if finding.code == "heading_time_jitter" else finding
         for finding in findings
         if finding.code != "position_time_jitter"
     ]
     times = utc_index(table)
     order = Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True)
-    return (*others, order)
+    return (*remaining, order)
 
 
 def write_repaired(
@@ -220,7 +222,7 @@ def _same(first: Floats, second: Floats) -> Bools:
 
 def _is_of_other_unit(finding: Finding, findings: Iterable[Finding]) -> bool:
     """Whether a scale is of a channel none of whose values was found impossible."""
-    impossible = {each.channel for each in findings if each.code == "out_of_range"}
+    impossible = {other_finding.channel for other_finding in findings if other_finding.code == "out_of_range"}
     return finding.code == "yaw_rate_scale" and finding.channel not in impossible
 
 
@@ -305,8 +307,8 @@ def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) 
     for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         rows = np.flatnonzero(np.isfinite(value))
-        known = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
-        value[rows[known.duplicated().to_numpy()]] = np.nan
+        samples = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
+        value[rows[samples.duplicated().to_numpy()]] = np.nan
         columns[name] = value
     return SingleRepair("samples that stand twice stand once", columns)
 
@@ -384,8 +386,8 @@ def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> S
 
 def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
     """The columns a finding is about: its channel's, or all."""
-    every = [str(name) for name in table.columns]
-    return every if finding.channel in ("", ALL) else [name for name in every if name == finding.channel]
+    names = [str(name) for name in table.columns]
+    return names if finding.channel in ("", ALL) else [name for name in names if name == finding.channel]
 
 
 REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepair]] = {

@@ -100,8 +100,8 @@ def _makes_way(errors: PositionErrors, interval_s: float) -> bool:
 def _position_sums(errors: PositionErrors, seconds: float) -> Floats:
     """By stretch [k, 4]: samples, and sums of squares of speed, of errors along and of errors across the way."""
     stretch = (errors.time_s // seconds).astype(np.int64)
-    left = np.column_stack([_about_straight_lines(column, stretch) for column in errors.error.T])
-    body = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), left)
+    residual = np.column_stack([_about_straight_lines(column, stretch) for column in errors.error.T])
+    body = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
     speed2 = (errors.velocity**2).sum(axis=1)
     return _sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(body**2).T)
 
@@ -151,11 +151,11 @@ def _about_straight_lines(values: Floats, stretch: Ints) -> Floats:
     """Residuals about the straight line of each stretch, scaled for the two degrees of freedom that it takes."""
     place = np.arange(values.size, dtype=float)
     count = np.bincount(stretch)
-    some = np.maximum(count, 1)
-    place -= (np.bincount(stretch, place) / some)[stretch]
-    values = values - (np.bincount(stretch, values) / some)[stretch]
+    divisor = np.maximum(count, 1)
+    place -= (np.bincount(stretch, place) / divisor)[stretch]
+    values = values - (np.bincount(stretch, values) / divisor)[stretch]
     slope = np.bincount(stretch, place * values) / np.maximum(np.bincount(stretch, place**2), 1e-12)
-    return np.asarray((values - slope[stretch] * place) * np.sqrt(some / np.maximum(count - 2, 1))[stretch])
+    return np.asarray((values - slope[stretch] * place) * np.sqrt(divisor / np.maximum(count - 2, 1))[stretch])
 
 
 def position_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
@@ -261,8 +261,8 @@ def _spoilt_by_stamps2(errors: HeadingErrors, seconds: float) -> Floats:
     """By how much stamps with this standard deviation spoil each heading: squared error over squared stamp error,
     by the three points of Gauss and Hermite."""
     aside_s = np.sqrt(3.0) * seconds
-    moved = [np.interp(errors.time_s + each, errors.time_s, errors.turned) - errors.turned
-             for each in (-aside_s, aside_s)]  # fmt: skip
+    moved = [np.interp(errors.time_s + shift_s, errors.time_s, errors.turned) - errors.turned
+             for shift_s in (-aside_s, aside_s)]  # fmt: skip
     return np.asarray((moved[0] ** 2 + moved[1] ** 2) / (2.0 * aside_s**2))
 
 
@@ -282,11 +282,11 @@ def _about_lines(errors: HeadingErrors, seconds: float) -> _Lines:
     broken = np.bincount(stretch[1:], discontinuities(errors.error, errors.rate), count.size) > 0
     usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
     columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
-    noise2, left = _noise2(errors.error), np.zeros(stretch.size)
+    noise2, residual = _noise2(errors.error), np.zeros(stretch.size)
     for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
         within = slice(end - number, end)
-        left[within] = _residual(columns[within], errors.error[within], noise2)
-    return _Lines(stretch, left, np.asarray(usable))
+        residual[within] = _residual(columns[within], errors.error[within], noise2)
+    return _Lines(stretch, residual, np.asarray(usable))
 
 
 def _noise2(error: Floats) -> float:
@@ -305,11 +305,13 @@ def _residual(columns: Floats, error: Floats, noise2: float) -> Floats:
 
 def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n]."""
-    short, half, long = (_heading_sums(each, spoils2) for each in lines)
+    short, half, long = (_heading_sums(line, spoils2) for line in lines)
     least = step**2 / 12.0
     size = _growth(_in_the_limit(long, half, 3)[lines[2].usable], least)
-    others = _growth(short[lines[0].usable], least)
-    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.effective_stretches))
+    short_growth = _growth(short[lines[0].usable], least)
+    surest = max(
+        size, short_growth, key=lambda growth: growth.surplus / quantile(1.0 - _CHANCE, growth.effective_stretches)
+    )
     judged = lines[2].usable[lines[2].stretch]
     ratio = _ratio(spoils2[judged], lines[2].left[judged] ** 2)
     return Jitter(*size, surest.surplus, surest.effective_stretches, ratio)

@@ -69,13 +69,14 @@ class Motion:
     def half(self, first: int) -> Motion:
         """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
         heading, speed, yaw_rate = (
-            Group(each.time_s[first::2], each.levels[first::2], 2.0 * each.interval_s) for each in self.groups[1:]
+            Group(group.time_s[first::2], group.levels[first::2], 2.0 * group.interval_s)
+            for group in self.groups[1:]
         )
         return Motion(self.position, heading, speed, yaw_rate, self.step_s)
 
     @property
     def slowest_s(self) -> float:
-        return max(each.interval_s for each in self.groups)
+        return max(group.interval_s for group in self.groups)
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -89,15 +90,15 @@ def motion_of(table: pd.DataFrame) -> Motion:
     """
     require(table, MOTION)
     raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
-    step_s = max(STEP_S, min(each.interval_s for each in raw.values()))
+    step_s = max(STEP_S, min(group.interval_s for group in raw.values()))
     speed, yaw_rate = (
-        _average(each.without(outliers(each.levels)), step_s) for each in (raw["surge_mps"], raw["yaw_rate_dps"])
+        _average(group.without(outliers(group.levels)), step_s) for group in (raw["surge_mps"], raw["yaw_rate_dps"])
     )
     heading = _average(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
     spikes = outliers(raw["north_m"].levels - path)
     position = _average(raw["north_m"].without(spikes), step_s)
-    return Motion(position, heading, speed, yaw_rate, step_s, tuple(each.interval_s for each in raw.values()))
+    return Motion(position, heading, speed, yaw_rate, step_s, tuple(group.interval_s for group in raw.values()))
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
@@ -167,7 +168,7 @@ def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floa
     grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
     angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
     ahead, aside = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
-    travelled = (integrate(each, step_s) for each in to_earth(ahead, aside, angle))
+    travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, aside, angle))
     return np.column_stack([np.interp(time_s, grid, column) for column in travelled])
 
 
@@ -189,11 +190,11 @@ def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
     """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly."""
     turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
     turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
-    slow, off = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
-    wild = wild_headings(off, turned)
+    slow, deviation = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
+    wild = wild_headings(deviation, turned)
     if wild.mean() < _MOST_WILD:
-        off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
-    return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
+        deviation[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], deviation[~wild])
+    return Group(heading.time_s, (turned + slow + deviation)[:, np.newaxis], heading.interval_s)
 
 
 def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> tuple[Floats, Floats]:
@@ -201,9 +202,9 @@ def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> 
 
     The difference of heading and integrated yaw rate wanders slowly, by bias and scale of the gyro.
     """
-    apart = heading_rad - turned_rad
-    slow = _slow_angle(apart, interval_s)
-    return slow, np.angle(np.exp(1j * (apart - slow)))
+    deviation = heading_rad - turned_rad
+    slow = _slow_angle(deviation, interval_s)
+    return slow, np.angle(np.exp(1j * (deviation - slow)))
 
 
 def wild_headings(off_rad: Floats, turned_rad: Floats) -> Bools:
@@ -274,7 +275,7 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
         moving = rotate(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
-        heeled, heeling = (each * body[:, :1] * aside for each in (turning, yaw_acceleration))
+        heeled, heeling = (rate * body[:, :1] * aside for rate in (turning, yaw_acceleration))
         arm = forward * ahead + starboard * aside + heel * heeled + heel_lag * heeling
         swung = turning * _quarter_turn(arm)
         bent = integral(grid_s, turning * factor * _quarter_turn(moving))
