@@ -90,7 +90,7 @@ def find_levels(samples: Series, channel: Channel) -> Levels | None:
 
 
 def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
-    """Which blocks of steps [blocks, steps] are of two kinds, one ``apart`` [blocks], in turn up and down."""
+    """Which blocks of steps [blocks, steps] alternate between two levels that are ``separation`` [blocks] apart."""
     size = np.abs(blocks) / np.maximum(separation, 1e-300)[:, np.newaxis]
     turns = size > _BETWEEN[1]
     enough = turns.sum(axis=1) >= _FEWEST_TURNS
