@@ -178,11 +178,11 @@ def near_jumps(values: Floats) -> Bools:
     north_m, east_m, heading_deg, surge_mps, sway_mps = values[:, :5].T
     speed = np.column_stack(to_earth(surge_mps, sway_mps, np.deg2rad(heading_deg)))
     moved = np.diff(np.column_stack([north_m, east_m]), axis=0)
-    apart = moved - 0.5 * (speed[1:] + speed[:-1])
-    if not np.isfinite(apart).all(axis=1).any():
+    deviation = moved - 0.5 * (speed[1:] + speed[:-1])
+    if not np.isfinite(deviation).all(axis=1).any():
         return np.zeros(len(values), dtype=bool)
     # a speed through the water always differs by the current
-    off_m = np.hypot(*(apart - np.nanmedian(apart, axis=0)).T)
+    off_m = np.hypot(*(deviation - np.nanmedian(deviation, axis=0)).T)
     most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(off_m)
     jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
     near = np.zeros(len(values), dtype=bool)
@@ -226,18 +226,18 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
         return np.empty(0, dtype=np.int64)
     names, settings = control_names(actuators), _settings(values)
     setting = settings[starts[:, None] + np.arange(horizon_s + 1)]
-    apart = np.abs(np.diff(np.median(setting, axis=1), axis=0))
+    change = np.abs(np.diff(np.median(setting, axis=1), axis=0))
     for column, name in enumerate(names):
         if is_circular(name):
             middle = setting[:, 0, column] + np.median(
                 difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
-            apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
+            change[:, column] = np.abs(difference(middle[1:], middle[:-1]))
     limit = np.array(
-        [tolerance_of(name, actuators).at(each).span for name, each in zip(names, settings.T, strict=True)]
+        [tolerance_of(name, actuators).at(series).span for name, series in zip(names, settings.T, strict=True)]
     )
     between = starts[1:] - (starts[:-1] + horizon_s)
-    same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
+    same_leg = (between <= 0) | ((between <= stride_s) & (change <= limit).all(axis=1))
     return np.concatenate([[0], np.cumsum(~same_leg)])
 
 
@@ -343,8 +343,8 @@ class Feedback:
     def drift_of(self, line: Floats) -> float:
         """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
         shared = _shared(line.size) if self.filtered else np.eye(1, line.size)[0]
-        apart = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
-        return self.noise * float(np.sqrt((line @ shared[apart] * line).sum()))
+        lag = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
+        return self.noise * float(np.sqrt((line @ shared[lag] * line).sum()))
 
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
