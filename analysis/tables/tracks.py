@@ -91,24 +91,24 @@ def _title(about: Mapping[str, Any]) -> str:
 def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
     """Time (ISO 8601), latitude and longitude [deg] as text of the rows of each stretch whose place is known."""
     where = places_of(table)
-    known = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
-    if known.size == 0:
+    located = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
+    if located.size == 0:
         raise DataShortageError(
             "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
             fix="give [trial] an origin before recording, or export a table",
         )  # fmt: skip
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ms")
     lat, lon = ([f"{value:.{_DECIMALS}f}" for value in where[name]] for name in ("lat", "lon"))
-    step_ns = np.diff(times_ns(table)[known])
-    holes = (np.diff(known) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
-    stretches = np.split(known, np.flatnonzero(holes) + 1)
+    step_ns = np.diff(times_ns(table)[located])
+    holes = (np.diff(located) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
+    stretches = np.split(located, np.flatnonzero(holes) + 1)
     return [[(f"{times[row]}Z", lat[row], lon[row]) for row in rows] for rows in stretches]
 
 
 def _child(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:
-    made = ET.SubElement(parent, tag, attributes)
-    made.text = text or None
-    return made
+    element = ET.SubElement(parent, tag, attributes)
+    element.text = text or None
+    return element
 
 
 def _write(root: ET.Element, path: Path) -> list[Path]:
