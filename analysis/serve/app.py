@@ -164,7 +164,7 @@ class _Pages:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
             return self._wait(name, anew=True)
-        links = render("links_of_trial.html", row=row, kinds=[each[1:] for each in KINDS]).html
+        links = render("links_of_trial.html", row=row, kinds=[kind[1:] for kind in KINDS]).html
         return page.replace(LINKS, links, 1)
 
     def report(self, name: str) -> str:
@@ -305,11 +305,11 @@ def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
     for name in names:
         path = results / name / "manoeuvres.json"
         try:
-            said = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
-            found = [Manoeuvre.from_json(each) for each in said if kind in ("", each["kind"])]
+            records = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
+            manoeuvres = [Manoeuvre.from_json(record) for record in records if kind in ("", record["kind"])]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
-        runs += [Run(name, each) for each in found]
+        runs += [Run(name, manoeuvre) for manoeuvre in manoeuvres]
     return runs
 
 
@@ -318,8 +318,8 @@ def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]
     motions: dict[str, Motion] = {}
     for run in runs:
         if run.recording not in motions:
-            table, said = read_parquet(results / run.recording / "table.parquet")
-            table.attrs["trial"] = json.loads(said["trial"])
+            table, metadata = read_parquet(results / run.recording / "table.parquet")
+            table.attrs["trial"] = json.loads(metadata["trial"])
             motions[run.recording] = motion_of(table)
     return [(run, motions[run.recording]) for run in runs]
 
@@ -328,7 +328,7 @@ def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
     """A table for people: a row a run, a column each of the main indices that any has."""
     names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
     cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
-    return ["run", *names], [[label, *(each.get(name, "") for name in names)] for label, each in cells]
+    return ["run", *names], [[label, *(values.get(name, "") for name in names)] for label, values in cells]
 
 
 def index_table(runs: Iterable[Run]) -> pd.DataFrame:
