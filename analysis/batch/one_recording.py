@@ -172,7 +172,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
         "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
-        **_said_of(recording),
+        **_recording_row(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
@@ -218,13 +218,13 @@ def first_look(paths: Sequence[Path]) -> Row:
     recording = read_parts(paths)
     table = table_of(recording)
     row = {
-        "status": WAITING, "cause": "", **_said_of(recording), "start": table.index[0].isoformat(),
+        "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
         "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
     }  # fmt: skip
     return dict(to_json(row))
 
 
-def _said_of(recording: Recording) -> Row:
+def _recording_row(recording: Recording) -> Row:
     """What a row says of a recording itself."""
     return {
         "vessel": recording.trial.vessel,

@@ -245,11 +245,11 @@ def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: f
     times_s = (times_ns(table) - epoch_ns) / NANO
     hidden = np.zeros(grid_s.size, dtype=bool)
     for channels in ([HEADING, YAW_RATE], [NORTH, EAST, SURGE, SWAY]):
-        hidden |= _beyond(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
+        hidden |= _outside_samples(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
     return hidden
 
 
-def _beyond(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
+def _outside_samples(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
     interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
     limit_s = own_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
     before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1

@@ -132,7 +132,9 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
                       (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), gate, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
-    conditioned, added = zip(*(_given_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True)
+    conditioned, added = zip(
+        *(_condition_on_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True
+    )
     moving = Search(_joined(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
                      (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
     calm = _calm(moving)
@@ -197,7 +199,7 @@ def noise_of(values: Floats, stride: int = 1) -> float:
     return float(noise)
 
 
-def _given_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Floats]:
+def _condition_on_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Floats]:
     """The horizontal steps of a part with unit noise, and the variance that the heading adds."""
     model = yaw.heading_model
     steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)

@@ -95,11 +95,11 @@ def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refuse
         kept = there & ~refused[:, number] & (time_s > time_s[0] + 10.0)
         if kept.sum() >= 2 * _BLOCKS:
             ratio = innovation[kept, number] / deviation[kept, number]
-            judged[name] = _judged(ratio, int((there & refused[:, number]).sum()))
+            judged[name] = _consistency(ratio, int((there & refused[:, number]).sum()))
     return Consistency(judged)
 
 
-def _judged(ratio: Floats, refused: int) -> ChannelConsistency:
+def _consistency(ratio: Floats, refused: int) -> ChannelConsistency:
     nis = ratio**2
     means = np.array([block.mean() for block in np.array_split(nis, _BLOCKS)])
     scatter = float(means.var(ddof=1)) / _BLOCKS

@@ -83,7 +83,9 @@ def causes_of(
     """
     groups: list[list[Finding]] = []
     for finding in findings:
-        group = next((candidate for candidate in groups if _belongs(finding, candidate[0], gaps, sources)), None)
+        group = next(
+            (candidate for candidate in groups if _has_same_cause(finding, candidate[0], gaps, sources)), None
+        )
         if group is None:
             groups.append([finding])
         else:
@@ -92,7 +94,7 @@ def causes_of(
     return tuple(_cause(group, gaps, sources, log) for group in groups)
 
 
-def _belongs(
+def _has_same_cause(
     finding: Finding,
     member: Finding,
     gaps: Mapping[str, Sequence[Stretch]],
@@ -101,14 +103,14 @@ def _belongs(
     if finding.code != member.code or ALL in (finding.channel, member.channel):
         return False
     if finding.code == "gap":
-        return _silent_together(gaps.get(finding.channel, ()), gaps.get(member.channel, ()))
+        return _share_silences(gaps.get(finding.channel, ()), gaps.get(member.channel, ()))
     lines = _lines_of(sources, finding.channel)
     if not lines or lines != _lines_of(sources, member.channel):
         return False
-    return _same_stretch(finding, member) if finding.code in _OF_TIME else _same_places(finding, member)
+    return _overlap(finding, member) if finding.code in _OF_TIME else _share_samples(finding, member)
 
 
-def _silent_together(first: Sequence[Stretch], second: Sequence[Stretch]) -> bool:
+def _share_silences(first: Sequence[Stretch], second: Sequence[Stretch]) -> bool:
     """Whether two channels are silent for most of the time in silences that begin and end together."""
     slack_ns = _SLACK_S * NANO
     together_s = sum(
@@ -120,7 +122,7 @@ def _silent_together(first: Sequence[Stretch], second: Sequence[Stretch]) -> boo
     return together_s > 0.0 and together_s >= _ALIKE * longest_s
 
 
-def _same_places(first: Finding, second: Finding) -> bool:
+def _share_samples(first: Finding, second: Finding) -> bool:
     """Whether two findings are of the same samples, as a position's in metres and in degrees are."""
     counted = first.estimate.get("count"), second.estimate.get("count")
     return (
@@ -128,7 +130,7 @@ def _same_places(first: Finding, second: Finding) -> bool:
     )
 
 
-def _same_stretch(first: Finding, second: Finding) -> bool:
+def _overlap(first: Finding, second: Finding) -> bool:
     """Whether what two findings have in common is most of the time of both."""
     common = (min(first.end, second.end) - max(first.start, second.start)).total_seconds()
     longest = max((finding.end - finding.start).total_seconds() for finding in (first, second))
@@ -155,10 +157,10 @@ def _cause(
         spans = []
     elif ALL in channels:
         spans = [(finding.start.value, finding.end.value) for finding in group]
-    return Cause(tuple(group), channels, lines, tuple(dict.fromkeys(_said_of(spans, lines, log))))
+    return Cause(tuple(group), channels, lines, tuple(dict.fromkeys(_events_of(spans, lines, log))))
 
 
-def _said_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
+def _events_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
     """What the log says of these lines, or of the recorder, in stretches of time: the first two and the last."""
     slack_ns = int(_EVENT_SLACK_S * NANO)
     texts = [

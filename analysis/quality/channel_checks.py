@@ -98,13 +98,13 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
         sustained = 2.0 * _sustained_step(values)
         sparse = float(np.median(np.diff(seconds))) >= _SPARSE_S
         for width in range(1, WIDEST_SPIKE + 1):
-            deviation, leaving, span = _leaving(seconds, values, slope, width)
+            deviation, leaving, span = _deviation_and_return(seconds, values, slope, width)
             noise = np.maximum(noise, _neighbourhood(deviation, 0.8 if width == 1 else 0.9))
             if sparse:
                 noise = np.maximum(noise, 0.5 * np.quantile(deviation, 0.97))
             limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, _possible(channel, span)))
             starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
-            starts = starts[leaving[starts] > 2.0 * _beside(seconds, values, slope, starts, width)]
+            starts = starts[leaving[starts] > 2.0 * _neighbouring_scatter(seconds, values, slope, starts, width)]
             for offset in range(width):
                 is_spike[starts + offset] = True
         bad[places[is_spike]] = True
@@ -133,7 +133,9 @@ def _local_slope(seconds: Floats, values: Floats) -> Floats:
     return np.concatenate([smooth[:1], smooth])
 
 
-def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tuple[Floats, Floats, Floats]:
+def _deviation_and_return(
+    seconds: Floats, values: Floats, slope: Floats, width: int
+) -> tuple[Floats, Floats, Floats]:
     """By the first of ``width`` samples: how far all of them are to one side of the line from the sample before
     to that after; the same where they return, else 0; and the time between these two [s].
 
@@ -156,7 +158,7 @@ def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tupl
     return np.pad(least, edges), np.pad(np.where(mismatch < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
 
 
-def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
+def _neighbouring_scatter(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
     """The scatter just beside: the third largest of four steps before and four after, without the trend."""
     places = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
     places = np.clip(places, 0, values.size - 2)
@@ -297,13 +299,13 @@ def channel_faults(
     listed = {
         "gap": find_gaps(samples, *(bounds_ns or (None, None))),
         "time_backwards": steps_back,
-        "quantised": _throughout(times, 0.0 if steady else quantisation_step(sound, channel)),
-        "time_jitter": _throughout(times, jitter if jitters else 0.0),
+        "quantised": _whole_record(times, 0.0 if steady else quantisation_step(sound, channel)),
+        "time_jitter": _whole_record(times, jitter if jitters else 0.0),
     }
     return ChannelFaults(channel, samples, masks, listed, is_other_convention(channel, samples.value))
 
 
-def _throughout(times: Ints, size: float) -> list[Stretch]:
+def _whole_record(times: Ints, size: float) -> list[Stretch]:
     """All of a channel's time as a stretch of this size; none where there is nothing."""
     return [Stretch(int(times.min()), int(times.max()), size)] if size else []
 

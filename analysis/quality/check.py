@@ -280,11 +280,11 @@ def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[li
     if received:
         findings = [clock_jump_finding(jump, ALL, f"The clock of {source}") for source, jump in received]
         return [jump for _, jump in received], findings
-    jumps = clock_jumps(_in_receipt(series, joined))
+    jumps = clock_jumps(_in_order_of_receipt(series, joined))
     return jumps, [clock_jump_finding(jump, ALL, "The clock, but not the ship,") for jump in jumps]
 
 
-def _in_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
+def _in_order_of_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
     """The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
     each row of a position with the last values of the other channels."""
     position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)

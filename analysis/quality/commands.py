@@ -109,13 +109,13 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     value = unwrap(series.value) if BY_NAME[name].circular else series.value
     ramps = straight_ramps(series.time_s, value)
     slowest = _SLOWEST_DRIVE_PER_S.get(part_of_control(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
-    telling = (np.abs(ramps.slope_per_s) < slowest) & ~_common(ramps.slope_per_s)
+    telling = (np.abs(ramps.slope_per_s) < slowest) & ~_is_drive_limit(ramps.slope_per_s)
     long_s = ramps.seconds[telling & (ramps.seconds >= _LONG_S)]
     is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
     return ramps if is_interpolated else _NO_RAMPS
 
 
-def _common(slope_per_s: Floats) -> Bools:
+def _is_drive_limit(slope_per_s: Floats) -> Bools:
     """Whether each slope is one that at least half of all (and three) share: the limit of a drive."""
     if not slope_per_s.size:
         return np.zeros(0, np.bool_)
@@ -206,11 +206,11 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     seconds = series.time_s[stops - 1] - series.time_s[starts]
     long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
     limited = (series.value[starts] == series.value.max()) | (series.value[starts] == series.value.min())
-    long &= ~limited & ~_idle(table, name, series, starts)
+    long &= ~limited & ~_is_idle(table, name, series, starts)
     return starts[long], stops[long]
 
 
-def _idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
+def _is_idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
     """Whether the drive stands still at the given samples: its shaft turns at less than 5 % of its fastest."""
     channels = [[channel.name for channel in actuator.channels] for actuator in table_actuators(table)]
     shaft = next((names[0] for names in channels if name in names), name)

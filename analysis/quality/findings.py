@@ -193,14 +193,14 @@ def utc_time(time_ns: int) -> pd.Timestamp:
 
 def findings_of(code: str, troubles: Troubles, channels: Mapping[str, Channel]) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
-    together, separate = _shared(troubles) if len(troubles) == len(channels) > 1 else ([], dict(troubles))
+    together, separate = _split_common(troubles) if len(troubles) == len(channels) > 1 else ([], dict(troubles))
     findings = [_finding(code, ALL, "", together)] if together else []
     return findings + [
         _finding(code, name, channels[name].unit, stretches) for name, stretches in separate.items() if stretches
     ]
 
 
-def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
+def _split_common(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
     """The stretches that every channel has, by their ends, and what is left of each."""
     ends = set.intersection(
         *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in troubles.values())

@@ -102,7 +102,9 @@ def repair(
         if recording is not None and (OTHER_TURN in finding.estimate or _is_of_other_unit(finding, findings)):
             table = _with_impossible(table, recording, finding.channel)
         done = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
-        changed = sum(int((~_same(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items())
+        changed = sum(
+            int((~_equal_or_nan(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items()
+        )
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
         if not changed and not done.always_reported:
@@ -208,14 +210,14 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     qualities = {}
     for name in [name for name in before.columns if name in flags]:
         flag, there = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
-        new = ~_same(before[name].to_numpy(), after[name].to_numpy()) & there
+        new = ~_equal_or_nan(before[name].to_numpy(), after[name].to_numpy()) & there
         flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
         flag[~there] = Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _same(first: Floats, second: Floats) -> Bools:
+def _equal_or_nan(first: Floats, second: Floats) -> Bools:
     same: Bools = (first == second) | (np.isnan(first) & np.isnan(second))
     return same
 

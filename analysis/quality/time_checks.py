@@ -124,14 +124,14 @@ def _jump_at(track: _Track, place: int, odd_steps: Ints, interval: float, stamps
     by_chance = max(_SURE * float(np.median(deviation)) / 0.6745, 1.5 * float(np.quantile(deviation, 0.99)))
     no_gap = abs((step - elapsed) * precision + float(np.median(gap))) > by_chance
     if abs(jump) < max(4.0 * doubt, 0.5 * interval) or not (
-        no_gap or _goes_on(track, place, step, interval, odd_steps)
+        no_gap or _continues_course(track, place, step, interval, odd_steps)
     ):
         return None
     first, last = sorted((int(stamps[place]), int(stamps[place + 1])))
     return ClockJump(first, last, jump, jump - doubt, jump + doubt)
 
 
-def _goes_on(track: _Track, place: int, step: float, interval: float, odd_steps: Ints) -> bool:
+def _continues_course(track: _Track, place: int, step: float, interval: float, odd_steps: Ints) -> bool:
     """Whether the next row is where the ship is one interval later, as it hardly ever is after so long a time."""
     next_row, after_gap = (
         _undisturbed(track, 1, odd_steps),

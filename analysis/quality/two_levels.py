@@ -53,7 +53,7 @@ class Levels:
 
     lower: float
     upper: float
-    apart: float
+    separation: float
     turns: int
     side: Ints
 
@@ -145,7 +145,7 @@ def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Ch
     """A finding for each channel that alternates between two levels, which names both and, if they are known, both
     sources."""
     detected = {
-        name: find_levels(_possible(samples, channels[name]), channels[name])
+        name: find_levels(_values_in_range(samples, channels[name]), channels[name])
         for name, samples in series.items()
         if not channels[name].state
     }
@@ -154,7 +154,7 @@ def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Ch
     ]
 
 
-def _possible(samples: Series, channel: Channel) -> Series:
+def _values_in_range(samples: Series, channel: Channel) -> Series:
     """The samples without the values that no such channel has, of which arithmetic makes no number."""
     return replace(samples, value=np.where(is_possible(channel, samples.value), samples.value, np.nan))
 
@@ -166,13 +166,16 @@ def _finding(channel: Channel, samples: Series, levels: Levels) -> Finding:
     times = samples.measured_ns[levels.side != 0]
     text = (
         f"{channel.name} alternates between two levels, {levels.lower:.4g}{of[0]} and {levels.upper:.4g} "
-        f"{channel.unit}{of[1]}, {levels.apart:.3g} {channel.unit} apart, {levels.turns:,} times: "
+        f"{channel.unit}{of[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
         f"two sources under one name"
     )
     remedy = "Record or import one of the sources alone; a mean of both is what neither measured"
     estimate = {
-        "level": levels.lower, "other_level": levels.upper, "apart": levels.apart, "count": float(levels.turns),
-    }  # fmt: skip
+        "level": levels.lower,
+        "other_level": levels.upper,
+        "apart": levels.separation,
+        "count": float(levels.turns),
+    }
     ends = utc_time(int(times.min())), utc_time(int(times.max()))
     return Finding(ALTERNATING, channel.name, *ends, text, remedy, estimate)
 

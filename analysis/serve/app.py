@@ -155,7 +155,7 @@ class _Pages:
         return index_page(rows, failures_of(rows), self._season.folder.resolve().name, live).html
 
     def trial(self, name: str) -> str:
-        row = self._known(name)
+        row = self._row_of(name)
         if row["status"] == WAITING:
             return self._wait(name)
         if "provenance" not in row:
@@ -168,22 +168,22 @@ class _Pages:
         return page.replace(LINKS, links, 1)
 
     def report(self, name: str) -> str:
-        self._known(name)
+        self._row_of(name)
         return _read_page(self._season.out / name / "report.html")
 
     def diagnosis(self, name: str) -> str:
-        _, folder = self._season.diagnosis_of(self._known(name))
+        _, folder = self._season.diagnosis_of(self._row_of(name))
         return _read_page(folder / "report.html" if folder else None)
 
     def export(self, name: str, kind: str) -> Response:
         if f".{kind}" not in KINDS:
             abort(404)
-        self._known(name)
+        self._row_of(name)
         files = [str(path) for path in self._season.files(name)]
         return _attached(f"{Path(name).name}.{kind}", lambda path: call_limited(export_recording, files, str(path)))
 
     def runs(self) -> str:
-        runs = runs_in(self._season.out, self._asked_for(), kind := request.args.get("kind", ""))
+        runs = runs_in(self._season.out, self._requested_names(), kind := request.args.get("kind", ""))
         if not runs:
             return _message("No runs", ["None of these recordings holds such a manoeuvre."])
         drawn = [
@@ -198,7 +198,7 @@ class _Pages:
             ).html  # fmt: skip
 
     def runs_as_workbook(self) -> Response:
-        runs = runs_in(self._season.out, self._asked_for(), request.args.get("kind", ""))
+        runs = runs_in(self._season.out, self._requested_names(), request.args.get("kind", ""))
         return _attached("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
 
     def upload(self) -> str:
@@ -220,12 +220,12 @@ class _Pages:
         path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
         return _message(f"{path.name} is in the season", lines)
 
-    def _asked_for(self) -> list[str]:
+    def _requested_names(self) -> list[str]:
         """The recordings that a request names, of those that have a result; all that have one if it names none."""
         done = {row["name"] for row in self._season.rows() if "provenance" in row}
         return [name for name in request.args.getlist("name") or sorted(done) if name in done]
 
-    def _known(self, name: str) -> Row:
+    def _row_of(self, name: str) -> Row:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 

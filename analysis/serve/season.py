@@ -175,7 +175,7 @@ class Season:
                 continue
             first, *later = map(str, files)
             job = Job(name, first, str(self.out), self._options, later=tuple(later))
-            row = self._worker.row_of(_look if urgency == LOOK else result_of, job)
+            row = self._worker.row_of(_first_look if urgency == LOOK else result_of, job)
             with self._lock:
                 if self._ended:
                     return
@@ -205,7 +205,7 @@ def _state_of(path: Path) -> tuple[int, int]:
     return 0, 0
 
 
-def _look(job: Job) -> Row:
+def _first_look(job: Job) -> Row:
     return {"name": job.name, **first_look([Path(job.path), *map(Path, job.later)])}
 
 

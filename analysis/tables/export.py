@@ -84,7 +84,7 @@ def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, flo
         column = flags[name].to_numpy(dtype=np.uint8)
         if not same:
             rows = _nearest_rows(times_ns(table), times_ns(flags) - delay_ns.get(name, 0))
-            column = _gravest(rows, column, len(table))
+            column = _most_severe(rows, column, len(table))
             column[table[name].isna().to_numpy()] = Quality.MISSING
         result[name + FLAG_SUFFIX] = column
     return result
@@ -96,7 +96,7 @@ def _nearest_rows(row_ns: NDArray[np.int64], time_ns: NDArray[np.int64]) -> NDAr
     return np.searchsorted(middle, time_ns, side="left")
 
 
-def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+def _most_severe(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
     """The gravest flag that falls on each of ``count`` rows, missing where none does."""
     result = np.full(count, Quality.MISSING, dtype=np.uint8)
     for flag in _RISING:

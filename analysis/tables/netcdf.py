@@ -74,7 +74,7 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     attributes = {**_global_attributes(table, places, about), **about.get("attributes", {})}
     with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
-        _say(file, attributes)
+        _set_attributes(file, attributes)
         _write_identifier(file, attributes["id"])
         _write(file, "time", *_time(table))
         for name, values in places.items():
@@ -265,17 +265,19 @@ def _write_identifier(file: netcdf_file, name: str) -> None:
     file.createDimension("name_strlen", letters.size)
     variable = file.createVariable("trajectory", "c", ("name_strlen",))
     variable[:] = letters
-    _say(variable, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
+    _set_attributes(variable, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
 
 
 def _write(file: netcdf_file, name: str, values: NDArray[Any], attributes: Attributes) -> None:
     flags = values.dtype == np.uint8
     variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
     variable[:] = values.astype(np.int8) if flags else values
-    _say(variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes})
+    _set_attributes(
+        variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes}
+    )
 
 
-def _say(of: Any, attributes: Attributes) -> None:
+def _set_attributes(of: Any, attributes: Attributes) -> None:
     """Attributes of a file or of a variable: text in UTF-8, numbers in double precision."""
     for key, value in attributes.items():
         plain = value.encode() if isinstance(value, str) else np.asarray(value)

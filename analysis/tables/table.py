@@ -75,7 +75,11 @@ def table_of(recording: Recording) -> pd.DataFrame:
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    names = [name for name in channels_of_table(recording.series, _said(recording)) if name in recording.series]
+    names = [
+        name
+        for name in channels_of_table(recording.series, _trial_attributes(recording))
+        if name in recording.series
+    ]
     if not names:
         raise DataShortageError(
             "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
@@ -85,10 +89,10 @@ def channels_of(recording: Recording) -> list[str]:
 
 def actuators_in_recording(recording: Recording) -> Actuators:
     """The actuators of the ship that a recording is of, as it says itself; else by rule from its channels."""
-    return actuators_of(recording.series, _said(recording))
+    return actuators_of(recording.series, _trial_attributes(recording))
 
 
-def _said(recording: Recording) -> dict[str, Any]:
+def _trial_attributes(recording: Recording) -> dict[str, Any]:
     """What a recording says of its ship and of the channels that it declares, as the ``attrs`` of a table."""
     return {"trial": asdict(recording.trial)}
 

@@ -342,7 +342,7 @@ class Feedback:
 
     def drift_of(self, line: Floats) -> float:
         """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
-        shared = _shared(line.size) if self.filtered else np.eye(1, line.size)[0]
+        shared = _noise_correlation(line.size) if self.filtered else np.eye(1, line.size)[0]
         lag = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
         return self.noise * float(np.sqrt((line @ shared[lag] * line).sum()))
 
@@ -352,11 +352,11 @@ def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     noise, wide = noise_of(values), noise_of(values, 2)
     if wide <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
-    _, _, second, _, fourth = _shared(5)
+    _, _, second, _, fourth = _noise_correlation(5)
     return Feedback(min(wide / float(np.sqrt(1.0 - 4.0 / 3.0 * second + fourth / 3.0)), most), True)
 
 
-def _shared(rows: int) -> Floats:
+def _noise_correlation(rows: int) -> Floats:
     """The correlation of filtered noise 0, 1, 2 .. rows apart [rows], from the filter's weights."""
     parts = 50
     offset = np.arange(-SETTING_FILTER.reach * parts, SETTING_FILTER.reach * parts + 1) / parts

@@ -239,13 +239,13 @@ def read_windows(path: Path | str) -> HeldWindows:
     names = [*columns, *(["held"] if "held" in rows else [])]
     try:
         account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
-        return HeldWindows(rows[names], **account, starts=_starts_beside(rows, path), provenance=provenance)
+        return HeldWindows(rows[names], **account, starts=_stored_starts(rows, path), provenance=provenance)
     except (ValueError, TypeError) as error:
         raise InputError("was not written by this version", where=str(path), why=str(error),
                          fix="run `seatrial windows` again") from error  # fmt: skip
 
 
-def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
+def _stored_starts(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
     """The start states stored beside a file of windows, unless they belong to others."""
     if not starts_path(path).is_file():
         return None

@@ -234,7 +234,7 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     steady = half <= max(3.0 * error, _SMALLEST_DELAY_S)
     if not steady:
         text += "; it is not the same throughout the recording"
-    doubt = _doubt(explanation, cause, fit, independent)
+    doubt = _objection(explanation, cause, fit, independent)
     certain = steady and not doubt
     remedy = "`--repair` takes it off the stamps."
     if not certain:
@@ -248,7 +248,7 @@ _FEWEST_SAMPLES_LATE = 2.0
 """Within two samples of a channel its delay may as well be how it was sampled or averaged."""
 
 
-def _doubt(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
+def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
     """Why a delay is not to be taken off unasked; empty where nothing speaks against it."""
     seconds, _ = explanation.size(cause)
     if not independent:

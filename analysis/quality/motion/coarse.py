@@ -49,14 +49,14 @@ _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 @dataclass(frozen=True, slots=True)
 class Coarse:
     """Start of the fine fit: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
-    to subtract; the contradiction in words, its channel, and the share of the moves ``left`` unexplained [-]."""
+    to subtract; the contradiction in words, its channel, and the share ``unexplained`` of the moves [-]."""
 
     speed_factor: float = 1.0
     heading_offset_rad: float = 0.0
     yaw_rate_factor: float = 1.0
     contradiction: str = ""
     channel: str = ""
-    left: float = 0.0
+    unexplained: float = 0.0
 
     @property
     def is_explained(self) -> bool:
@@ -86,7 +86,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     named = _sign_or_unit(moves)
     if named is not None:
         return Coarse(1.0, 0.0, yaw_rate_factor, *named)
-    unexplained = _left_of_long(_Moves.of(motion, _LONG_S), motion)
+    unexplained = _unexplained_fraction(_Moves.of(motion, _LONG_S), motion)
     if unexplained > _CONTRADICTED:
         return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", unexplained)
     return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
@@ -94,11 +94,11 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
 
 def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
     """The contradiction that a coarse fit found; ``estimate`` has the share of the moves left unexplained."""
-    text = f"Positions, heading and speeds tell of no one motion: {coarse.left:.0%} of the way is left over;"
+    text = f"Positions, heading and speeds tell of no one motion: {coarse.unexplained:.0%} of the way is left over;"
     return Finding(
         "motion_contradiction", coarse.channel, *span_of(table), f"{text} {coarse.contradiction}",
         "Mend signs and units where the channels are recorded; nothing else can be told of them until then.",
-        {"left": coarse.left},
+        {"left": coarse.unexplained},
     )  # fmt: skip
 
 
@@ -272,7 +272,7 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
     return contradictions.get((kind, round(angle_deg / 90.0) % 4), fallback[kind])
 
 
-def _left_of_long(moves: _Moves, motion: Motion) -> float:
+def _unexplained_fraction(moves: _Moves, motion: Motion) -> float:
     """The unexplained share of the moves over a minute; 0 within noise or for a ship that hardly moved."""
     if moves.count < _FEWEST_LONG:
         return 0.0

@@ -101,16 +101,16 @@ class Kinematics:
     The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must
     be multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, what heel in turns adds to
-    it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every``
-    by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion. ``half_between``
-    [11] is the least half width of an interval by how the quarters of the recording differ, zero where they agree
-    or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`); ``quarters`` are those that could
-    be fitted.
+    it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``,
+    ``broadband`` by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion.
+    ``half_between`` [11] is the least half width of an interval by how the quarters of the recording differ, zero
+    where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`); ``quarters`` are
+    those that could be fitted.
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
     slow: Solution
-    every: Solution
+    broadband: Solution
     slowly: Bools
     slow_hz: float
     fastest_hz: float
@@ -124,7 +124,7 @@ class Kinematics:
     @cached_property
     def believed(self) -> Solution:
         """By the slow motion where that is believed, else by all."""
-        slow, broadband = self.slow, self.every
+        slow, broadband = self.slow, self.broadband
         return Solution(
             np.where(self.slowly, slow.parameters, broadband.parameters),
             np.where(self.slowly[:, np.newaxis], slow.covariance, broadband.covariance),
@@ -201,8 +201,8 @@ def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
     recorded = rescale(
         fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
     )
-    slow, broadband = (solution.transformed(scale, shift) for solution in (fit.slow, fit.every))
-    return replace(fit, slow=slow, every=broadband, motion=recorded, coarse=coarse)
+    slow, broadband = (solution.transformed(scale, shift) for solution in (fit.slow, fit.broadband))
+    return replace(fit, slow=slow, broadband=broadband, motion=recorded, coarse=coarse)
 
 
 def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
@@ -331,14 +331,14 @@ class _Fit:
 
         To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
         """
-        solutions = self._by_slow_and_all()
+        solutions = self._slow_and_broadband()
         steady = remove_jumps(self.level, self.models[0], self.frame.grid_s, solutions[1].parameters)
         if steady is self.level:
             return solutions
-        steadied = replace(self, level=steady)._by_slow_and_all()
+        steadied = replace(self, level=steady)._slow_and_broadband()
         return min(solutions, steadied, key=lambda candidate: float(np.linalg.slogdet(candidate[1].covariance)[1]))
 
-    def _by_slow_and_all(self) -> tuple[Solution, Solution]:
+    def _slow_and_broadband(self) -> tuple[Solution, Solution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster until they end."""
         slow = self._gauss_newton(Solution(self.start, np.diag(self.prior**2), self.start), _SLOW_STAGES)
         return slow, self._gauss_newton(slow, _STAGES_HZ, _MOST_STEPS)

@@ -66,7 +66,7 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     if _agrees_between_leaps(way_m, off_m):
         for tie_s in (*_POSITION_TIES_S, np.inf):
             tied_m = slow_difference(off_m, side, times, tie_s)
-            if _pull(tied_m, way_m, side) < _SLOW:
+            if _path_correction(tied_m, way_m, side) < _SLOW:
                 break
     columns = {}
     for number, name in enumerate(POSITIONS):
@@ -118,7 +118,7 @@ def _agrees_between_leaps(way_m: Floats, off_m: Floats) -> bool:
     return bool(np.hypot(np.median(share.real), np.median(share.imag)) < _SLOW)
 
 
-def _pull(tied_m: Floats, way_m: Floats, side: NDArray[np.intp]) -> float:
+def _path_correction(tied_m: Floats, way_m: Floats, side: NDArray[np.intp]) -> float:
     """How far the tie moves the path, as a share of the way: root mean square of steps within the sides."""
     within = np.diff(side) == 0
     moved, way = (np.sum(np.diff(path_m, axis=0)[within] ** 2) for path_m in (tied_m, way_m))
@@ -153,7 +153,7 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
         slow_errors = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
         if not is_certain(jitter_of(slow_errors)):
             break
-    if not _worth_it(deviation - slow, rate):
+    if not _exceeds_scatter(deviation - slow, rate):
         return None
     column = table["heading_deg"].to_numpy(dtype=float, copy=True)
     column[heading.rows] = wrap_360(np.rad2deg(turned + slow))
@@ -168,7 +168,7 @@ def _unknown(fit: Kinematics, heading_time_s: Floats) -> Bools:
     return unknown
 
 
-def _worth_it(mended: Floats, rate: Floats) -> bool:
+def _exceeds_scatter(mended: Floats, rate: Floats) -> bool:
     """Whether the change in turns exceeds the scatter of compass and yaw rate without turning."""
     turning, mended2 = rate**2, mended**2
     still = mended2[turning <= np.median(turning)].mean()
