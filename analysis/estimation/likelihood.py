@@ -76,27 +76,32 @@ def most_likely(
     def cost(at: Floats, outcome: tuple[Floats, Floats]) -> float:
         return robust_cost(*outcome, how.limit) + prior.cost(at)
 
-    now, damping, evaluation = start, how.damping[0], innovations(start)
-    value = cost(now, evaluation)
+    current, damping, evaluation = start, how.damping[0], innovations(start)
+    value = cost(current, evaluation)
     for _ in range(how.most_steps):
-        gradient, information = scores(innovations, now, evaluation, how.limit)
-        gradient = gradient + 2.0 * (now - prior.mean) / prior.deviation**2
-        information = information + 2.0 * np.eye(now.size) / prior.deviation**2
-        free = ~(((now <= low) & (gradient > 0)) | ((now >= high) & (gradient < 0)))
+        gradient, information = scores(innovations, current, evaluation, how.limit)
+        gradient = gradient + 2.0 * (current - prior.mean) / prior.deviation**2
+        information = information + 2.0 * np.eye(current.size) / prior.deviation**2
+        free = ~(((current <= low) & (gradient > 0)) | ((current >= high) & (gradient < 0)))
         before = value
         for _ in range(how.tries):
-            damped = information + damping * np.diag(np.diag(information)) + 1e-6 * np.eye(now.size)
-            step = np.zeros(now.size)
+            damped = information + damping * np.diag(np.diag(information)) + 1e-6 * np.eye(current.size)
+            step = np.zeros(current.size)
             step[free] = np.linalg.solve(damped[np.ix_(free, free)], -gradient[free])
-            tried = np.clip(now + np.clip(step, -how.longest_step, how.longest_step), low, high)
-            then = innovations(tried)
-            if cost(tried, then) < value:
-                now, evaluation, value, damping = tried, then, cost(tried, then), damping / _EASIER
+            tried = np.clip(current + np.clip(step, -how.longest_step, how.longest_step), low, high)
+            tried_evaluation = innovations(tried)
+            if cost(tried, tried_evaluation) < value:
+                current, evaluation, value, damping = (
+                    tried,
+                    tried_evaluation,
+                    cost(tried, tried_evaluation),
+                    damping / _EASIER,
+                )
                 break
             damping *= how.damping[1]
         if before - value < how.enough:
             break
-    return now, value
+    return current, value
 
 
 def scores(

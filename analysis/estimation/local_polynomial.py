@@ -56,11 +56,11 @@ def local_quadratic(values: Floats, half_width: float) -> Floats:
     filled = np.where(present, values - centre, 0.0)
     moments = [_weighted_sum(present.astype(float), weight * offset**k) for k in range(5)]
     products = [_weighted_sum(filled, weight * offset**k) for k in range(3)]
-    near = _weighted_sum(present.astype(float), (weight > 0).astype(float))
+    samples_in_reach = _weighted_sum(present.astype(float), (weight > 0).astype(float))
     normal = np.stack([np.stack([moments[i + j] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
     right = np.stack(products, axis=-1)[..., None]
     fitted = values.copy()
-    enough = present & (near >= _LEAST_SAMPLES)
+    enough = present & (samples_in_reach >= _LEAST_SAMPLES)
     fitted[enough] = np.linalg.solve(normal[enough], right[enough])[:, 0, 0] + centre
     return fitted
 

@@ -70,9 +70,9 @@ def motion_values(table: pd.DataFrame) -> Floats:
 def internal_step_s(time_ns: Ints, values: Floats) -> float:
     """The internal step: the median interval of the fastest channel, or that of :data:`FASTEST_HZ` if longer."""
     intervals = [
-        float(np.median(np.diff(np.unique(time_ns[there])))) / NANO
-        for there in np.isfinite(values).T
-        if np.unique(time_ns[there]).size > 1
+        float(np.median(np.diff(np.unique(time_ns[valid])))) / NANO
+        for valid in np.isfinite(values).T
+        if np.unique(time_ns[valid]).size > 1
     ]
     return max(min(intervals, default=1.0), 1.0 / FASTEST_HZ)
 
@@ -80,8 +80,8 @@ def internal_step_s(time_ns: Ints, values: Floats) -> float:
 def combine_samples(table: pd.DataFrame) -> MotionSamples:
     """The samples of a table in any order, combined into internal steps of at most :data:`FASTEST_HZ`."""
     time_ns, values = times_ns(table), motion_values(table)
-    there = np.isfinite(values)
-    observed = there.any(axis=1)
+    valid = np.isfinite(values)
+    observed = valid.any(axis=1)
     epoch_ns = int(time_ns[observed].min())
     since_s = (time_ns - epoch_ns) / NANO
     number = np.rint(since_s / internal_step_s(time_ns, values)).astype(np.int64)
@@ -90,7 +90,7 @@ def combine_samples(table: pd.DataFrame) -> MotionSamples:
     time_s = _mean(step_of[observed], since_s[observed], kept.size)
     value, count, offset, offset2 = np.full((4, kept.size, len(CHANNELS)), np.nan)
     for channel in range(len(CHANNELS)):
-        rows = np.flatnonzero(there[:, channel])
+        rows = np.flatnonzero(valid[:, channel])
         step, sample, apart_s = step_of[rows], values[rows, channel], since_s[rows] - time_s[step_of[rows]]
         first = np.zeros(kept.size)
         first[step[::-1]] = sample[::-1]
@@ -160,8 +160,8 @@ def first_state(data: MotionSamples) -> Start:
     """The initial state: the first heading and position, with wide variances."""
     mean = np.zeros(9)
     for channel, state in ((HEADING, PSI), (NORTH, N), (EAST, E)):
-        there = np.flatnonzero(np.isfinite(data.value[:, channel]))
-        mean[state] = data.value[there[0], channel] if there.size else 0.0
+        measured = np.flatnonzero(np.isfinite(data.value[:, channel]))
+        mean[state] = data.value[measured[0], channel] if measured.size else 0.0
     return Start(mean, np.diag(_FIRST_VARIANCE))
 
 
@@ -241,11 +241,11 @@ def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: f
 
     A gap is longer than ``longest_gap_s``; by default than 2.5 intervals, but at least 3 s and at most 10 s.
     """
-    there = np.isfinite(motion_values(table))
+    valid = np.isfinite(motion_values(table))
     times_s = (times_ns(table) - epoch_ns) / NANO
     hidden = np.zeros(grid_s.size, dtype=bool)
     for channels in ([HEADING, YAW_RATE], [NORTH, EAST, SURGE, SWAY]):
-        hidden |= _outside_samples(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
+        hidden |= _outside_samples(np.unique(times_s[valid[:, channels].any(axis=1)]), grid_s, longest_gap_s)
     return hidden
 
 

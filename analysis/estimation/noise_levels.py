@@ -279,8 +279,8 @@ class Search:
         steps, start = self.steps.for_model(model), self.start.for_model(model)
         steps = replace(steps, variance=steps.variance * levels[self.level_of] ** 2 + self.added)
         innovation, variance = innovations_of(steps, start.mean, start.covariance, self.edges, model, self.gate)
-        there = np.isfinite(steps.value)
-        return innovation[there], variance[there]
+        valid = np.isfinite(steps.value)
+        return innovation[valid], variance[valid]
 
     @property
     def count(self) -> int:

@@ -91,11 +91,11 @@ def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refuse
     out."""
     judged = {}
     for number, name in enumerate(CHANNELS):
-        there = np.isfinite(innovation[:, number])
-        kept = there & ~refused[:, number] & (time_s > time_s[0] + 10.0)
+        valid = np.isfinite(innovation[:, number])
+        kept = valid & ~refused[:, number] & (time_s > time_s[0] + 10.0)
         if kept.sum() >= 2 * _BLOCKS:
             ratio = innovation[kept, number] / deviation[kept, number]
-            judged[name] = _consistency(ratio, int((there & refused[:, number]).sum()))
+            judged[name] = _consistency(ratio, int((valid & refused[:, number]).sum()))
     return Consistency(judged)
 
 

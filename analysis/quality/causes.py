@@ -52,14 +52,14 @@ class Cause:
     def text(self) -> str:
         """All of it as one paragraph: what the first finding says, the channels, the events, what to do."""
         first = self.findings[0]
-        alike = ""
+        shared_text = ""
         if len(self.findings) > 1:
             of = f" of {', '.join(self.sources)}" if self.sources else ""
             remaining = [name for name in self.channels if name != first.channel]
-            alike = f". The same holds for {len(remaining)} other channels{of}: {', '.join(remaining)}"
+            shared_text = f". The same holds for {len(remaining)} other channels{of}: {', '.join(remaining)}"
         quotation = f'. The recorder said: "{"; ".join(self.events)}"' if self.events else ""
         remedy = f" {first.remedy.rstrip('.')}." if first.remedy else ""
-        return f"{first.text.rstrip('.')}{alike}{quotation}.{remedy}"
+        return f"{first.text.rstrip('.')}{shared_text}{quotation}.{remedy}"
 
     def as_json(self) -> dict[str, Any]:
         """The cause as an object; its findings stand in ``findings`` of the whole."""

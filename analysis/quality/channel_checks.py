@@ -244,8 +244,8 @@ class ChannelFaults:
     def _sized(self, stretch: Stretch) -> Stretch:
         """A spike sized by how far it leaves what is around it [the channel's unit]."""
         at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
-        near = valid_values(self.samples)[max(at - 4, 0) : at + 7]
-        turns = np.array([self.channel.wrapped(deviation) for deviation in near - near[min(at, 4)]])
+        neighbours = valid_values(self.samples)[max(at - 4, 0) : at + 7]
+        turns = np.array([self.channel.wrapped(deviation) for deviation in neighbours - neighbours[min(at, 4)]])
         turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
         return Stretch(stretch.start_ns, stretch.end_ns, abs(float(np.nanmedian(turns))))
 

@@ -245,12 +245,12 @@ def _with_other_unit(
 def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:
     """The table without values out of range, which would dominate every estimate; angles of the other convention
     are brought into the channel's."""
-    spoilt = {name: fault.masks["out_of_range"] for name, fault in faults.items()}
-    spoilt = {name: outside for name, outside in spoilt.items() if outside.any()}
-    if not spoilt:
+    out_of_range = {name: fault.masks["out_of_range"] for name, fault in faults.items()}
+    out_of_range = {name: outside for name, outside in out_of_range.items() if outside.any()}
+    if not out_of_range:
         return joined
     cleaned = joined.copy()
-    for name, outside in spoilt.items():
+    for name, outside in out_of_range.items():
         column = cleaned[name].to_numpy(copy=True)
         turned = (
             in_turn(faults[name].channel, faults[name].samples.value[outside])

@@ -246,10 +246,10 @@ def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
 
 def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: dict[str, float]) -> Finding:
     index = utc_index(table)
-    why = "it stops at 100 exactly"
+    reason = "it stops at 100 exactly"
     if estimate:
-        why = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
-    text = f"{name} looks like per cent, not rpm: {why}"
+        reason = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
+    text = f"{name} looks like per cent, not rpm: {reason}"
     remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
     ends = index[series.rows[0]], index[series.rows[-1]]
     return Finding("percent_scaled", name, *ends, text, remedy, estimate)
@@ -259,8 +259,8 @@ def _sisters(table: pd.DataFrame, name: str) -> list[str]:
     """The shafts of other drives of the same kind; tunnel thrusters run by themselves."""
     actuators = table_actuators(table)
     kind = kind_of_control(name, actuators)
-    alike = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
-    return [shaft for shaft in alike if shaft != name]
+    shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
+    return [shaft for shaft in shafts if shaft != name]
 
 
 def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:

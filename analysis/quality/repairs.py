@@ -118,11 +118,13 @@ def repair(
     return _aligned(RepairResult(table, tuple(repairs), judged), sure)
 
 
-def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
+def _aligned(repaired: RepairResult, certain: Iterable[Finding]) -> RepairResult:
     """What was repaired with the delays that are certain taken off the stamps, those of the flags too."""
     table = repaired.table
-    late = [finding for finding in sure if finding.code == "channel_delay" and finding.channel in table]
-    delays = {name: seconds for name, seconds in delays_of(late, table).items() if name in table}
+    delay_findings = [
+        finding for finding in certain if finding.code == "channel_delay" and finding.channel in table
+    ]
+    delays = {name: seconds for name, seconds in delays_of(delay_findings, table).items() if name in table}
     if not delays:
         return repaired
     moved, flags = remove_delays(table, delays), repaired.flags
@@ -135,7 +137,7 @@ def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
             f"stamps moved by {-finding.estimate['seconds']:+.2f} s",
             int(table[finding.channel].count()),
         )
-        for finding in late
+        for finding in delay_findings
     )
     return RepairResult(moved, (*repaired.repairs, *done), flags)
 
@@ -209,10 +211,10 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     gap is missing, whatever was there before."""
     qualities = {}
     for name in [name for name in before.columns if name in flags]:
-        flag, there = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
-        new = ~_equal_or_nan(before[name].to_numpy(), after[name].to_numpy()) & there
+        flag, present = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
+        new = ~_equal_or_nan(before[name].to_numpy(), after[name].to_numpy()) & present
         flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
-        flag[~there] = Quality.MISSING
+        flag[~present] = Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 

@@ -207,16 +207,16 @@ def _confirm_step(changes: Floats, candidate: float, noise: float) -> float:
     They do if they are far closer than the noise would let them, which a ship at constant speed is not.
     """
     for reach in (2.5, _LARGEST_MULTIPLE):
-        near = changes[changes < reach * candidate]
-        multiples = np.rint(near / candidate)
-        close = (np.abs(near / candidate - multiples) < 0.2) & (multiples > 0)
+        small = changes[changes < reach * candidate]
+        multiples = np.rint(small / candidate)
+        close = (np.abs(small / candidate - multiples) < 0.2) & (multiples > 0)
         if not close.any():
             return 0.0
-        candidate = float(np.median(near[close] / multiples[close]))
-    near = changes[changes < _LARGEST_MULTIPLE * candidate]
-    if near.size < max(_FEWEST, 0.02 * changes.size):
+        candidate = float(np.median(small[close] / multiples[close]))
+    small = changes[changes < _LARGEST_MULTIPLE * candidate]
+    if small.size < max(_FEWEST, 0.02 * changes.size):
         return 0.0
-    return candidate if _lie_on_multiples(near, candidate, _CONCENTRATED, noise) else 0.0
+    return candidate if _lie_on_multiples(small, candidate, _CONCENTRATED, noise) else 0.0
 
 
 def _lie_on_multiples(changes: Floats, step: float, least: float, noise: float) -> bool:

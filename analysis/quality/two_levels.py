@@ -102,8 +102,8 @@ def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
     in_turn = (np.ptp(np.pad(balance, ((0, 0), (1, 0))), axis=1) <= 1.0) | either_way
     neighbours = np.pad(turns, ((0, 0), (1, 1)))
     returning = (turns & (neighbours[:, :-2] | neighbours[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
-    far = separation > _COARSEST * _resolution(channel)
-    return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & far)
+    is_coarse = separation > _COARSEST * _resolution(channel)
+    return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & is_coarse)
 
 
 def _is_oscillation(blocks: Floats, separation: Floats, alternate: Bools) -> bool:

@@ -134,8 +134,8 @@ def _on_grid(
 
     def valid(name: str) -> TimedValues:
         time_ns, values = samples_of(name)
-        there = np.isfinite(values)
-        return time_ns[there] - delay_ns.get(name, 0), values[there]
+        is_finite = np.isfinite(values)
+        return time_ns[is_finite] - delay_ns.get(name, 0), values[is_finite]
 
     first_ns, last_ns = _span(valid(name)[0] for name in names)
     require_plausible_span(
@@ -226,8 +226,8 @@ def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
 
     NaN before the first, after the last and in gaps longer than :func:`resample` bridges; NaN is no sample.
     """
-    there = np.isfinite(values)
-    return _between(*_sorted_without_repeats(time_ns[there], values[there], False), at_ns, None, False)
+    is_finite = np.isfinite(values)
+    return _between(*_sorted_without_repeats(time_ns[is_finite], values[is_finite], False), at_ns, None, False)
 
 
 def _between(times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | None, circular: bool) -> Floats:
@@ -353,8 +353,8 @@ def _neighbours(
         first, last = np.searchsorted(before, (-further, grid_ns.size - further))  # points 0 to the last
         point, of = before[first:last] + further, np.arange(first, last)
         if further == -ahead:  # of these only what lies right at the end of what is known
-            near = times[of] - grid_ns[point] <= ahead * step_ns
-            point, of = point[near], of[near]
+            within_reach = times[of] - grid_ns[point] <= ahead * step_ns
+            point, of = point[within_reach], of[within_reach]
         distance = (times[of] - grid_ns[point]) / (rule.reach * step_ns)
         np.clip(distance, -1.0, 1.0, out=distance)
         yield point, of, distance, (0.5 + 0.5 * np.cos(np.pi * distance)) ** rule.taper

@@ -228,8 +228,8 @@ def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
     time_ns, columns = times_ns(table), {}
     for name in map(str, table.columns):
         values = table[name].to_numpy(dtype=float)
-        there = np.isfinite(values)
-        columns[name] = time_ns[there] + by_ns.get(name, 0), values[there]
+        valid = np.isfinite(values)
+        columns[name] = time_ns[valid] + by_ns.get(name, 0), values[valid]
     result = join_channels(columns)
     result.attrs.update(table.attrs)
     return result

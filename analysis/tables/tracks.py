@@ -40,8 +40,8 @@ def places_of(table: pd.DataFrame) -> dict[str, Floats]:
         lat, lon, _ = ned2geodetic(at_rows(table["north_m"]), at_rows(table["east_m"]), 0.0, *origin, 0.0)
     elif {"latitude_deg", "longitude_deg"} <= set(table.columns):
         lat, turned = at_rows(table["latitude_deg"]), table["longitude_deg"].to_numpy(dtype=float, copy=True)
-        there = np.isfinite(turned)
-        turned[there] = np.unwrap(turned[there], period=360.0)
+        valid = np.isfinite(turned)
+        turned[valid] = np.unwrap(turned[valid], period=360.0)
         lon = (at_rows(turned) + 180.0) % 360.0 - 180.0
     else:
         return {}

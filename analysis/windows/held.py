@@ -112,20 +112,20 @@ def held_windows(
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators, table = table_actuators(table), with_calm(table)
-    start_ns, values, there = _every_second(table, trial_names(actuators))
+    start_ns, values, present = _every_second(table, trial_names(actuators))
     reason = np.empty(0, dtype=np.int64)
     if start_ns.size > horizon_s:
-        reason = _reasons(values, actuators, there, horizon_s + 1, stride_s)
-    wanted = reason == len(REASONS)
+        reason = _reasons(values, actuators, present, horizon_s + 1, stride_s)
+    selected = reason == len(REASONS)
     if keep_moving:
-        wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
-    starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
-    counts = np.bincount(reason[~wanted], minlength=len(REASONS))
+        selected |= np.isin(reason, [REASONS.index(name) for name in MOVED])
+    starts = np.flatnonzero(selected).astype(np.int64) * stride_s
+    counts = np.bincount(reason[~selected], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
     legs = _legs(values, actuators, starts, horizon_s, stride_s)
     rows = _rows_of_windows(values, actuators, start_ns, starts, legs, horizon_s, trial)
     if keep_moving:
-        rows = rows.assign(held=np.repeat(reason[wanted] == len(REASONS), horizon_s + 1))
+        rows = rows.assign(held=np.repeat(reason[selected] == len(REASONS), horizon_s + 1))
     return HeldWindows(rows, int(reason.size), int(starts.size), dropped, horizon_s, stride_s)
 
 
@@ -144,23 +144,23 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
         raise InputError("the table does not have one row per second, in order and on whole seconds", fix=fix)
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)
-    there = np.zeros(values.shape[0], dtype=bool)
-    there[row] = True
-    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
+    present = np.zeros(values.shape[0], dtype=bool)
+    present[row] = True
+    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, present
 
 
-def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stride: int) -> Ints:
+def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, stride: int) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
     def always(flag: Bools) -> Bools:
         return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
 
     valid = np.isfinite(values)
-    steady = {sort: np.ones(len(always(there)), dtype=bool) for sort in _MOVED}
+    steady = {sort: np.ones(len(always(present)), dtype=bool) for sort in _MOVED}
     for name, series in zip(control_names(actuators), _settings(values).T, strict=True):
         steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
-        always(np.asarray(there & valid.any(axis=1))),
+        always(np.asarray(present & valid.any(axis=1))),
         always(np.asarray(valid.all(axis=1))),
         always(~near_jumps(values)),
         *steady.values(),
@@ -185,10 +185,10 @@ def near_jumps(values: Floats) -> Bools:
     off_m = np.hypot(*(deviation - np.nanmedian(deviation, axis=0)).T)
     most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(off_m)
     jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
-    near = np.zeros(len(values), dtype=bool)
+    near_jump = np.zeros(len(values), dtype=bool)
     for row in jumped:
-        near[max(0, row - MOTION_FILTER.reach + 1) : row + 1 + MOTION_FILTER.reach] = True
-    return near
+        near_jump[max(0, row - MOTION_FILTER.reach + 1) : row + 1 + MOTION_FILTER.reach] = True
+    return near_jump
 
 
 def _settings(values: Floats) -> Floats:

@@ -176,10 +176,12 @@ def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) ->
     delay_findings = [
         finding for finding in findings if finding.code == "channel_delay" and (finding.band_hz or (0.0,))[0] <= 0.0
     ]
-    late = {finding.channel: float(finding.estimate["seconds"]) for finding in delay_findings}
-    delays = {name: seconds for channel, seconds in late.items() for name in GROUPS.get(channel, (channel,))}
-    if table is not None and "north_m" in late:
-        delays |= dict.fromkeys(_with_positions(table), late["north_m"])
+    delay_of_group = {finding.channel: float(finding.estimate["seconds"]) for finding in delay_findings}
+    delays = {
+        name: seconds for channel, seconds in delay_of_group.items() for name in GROUPS.get(channel, (channel,))
+    }
+    if table is not None and "north_m" in delay_of_group:
+        delays |= dict.fromkeys(_with_positions(table), delay_of_group["north_m"])
     return delays
 
 
@@ -385,14 +387,16 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
         )
         best = tried[0]
         if best.misfit <= _ADEQUATE:
-            alike = [explanation for explanation in tried if explanation.misfit <= best.misfit + _AS_WELL]
+            equivalent = [explanation for explanation in tried if explanation.misfit <= best.misfit + _AS_WELL]
             likely = [
                 explanation
-                for explanation in alike
+                for explanation in equivalent
                 if count == 1 and explanation.misfit <= _ADEQUATE and explanation.is_late
             ]
             best = likely[0] if likely and best.is_early else best
-            alternatives = [(explanation, {*explanation.causes} - {*best.causes}) for explanation in alike[::-1]]
+            alternatives = [
+                (explanation, {*explanation.causes} - {*best.causes}) for explanation in equivalent[::-1]
+            ]
             rivals = {
                 cause: explanation.size(cause)[0]
                 for explanation, extra in alternatives

@@ -132,8 +132,8 @@ class _Regression:
     def likelier(self, rival: _Regression, windows: int) -> bool:
         """Whether its residual is much smaller and it stays likelier with lever arm, delay and heel in the model:
         sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
-        much = self.plainly_m < _REMOVED * rival.plainly_m
-        return much and self.clearer(rival, windows)
+        is_smaller = self.plainly_m < _REMOVED * rival.plainly_m
+        return is_smaller and self.clearer(rival, windows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,18 +178,22 @@ class _Moves:
         """Moves by those that heading and speeds make."""
         travelled, ahead = self.travelled(heading, body), np.exp(1j * heading)
         turning = np.gradient(heading, self.grid_s[1] - self.grid_s[0])
-        arm, late, heeled = (
+        arm, delay, heeled = (
             _changes_over(term * ahead, self.starts, self.length)
             for term in (np.ones_like(heading), body, 1j * turning * body.real)
         )
         values, plainly = _regress(moved, travelled[:, np.newaxis])
-        residual = _regress(moved, np.column_stack([travelled, arm, late, heeled]))[1]
+        residual = _regress(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
         return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(residual))
 
     def ratio(self) -> complex:
         """The complex ratio of the positions' moves to those by heading and speeds; 1 where none explains them."""
-        by = self.explained(self.moved, self.heading, self.body)
-        return by.ratio if by.left_m < _AGREES * _trimmed_rms(self.moved) and abs(by.ratio) > 0.0 else 1.0 + 0.0j
+        regression = self.explained(self.moved, self.heading, self.body)
+        return (
+            regression.ratio
+            if regression.left_m < _AGREES * _trimmed_rms(self.moved) and abs(regression.ratio) > 0.0
+            else 1.0 + 0.0j
+        )
 
     def yaw_rate_factor(self) -> float:
         """The factor from yaw rate to rate of heading where it is far from 1 and well determined, else 1."""
@@ -198,8 +202,8 @@ class _Moves:
         headed = _changes_over(self.heading, self.starts, self.length)
         values, residual = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
         factor, about = float(values[0].real), np.abs(headed - np.median(headed))
-        sure = _trimmed_rms(residual) < _AGREES * _trimmed_rms(about) and factor != 0.0
-        return factor if sure and abs(factor - 1.0) > _FAR else 1.0
+        is_clear = _trimmed_rms(residual) < _AGREES * _trimmed_rms(about) and factor != 0.0
+        return factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
 
 
 def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:

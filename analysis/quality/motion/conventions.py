@@ -73,11 +73,11 @@ def _with_plane(table: pd.DataFrame) -> pd.DataFrame:
     if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
         return table
     latitude, longitude = (table[name].to_numpy(dtype=float) for name in ("latitude_deg", "longitude_deg"))
-    there = np.flatnonzero(is_place(latitude, longitude))
+    located = np.flatnonzero(is_place(latitude, longitude))
     north, east = np.full((2, latitude.size), np.nan)
-    if there.size:
-        origin = latitude[there[0]], longitude[there[0]], 0.0
-        north[there], east[there], _ = pymap3d.geodetic2ned(latitude[there], longitude[there], 0.0, *origin)
+    if located.size:
+        origin = latitude[located[0]], longitude[located[0]], 0.0
+        north[located], east[located], _ = pymap3d.geodetic2ned(latitude[located], longitude[located], 0.0, *origin)
     return table.assign(north_m=north, east_m=east)
 
 

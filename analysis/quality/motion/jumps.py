@@ -130,8 +130,8 @@ def _jumps(steps: _Steps) -> Bools:
 
 
 def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps:
-    wanted, slopes = model(values)
-    both = np.concatenate([wanted[:, np.newaxis], slopes], axis=1)
+    expected, slopes = model(values)
+    both = np.concatenate([expected[:, np.newaxis], slopes], axis=1)
     at = interpolate(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
     moves = np.diff(at.reshape(-1, *both.shape[1:]), axis=0)
     measured = np.diff(level.levels, axis=0)

@@ -251,7 +251,7 @@ def _sampling(motion: Motion) -> Floats:
     return np.where([name.endswith("_s") for name in NAMES], fixed_s + share * motion.slowest_s, 0.0)
 
 
-def _slow_is_better(slow: Solution, broadband: Solution, alike: Floats) -> bool:
+def _slow_is_better(slow: Solution, broadband: Solution, tolerance: Floats) -> bool:
     """Whether the slow motion is to be believed: it tells more, or all motion says something else, beyond errors
     and what sampling may do.
 
@@ -259,7 +259,7 @@ def _slow_is_better(slow: Solution, broadband: Solution, alike: Floats) -> bool:
     """
     if np.linalg.slogdet(slow.covariance)[1] < np.linalg.slogdet(broadband.covariance)[1]:
         return True
-    errors = np.hypot(np.sqrt(np.diag(slow.covariance)), alike)
+    errors = np.hypot(np.sqrt(np.diag(slow.covariance)), tolerance)
     limits = np.array([quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, count) for count in slow.informative])
     return bool((np.abs(broadband.parameters - slow.parameters) > limits * errors).any())
 
@@ -284,8 +284,8 @@ class _Frame:
 
     def coefficients(self, limit_hz: float) -> int:
         """How many cosines lie below a frequency."""
-        wanted = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
-        return int(np.clip(wanted, _FEWEST_COSINES, self.length - 1))
+        count = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
+        return int(np.clip(count, _FEWEST_COSINES, self.length - 1))
 
     @property
     def slow_hz(self) -> float:
@@ -363,17 +363,17 @@ class _Fit:
         """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
         level, frame = self.level, self.frame
         most = frame.coefficients(limit_hz or SLOW_HZ)
-        (wanted, slopes), first, second = (model(values) for model in self.models)
+        (expected, slopes), first, second = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-        wanted_noise, slopes_noise = (0.5 * (even - odd) for even, odd in zip(first, second, strict=True))
-        parts = (self.measured(times) - wanted, slopes, -wanted_noise, slopes_noise)
+        expected_noise, slopes_noise = (0.5 * (even - odd) for even, odd in zip(first, second, strict=True))
+        parts = (self.measured(times) - expected, slopes, -expected_noise, slopes_noise)
         band = (frame.slowly(part) for part in parts) if limit_hz is None else parts
-        residuals, by, *noise = (cosines(part, frame.starts, frame.length, most) for part in band)
-        update = solve(residuals, by, (noise[0], noise[1]), self.prior)
+        residuals, basis, *noise = (cosines(part, frame.starts, frame.length, most) for part in band)
+        update = solve(residuals, basis, (noise[0], noise[1]), self.prior)
         longest = _LONGEST_STEP if limit_hz is None else _LONGEST_FAST_STEP
         bounds = longest * self.prior[:4]  # lever arms are linear
-        far = float(np.max(np.abs(update.parameters[:4]) / bounds))
-        return replace(update, parameters=values + update.parameters / max(far, 1.0))
+        excess = float(np.max(np.abs(update.parameters[:4]) / bounds))
+        return replace(update, parameters=values + update.parameters / max(excess, 1.0))
 
 
 PARTS = 4

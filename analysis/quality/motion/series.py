@@ -45,8 +45,8 @@ class Group:
     levels: Floats
     interval_s: float
 
-    def without(self, spoilt: Bools) -> Group:
-        return Group(self.time_s[~spoilt], self.levels[~spoilt], self.interval_s)
+    def without(self, invalid: Bools) -> Group:
+        return Group(self.time_s[~invalid], self.levels[~invalid], self.interval_s)
 
     def gaps(self) -> Floats:
         """Where too long nothing was recorded: [gaps, 2] beginning and end [s]."""
@@ -106,11 +106,11 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     times = (times_ns(table) - times_ns(table).min()) / NANO
     columns = [table[name].to_numpy(dtype=float) for name in channels]
     if len(columns) > 1 and not (np.isfinite(columns[0]) & np.isfinite(columns[1])).any():
-        there = np.isfinite(columns[1])
-        columns[1] = np.interp(times, times[there], columns[1][there])
+        valid = np.isfinite(columns[1])
+        columns[1] = np.interp(times, times[valid], columns[1][valid])
     values = np.column_stack(columns)
-    there = np.isfinite(values).all(axis=1)
-    order = np.flatnonzero(there)[np.argsort(times[there], kind="stable")]
+    valid = np.isfinite(values).all(axis=1)
+    order = np.flatnonzero(valid)[np.argsort(times[valid], kind="stable")]
     if order.size < 8:
         raise DataShortageError(f"holds only {order.size} samples of {channels[0]}", fix="record for longer")
     scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
@@ -235,12 +235,12 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
 
 def block_starts(motion: Motion, grid_s: Floats, length: int) -> Ints:
     """First grid points of the blocks of ``length`` points over which every group was recorded."""
-    there = np.ones(grid_s.size, dtype=bool)
+    covered = np.ones(grid_s.size, dtype=bool)
     for group in motion.groups:
-        there &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
+        covered &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
         for begin, end in group.gaps():
-            there[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
-    starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(there), strict=True)]
+            covered[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
+    starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(covered), strict=True)]
     return np.concatenate([np.empty(0, dtype=np.int64), *starts])
 
 
@@ -268,10 +268,10 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, offset, _, heading_late_s, forward, starboard, heel, heel_lag = values
         times = np.clip(grid_s + heading_late_s, first + width, last - width)
-        before, now, after = (heading_at(times + shift) for shift in (-width, 0.0, width))
-        true = now[:, 0] - offset
+        before, centre, after = (heading_at(times + shift) for shift in (-width, 0.0, width))
+        true = centre[:, 0] - offset
         turning = (after - before) / (2.0 * width)
-        yaw_acceleration = (after - 2.0 * now + before) / width**2
+        yaw_acceleration = (after - 2.0 * centre + before) / width**2
         moving = rotate(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
