@@ -112,10 +112,10 @@ def run_batch(
     if folder.resolve().is_relative_to(out):
         raise InputError("the recordings are in the output folder", where=str(out), fix="name another with -o")
     check_address(scheduler)
-    found = recordings_below(folder, out)
-    if not found:
+    recordings = recordings_below(folder, out)
+    if not recordings:
         raise DataShortageError("contains no recording", where=str(folder), fix="name a folder with .mcap files")
-    names, chosen = names_of(folder, found), options or Options()
+    names, chosen = names_of(folder, recordings), options or Options()
     jobs = [
         Job(
             name,
@@ -126,18 +126,18 @@ def run_batch(
             timeout_s,
             tuple(str(path.absolute()) for path in paths[1:]),
         )
-        for name, paths in zip(names, found, strict=True)
+        for name, paths in zip(names, recordings, strict=True)
     ]
     with batch_folder(out):
         rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
-        for row, paths in zip(rows, found, strict=True):
+        for row, paths in zip(rows, recordings, strict=True):
             row["path"] = printable_name(paths[0].relative_to(folder))
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
         gone = gone_rows(set(names), out)
         index = write_index([*rows, *gone], out, printable_name(folder.resolve().name))
         write_json(out / CRITERIA, {"criteria": criteria_of_ships(rows, out)})
     done = sum(row["status"] == "done" for row in rows)
-    return Summary(rows, done, reused, index, tuple(gone), dict(zip(names, found, strict=True)))
+    return Summary(rows, done, reused, index, tuple(gone), dict(zip(names, recordings, strict=True)))
 
 
 def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
@@ -145,8 +145,8 @@ def criteria_of_ships(rows: Sequence[Row], out: Path) -> list[dict[str, Any]]:
     runs: dict[str, list[Manoeuvre]] = {}
     for row in rows:
         if row["status"] == "done" and row.get("manoeuvres"):
-            said = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
-            runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, said["manoeuvres"]))
+            document = json.loads((out / row["name"] / "manoeuvres.json").read_text(encoding="utf-8"))
+            runs.setdefault(row["vessel"], []).extend(map(Manoeuvre.from_json, document["manoeuvres"]))
     return criteria_by_vessel(runs)
 
 
@@ -181,9 +181,9 @@ def recordings_below(folder: Path, out: Path) -> list[tuple[Path, ...]]:
     return whole_recordings(sorted({*paths, *(Path(error.filename) for error in unreadable)}))
 
 
-def names_of(folder: Path, found: Sequence[Sequence[Path]]) -> list[str]:
+def names_of(folder: Path, recordings: Sequence[Sequence[Path]]) -> list[str]:
     """A name for each recording below a folder: :func:`result_names` of their first files."""
-    return result_names([paths[0].relative_to(folder).as_posix() for paths in found])
+    return result_names([paths[0].relative_to(folder).as_posix() for paths in recordings])
 
 
 def result_names(paths: list[str]) -> list[str]:
@@ -238,7 +238,7 @@ def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
     for pattern, failed in groups.items():
         causes = {row["cause"] for row in failed}
         named.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
-    return sorted(named, key=lambda each: (-len(each[1]), each[0]))
+    return sorted(named, key=lambda failure: (-len(failure[1]), failure[0]))
 
 
 def is_row(values: Mapping[str, Any]) -> bool:

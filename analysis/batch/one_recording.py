@@ -142,16 +142,16 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
     about = {key: json.dumps(value) for key, value in origin.items()}
     trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
-    known = known_channels(products.one_hz.attrs)
-    units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), known))}
+    channels = known_channels(products.one_hz.attrs)
+    units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name), channels))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
-    repairs = [asdict(each) for each in products.repairs]
+    repairs = [asdict(repair) for repair in products.repairs]
     write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
-    left_out = [each.as_json() for each in products.left_out]
+    left_out = [manoeuvre.as_json() for manoeuvre in products.left_out]
     criteria = criteria_by_vessel({products.recording.trial.vessel: products.manoeuvres})
-    found = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
-    write_json(folder / "manoeuvres.json", {**found, **origin})
+    results = {"manoeuvres": as_json(products.manoeuvres), "left_out": left_out, "criteria": criteria}
+    write_json(folder / "manoeuvres.json", {**results, **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
         named = {provenance["recording"]: to_json({**whence, "recording_sha256": provenance["sha256"]})}
@@ -172,18 +172,20 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
         "cause": "; ".join(products.shortfalls) or "; ".join(remarks_on(recording)),
-        **_said_of(recording),
+        **_recording_row(recording),
         "start": one_hz.index[0].isoformat(),
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
         "channels": len(required_channels(products.table)) - len(missing),
         "missing": missing,
-        "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
+        "grade": max(
+            (channel.grade for channel in products.quality.channels.values()), key=GRADES.index, default=""
+        ),
         "findings": len(products.quality.findings),
-        "findings_by_code": dict(Counter(each.code for each in products.quality.findings)),
+        "findings_by_code": dict(Counter(finding.code for finding in products.quality.findings)),
         "repairs": len(products.repairs),
-        "manoeuvres": dict(Counter(each.kind for each in products.manoeuvres)),
-        "left_out": dict(Counter(each.kind for each in products.left_out)),
+        "manoeuvres": dict(Counter(manoeuvre.kind for manoeuvre in products.manoeuvres)),
+        "left_out": dict(Counter(manoeuvre.kind for manoeuvre in products.left_out)),
         "indices": key_indices(products.manoeuvres) | speed_at_power(products),
         "criteria": _criteria_counts(products.manoeuvres),
         "windows_kept": windows.kept if windows else None,
@@ -216,13 +218,13 @@ def first_look(paths: Sequence[Path]) -> Row:
     recording = read_parts(paths)
     table = table_of(recording)
     row = {
-        "status": WAITING, "cause": "", **_said_of(recording), "start": table.index[0].isoformat(),
+        "status": WAITING, "cause": "", **_recording_row(recording), "start": table.index[0].isoformat(),
         "duration_s": (table.index[-1] - table.index[0]).total_seconds(), "track": thumbnail(table),
     }  # fmt: skip
     return dict(to_json(row))
 
 
-def _said_of(recording: Recording) -> Row:
+def _recording_row(recording: Recording) -> Row:
     """What a row says of a recording itself."""
     return {
         "vessel": recording.trial.vessel,
@@ -242,9 +244,9 @@ def missing_channels(table: pd.DataFrame) -> list[str]:
 def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:
     """The indices that a batch is compared by: the median of each over a recording's manoeuvres of a kind."""
     values: dict[str, list[float]] = {}
-    for each in manoeuvres:
-        for name in KEY_INDICES & set(each.indices):
-            values.setdefault(f"{each.kind}_{name}", []).append(each.indices[name].value)
+    for manoeuvre in manoeuvres:
+        for name in KEY_INDICES & set(manoeuvre.indices):
+            values.setdefault(f"{manoeuvre.kind}_{name}", []).append(manoeuvre.indices[name].value)
     return {name: float(np.median(values[name])) for name in sorted(values)}
 
 
@@ -254,12 +256,12 @@ def speed_at_power(products: Products) -> dict[str, float]:
         return {}
     recording = products.recording
     try:
-        found = speed_power(
+        result = speed_power(
             [products.table], recorded_conditions(recording.trial, products.table), recording.events
         )
     except (DataShortageError, InputError):
         return {}
-    return {"speed_power_kw": found.fastest.power_kw, "speed_power_mps": found.fastest.speed_mps}
+    return {"speed_power_kw": result.fastest.power_kw, "speed_power_mps": result.fastest.speed_mps}
 
 
 def distance_m(one_hz: pd.DataFrame) -> float | None:

@@ -119,7 +119,7 @@ def map_calls(
             keep(number, function(*arguments))
         return [results[number] for number in range(len(calls))]
     with _client(workers, None) as client:
-        futures = {client.submit(_on_one_core, *each, pure=False): number for number, each in enumerate(calls)}
+        futures = {client.submit(_on_one_core, *call, pure=False): number for number, call in enumerate(calls)}
         try:
             for future in import_module("distributed").as_completed(futures, loop=client.loop):
                 keep(futures[future], future.result())

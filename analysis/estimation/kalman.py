@@ -71,10 +71,10 @@ class Start:
         given."""
         covariance = np.zeros((model.may_jump.size,) * 2)
         mean = (self.mean @ model.sums) * model.may_jump
-        for quantity, law, own in zip(model.quantities, model.laws, model.blocks, strict=True):
-            given = slice(3 * quantity, 3 * quantity + 3)
+        for quantity, law, block in zip(model.quantities, model.laws, model.blocks, strict=True):
+            place = slice(3 * quantity, 3 * quantity + 3)
             swing = law.covariance
-            covariance[own, own] = self.covariance[given, given] if swing is None else swing
+            covariance[block, block] = self.covariance[place, place] if swing is None else swing
         return Start(mean, covariance)
 
 
@@ -177,11 +177,11 @@ def _filtered(
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
     dt_s[edges[:-1]] = 0.0
     F, Q, interval = model.over(dt_s, WIDTH)
-    found = run_filter(  # of every other array layout it would be compiled once more, for 4 s
+    filtered = run_filter(  # of every other array layout it would be compiled once more, for 4 s
         steps.time_s, np.ascontiguousarray(steps.value), steps.row, steps.variance, steps.turn, steps.jumps,
         F, Q, interval, edges, starts, covariance, gate.limit, gate.patience_s, gate.patience, keep,
     )  # fmt: skip
-    return F, interval, found
+    return F, interval, filtered
 
 
 class _Patience:
@@ -229,9 +229,9 @@ def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> T
             if not refused[k, c]:
                 row = steps.row[k, c][None, :]
                 kalman.update(error + (row @ kalman.x).item(), R=steps.variance[k, c], H=row)
-        for series, each in zip(states, (*before, kalman.x[:, 0].copy(), kalman.P.copy()), strict=True):
-            series.append(each)
-    prior_mean, prior, means, covariances = (np.stack(each) for each in states)
+        for series, value in zip(states, (*before, kalman.x[:, 0].copy(), kalman.P.copy()), strict=True):
+            series.append(value)
+    prior_mean, prior, means, covariances = (np.stack(series) for series in states)
     mean, covariance, _, _ = kalman.rts_smoother(means, covariances, forward, added)
     costate = np.linalg.solve(prior, (prior_mean - mean)[..., None])[..., 0]
     half = np.linalg.solve(prior, prior - covariance).transpose(0, 2, 1)

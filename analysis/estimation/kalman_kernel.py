@@ -170,7 +170,7 @@ def filter_pass(  # type: ignore[no-untyped-def]
     drive, gain, features = inputs
     gains, means, covariances = kept
     T, channels, n = H.shape
-    moved, work, Ph, own = np.empty_like(m), np.zeros((n, WIDTH)), np.zeros(WIDTH), np.zeros(n)
+    moved, work, Ph, kalman_gain = np.empty_like(m), np.zeros((n, WIDTH)), np.zeros(WIDTH), np.zeros(n)
     since_s, refusals = np.zeros(channels), np.zeros(channels, dtype=np.int64)
     long = np.zeros(channels, dtype=np.bool_)
     for k in range(T):
@@ -199,9 +199,9 @@ def filter_pass(  # type: ignore[no-untyped-def]
                 refusals[c] += 1
                 continue
             refusals[c] = 0
-            measurement_update(Ph, spread, zc, m, P, own)
+            measurement_update(Ph, spread, zc, m, P, kalman_gain)
             if gains.shape[0] > 0:
-                gains[k, c] = own
+                gains[k, c] = kalman_gain
         if means.shape[0] > 0:
             means[k], covariances[k] = m[:, 0], P[:, :n]
 
@@ -345,7 +345,7 @@ def gain_sequence(F: Floats, Q: Floats, H: Floats, R: Floats, P: Floats, steps: 
     """
     n, channels = F.shape[0], R.size
     gains, work, Ph = np.zeros((steps, n, channels)), np.zeros((n, WIDTH)), np.zeros(WIDTH)
-    own, m, z = np.zeros(n), np.zeros((n, channels)), np.zeros(channels)
+    gain, m, z = np.zeros(n), np.zeros((n, channels)), np.zeros(channels)
     for k in range(steps):
         predict_covariance(F, Q, P, work)
         m[:] = 0.0
@@ -354,6 +354,6 @@ def gain_sequence(F: Floats, Q: Floats, H: Floats, R: Floats, P: Floats, steps: 
             z[:] = 0.0
             z[c] = 1.0
             subtract_prediction(H[c], m, z)
-            measurement_update(Ph, variance, z, m, P, own)
+            measurement_update(Ph, variance, z, m, P, gain)
         gains[k] = m
     return gains

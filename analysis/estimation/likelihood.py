@@ -73,47 +73,52 @@ def most_likely(
     """
     prior = prior or Prior(start, np.inf)
 
-    def cost(at: Floats, found: tuple[Floats, Floats]) -> float:
-        return robust_cost(*found, how.limit) + prior.cost(at)
+    def cost(at: Floats, outcome: tuple[Floats, Floats]) -> float:
+        return robust_cost(*outcome, how.limit) + prior.cost(at)
 
-    now, damping, found = start, how.damping[0], innovations(start)
-    value = cost(now, found)
+    current, damping, evaluation = start, how.damping[0], innovations(start)
+    value = cost(current, evaluation)
     for _ in range(how.most_steps):
-        gradient, information = scores(innovations, now, found, how.limit)
-        gradient = gradient + 2.0 * (now - prior.mean) / prior.deviation**2
-        information = information + 2.0 * np.eye(now.size) / prior.deviation**2
-        free = ~(((now <= low) & (gradient > 0)) | ((now >= high) & (gradient < 0)))
+        gradient, information = scores(innovations, current, evaluation, how.limit)
+        gradient = gradient + 2.0 * (current - prior.mean) / prior.deviation**2
+        information = information + 2.0 * np.eye(current.size) / prior.deviation**2
+        free = ~(((current <= low) & (gradient > 0)) | ((current >= high) & (gradient < 0)))
         before = value
         for _ in range(how.tries):
-            damped = information + damping * np.diag(np.diag(information)) + 1e-6 * np.eye(now.size)
-            step = np.zeros(now.size)
+            damped = information + damping * np.diag(np.diag(information)) + 1e-6 * np.eye(current.size)
+            step = np.zeros(current.size)
             step[free] = np.linalg.solve(damped[np.ix_(free, free)], -gradient[free])
-            tried = np.clip(now + np.clip(step, -how.longest_step, how.longest_step), low, high)
-            then = innovations(tried)
-            if cost(tried, then) < value:
-                now, found, value, damping = tried, then, cost(tried, then), damping / _EASIER
+            tried = np.clip(current + np.clip(step, -how.longest_step, how.longest_step), low, high)
+            tried_evaluation = innovations(tried)
+            if cost(tried, tried_evaluation) < value:
+                current, evaluation, value, damping = (
+                    tried,
+                    tried_evaluation,
+                    cost(tried, tried_evaluation),
+                    damping / _EASIER,
+                )
                 break
             damping *= how.damping[1]
         if before - value < how.enough:
             break
-    return now, value
+    return current, value
 
 
 def scores(
-    innovations: Innovations, at: Floats, found: tuple[Floats, Floats], limit: float
+    innovations: Innovations, at: Floats, evaluation: tuple[Floats, Floats], limit: float
 ) -> tuple[Floats, Floats]:
-    """Gradient [p] and expected curvature [p, p] of :func:`robust_cost` at parameters that gave ``found``.
+    """Gradient [p] and expected curvature [p, p] of :func:`robust_cost` at parameters that gave ``evaluation``.
 
     Half the curvature is Fisher's information: its inverse is the covariance of the estimate.
     """
-    innovation, variance = found
+    innovation, variance = evaluation
     deviation = np.sqrt(variance)
     ratio = innovation / deviation
     inside = ratio**2 < limit
     moved, grown = np.empty((2, at.size, innovation.size))
     for number, unit in enumerate(np.eye(at.size)):
-        other, its_variance = innovations(at + _DIFFERENCE * unit)
-        moved[number] = (other - innovation) / deviation / _DIFFERENCE * inside
+        stepped, its_variance = innovations(at + _DIFFERENCE * unit)
+        moved[number] = (stepped - innovation) / deviation / _DIFFERENCE * inside
         grown[number] = np.log(its_variance / variance) / _DIFFERENCE * inside
     return grown @ (1.0 - ratio**2) + 2.0 * moved @ ratio, grown @ grown.T + 2.0 * moved @ moved.T
 
@@ -133,6 +138,6 @@ def correlated_pairs(names: Sequence[str], correlation: Floats) -> list[tuple[st
     [('drag', 'mass', -0.97)]
     """
     return [
-        (names[one], names[other], float(correlation[one, other]))
-        for one in range(len(names)) for other in range(one) if abs(correlation[one, other]) > NEARLY_ONE
+        (names[row], names[column], float(correlation[row, column]))
+        for row in range(len(names)) for column in range(row) if abs(correlation[row, column]) > NEARLY_ONE
     ]  # fmt: skip

@@ -54,18 +54,18 @@ def local_quadratic(values: Floats, half_width: float) -> Floats:
         return values.copy()
     centre = float(values[present].mean())
     filled = np.where(present, values - centre, 0.0)
-    moments = [_around(present.astype(float), weight * offset**k) for k in range(5)]
-    products = [_around(filled, weight * offset**k) for k in range(3)]
-    near = _around(present.astype(float), (weight > 0).astype(float))
+    moments = [_weighted_sum(present.astype(float), weight * offset**k) for k in range(5)]
+    products = [_weighted_sum(filled, weight * offset**k) for k in range(3)]
+    samples_in_reach = _weighted_sum(present.astype(float), (weight > 0).astype(float))
     normal = np.stack([np.stack([moments[i + j] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
     right = np.stack(products, axis=-1)[..., None]
     fitted = values.copy()
-    enough = present & (near >= _LEAST_SAMPLES)
+    enough = present & (samples_in_reach >= _LEAST_SAMPLES)
     fitted[enough] = np.linalg.solve(normal[enough], right[enough])[:, 0, 0] + centre
     return fitted
 
 
-def _around(values: Floats, kernel: Floats) -> Floats:
+def _weighted_sum(values: Floats, kernel: Floats) -> Floats:
     """The sum of ``values`` around each sample, weighted with a kernel of odd length."""
     reach = kernel.size // 2
     return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])

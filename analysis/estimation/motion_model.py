@@ -50,10 +50,10 @@ class MotionSamples:
 
     def part(self, first: int, last: int) -> MotionSamples:
         """The steps ``first`` to ``last``, the last one excluded."""
-        some = slice(first, last)
+        rows = slice(first, last)
         return MotionSamples(
-            self.epoch_ns, self.time_s[some], self.value[some], self.count[some],
-            self.offset_s[some], self.offset_s2[some], self.step_of,
+            self.epoch_ns, self.time_s[rows], self.value[rows], self.count[rows],
+            self.offset_s[rows], self.offset_s2[rows], self.step_of,
         )  # fmt: skip
 
 
@@ -70,9 +70,9 @@ def motion_values(table: pd.DataFrame) -> Floats:
 def internal_step_s(time_ns: Ints, values: Floats) -> float:
     """The internal step: the median interval of the fastest channel, or that of :data:`FASTEST_HZ` if longer."""
     intervals = [
-        float(np.median(np.diff(np.unique(time_ns[there])))) / NANO
-        for there in np.isfinite(values).T
-        if np.unique(time_ns[there]).size > 1
+        float(np.median(np.diff(np.unique(time_ns[valid])))) / NANO
+        for valid in np.isfinite(values).T
+        if np.unique(time_ns[valid]).size > 1
     ]
     return max(min(intervals, default=1.0), 1.0 / FASTEST_HZ)
 
@@ -80,25 +80,25 @@ def internal_step_s(time_ns: Ints, values: Floats) -> float:
 def combine_samples(table: pd.DataFrame) -> MotionSamples:
     """The samples of a table in any order, combined into internal steps of at most :data:`FASTEST_HZ`."""
     time_ns, values = times_ns(table), motion_values(table)
-    there = np.isfinite(values)
-    some = there.any(axis=1)
-    epoch_ns = int(time_ns[some].min())
+    valid = np.isfinite(values)
+    observed = valid.any(axis=1)
+    epoch_ns = int(time_ns[observed].min())
     since_s = (time_ns - epoch_ns) / NANO
     number = np.rint(since_s / internal_step_s(time_ns, values)).astype(np.int64)
     step_of = np.full(len(table), -1, dtype=np.int64)
-    kept, step_of[some] = np.unique(number[some], return_inverse=True)
-    time_s = _mean(step_of[some], since_s[some], kept.size)
+    kept, step_of[observed] = np.unique(number[observed], return_inverse=True)
+    time_s = _mean(step_of[observed], since_s[observed], kept.size)
     value, count, offset, offset2 = np.full((4, kept.size, len(CHANNELS)), np.nan)
     for channel in range(len(CHANNELS)):
-        rows = np.flatnonzero(there[:, channel])
+        rows = np.flatnonzero(valid[:, channel])
         step, sample, apart_s = step_of[rows], values[rows, channel], since_s[rows] - time_s[step_of[rows]]
         first = np.zeros(kept.size)
         first[step[::-1]] = sample[::-1]
-        apart = sample - first[step]
+        deviation = sample - first[step]
         if channel == HEADING:
-            apart = np.deg2rad(difference(np.rad2deg(sample), np.rad2deg(first[step])))
+            deviation = np.deg2rad(difference(np.rad2deg(sample), np.rad2deg(first[step])))
         count[:, channel] = np.bincount(step, minlength=kept.size)
-        value[:, channel] = first + _mean(step, apart, kept.size)
+        value[:, channel] = first + _mean(step, deviation, kept.size)
         offset[:, channel] = _mean(step, apart_s, kept.size)
         offset2[:, channel] = _mean(step, apart_s**2, kept.size)
     return MotionSamples(epoch_ns, time_s, value, count, offset, offset2, step_of)
@@ -147,19 +147,21 @@ def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Ste
 
 def horizontal_steps(steps: Steps, heading: Floats) -> Steps:
     """Position and speeds with the heading and its derivatives given [steps, 3 or more]."""
-    some = slice(NORTH, SWAY + 1)
-    row = steps.row[:, some].copy()
-    value = steps.value[:, some] - np.einsum("kcj,kj->kc", row[:, :, :3], heading[:, :3])
+    horizontal = slice(NORTH, SWAY + 1)
+    row = steps.row[:, horizontal].copy()
+    value = steps.value[:, horizontal] - np.einsum("kcj,kj->kc", row[:, :, :3], heading[:, :3])
     row[:, :, :3] = 0.0
-    return Steps(steps.time_s, value, row, steps.variance[:, some], steps.turn[some], steps.jumps[some])
+    return Steps(
+        steps.time_s, value, row, steps.variance[:, horizontal], steps.turn[horizontal], steps.jumps[horizontal]
+    )
 
 
 def first_state(data: MotionSamples) -> Start:
     """The initial state: the first heading and position, with wide variances."""
     mean = np.zeros(9)
     for channel, state in ((HEADING, PSI), (NORTH, N), (EAST, E)):
-        there = np.flatnonzero(np.isfinite(data.value[:, channel]))
-        mean[state] = data.value[there[0], channel] if there.size else 0.0
+        measured = np.flatnonzero(np.isfinite(data.value[:, channel]))
+        mean[state] = data.value[measured[0], channel] if measured.size else 0.0
     return Start(mean, np.diag(_FIRST_VARIANCE))
 
 
@@ -229,9 +231,9 @@ def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
     moved = state.copy()
     moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
-    apart = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
-    apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
-    return apart
+    residual = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
+    residual[:, HEADING] = np.remainder(residual[:, HEADING] + np.pi, 2 * np.pi) - np.pi
+    return residual
 
 
 def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
@@ -239,15 +241,15 @@ def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: f
 
     A gap is longer than ``longest_gap_s``; by default than 2.5 intervals, but at least 3 s and at most 10 s.
     """
-    there = np.isfinite(motion_values(table))
+    valid = np.isfinite(motion_values(table))
     times_s = (times_ns(table) - epoch_ns) / NANO
     hidden = np.zeros(grid_s.size, dtype=bool)
     for channels in ([HEADING, YAW_RATE], [NORTH, EAST, SURGE, SWAY]):
-        hidden |= _beyond(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
+        hidden |= _outside_samples(np.unique(times_s[valid[:, channels].any(axis=1)]), grid_s, longest_gap_s)
     return hidden
 
 
-def _beyond(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
+def _outside_samples(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
     interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
     limit_s = own_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
     before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1

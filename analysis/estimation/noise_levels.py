@@ -103,11 +103,11 @@ class NoiseLevels:
 
         A search that ends at a bound has not found a level: such data were generated, filtered or held.
         """
-        found = {name for name, bound in LEAST.items() if getattr(self, name) <= bound * (1.0 + _AT_BOUND)}
+        names = {name for name, bound in LEAST.items() if getattr(self, name) <= bound * (1.0 + _AT_BOUND)}
         for name in ("jerk", "yaw_jerk"):
             if not LEAST_JERK * (1.0 + _AT_BOUND) < getattr(self, name) < MOST_JERK * (1.0 - _AT_BOUND):
-                found.add(name)
-        return tuple(sorted(found))
+                names.add(name)
+        return tuple(sorted(names))
 
 
 def _laws(jerk: float, speed: float, frequency_radps: float, damping: float, order: int = 2) -> tuple[Law, ...]:
@@ -132,8 +132,10 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
                       (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), gate, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
-    given, added = zip(*(_given_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True)
-    moving = Search(_joined(given), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
+    conditioned, added = zip(
+        *(_condition_on_heading(part, _levels(_NOTHING, yaw), gate) for part in parts), strict=True
+    )
+    moving = Search(_joined(conditioned), edges, start, (1, 2), np.array([0, 0, 1, 1]), noise,
                      (LEAST["position_m"], LEAST["speed_mps"]), gate, np.concatenate(added))  # fmt: skip
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
@@ -145,10 +147,10 @@ def estimate_levels(data: MotionSamples, gate: Gate) -> NoiseLevels:
 
 def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     """The levels from logarithms: two noises, a jerk and, if they go on, waves."""
-    position_m, speed_mps, jerk, *waves = (float(each) for each in np.exp(horizontal[:6]))
+    position_m, speed_mps, jerk, *waves = (float(level) for level in np.exp(horizontal[:6]))
     speed, frequency, damping = waves or _NO_WAVES
     across, direction_rad = across_of(horizontal)
-    heading_rad, yaw_rate_radps, yaw_jerk, *yaw_waves = (float(each) for each in np.exp(yaw))
+    heading_rad, yaw_rate_radps, yaw_jerk, *yaw_waves = (float(level) for level in np.exp(yaw))
     yaw_speed, yaw_frequency, yaw_damping = yaw_waves or _NO_WAVES
     return NoiseLevels(
         position_m, heading_rad, speed_mps, yaw_rate_radps, jerk, yaw_jerk, speed, frequency, damping,
@@ -168,7 +170,7 @@ def _stretches(data: MotionSamples) -> list[MotionSamples]:
 def _joined(parts: Sequence[Steps]) -> Steps:
     """The steps of all stretches, one after the other."""
     time_s, value, row, variance = (
-        np.concatenate([getattr(each, name) for each in parts]) for name in ("time_s", "value", "row", "variance")
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "value", "row", "variance")
     )
     return Steps(time_s, value, row, variance, parts[0].turn, parts[0].jumps)
 
@@ -182,14 +184,14 @@ def _first_levels(data: MotionSamples) -> Floats:
     return np.array(levels)
 
 
-def noise_of(values: Floats, apart: int = 1) -> float:
+def noise_of(values: Floats, stride: int = 1) -> float:
     """The standard deviation of the noise on a series at a constant rate, in its own unit.
 
     Second differences are insensitive to ramps, and their lower quartile to steps and spikes, as long as the
-    setting is constant or moves steadily for half of the time. They are taken between values ``apart`` rows
+    setting is constant or moves steadily for half of the time. They are taken between values ``stride`` rows
     from each other. NaN are ignored; 0 for a series that is too short.
     """
-    second = np.abs(values[2 * apart :] - 2.0 * values[apart:-apart] + values[: -2 * apart])
+    second = np.abs(values[2 * stride :] - 2.0 * values[stride:-stride] + values[: -2 * stride])
     second = second[np.isfinite(second)]
     if second.size < 8:
         return 0.0
@@ -197,7 +199,7 @@ def noise_of(values: Floats, apart: int = 1) -> float:
     return float(noise)
 
 
-def _given_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Floats]:
+def _condition_on_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Floats]:
     """The horizontal steps of a part with unit noise, and the variance that the heading adds."""
     model = yaw.heading_model
     steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)
@@ -233,8 +235,8 @@ def _with_direction(search: Search, wavy: Floats) -> Floats:
     guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
     low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
     start = min(guesses, key=search.cost)
-    found, cost = search.climb(start, low, high)
-    return found if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
+    optimum, cost = search.climb(start, low, high)
+    return optimum if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
 
 
 @dataclass(frozen=True)
@@ -270,15 +272,15 @@ class Search:
         across, direction_rad = across_of(logs)
         speed, frequency, damping = levels[_CALM:_WAVY].tolist() or _NO_WAVES
         shares = (1.0, across)[: len(self.quantities)]
-        each = (_laws(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares)
-        laws = [law for some in each for law in some]
+        families = (_laws(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares)
+        laws = [law for family in families for law in family]
         quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
         model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
         steps, start = self.steps.for_model(model), self.start.for_model(model)
         steps = replace(steps, variance=steps.variance * levels[self.level_of] ** 2 + self.added)
         innovation, variance = innovations_of(steps, start.mean, start.covariance, self.edges, model, self.gate)
-        there = np.isfinite(steps.value)
-        return innovation[there], variance[there]
+        valid = np.isfinite(steps.value)
+        return innovation[valid], variance[valid]
 
     @property
     def count(self) -> int:
@@ -320,6 +322,6 @@ def descend(
     """The lowest cost found by descent from the best of the guesses, and its parameters."""
     low, high = np.array(bounds).T
     ends = [
-        search.climb(np.clip(each, low, high), low, high) for each in sorted(guesses, key=search.cost)[:_STARTS]
+        search.climb(np.clip(guess, low, high), low, high) for guess in sorted(guesses, key=search.cost)[:_STARTS]
     ]
     return min(ends, key=lambda end: end[1])

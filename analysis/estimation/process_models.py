@@ -143,9 +143,9 @@ def _stationary(motion: WaveMotion) -> Floats:
     lyapunov = np.kron(system, identity) + np.kron(identity, system)
     powers = np.outer(motion._powers, motion._powers)
     unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(drive.shape) * powers
-    found = np.asarray(unit * motion.speed**2 / unit[1, 1])
-    found.setflags(write=False)
-    return found
+    covariance = np.asarray(unit * motion.speed**2 / unit[1, 1])
+    covariance.setflags(write=False)
+    return covariance
 
 
 Law: TypeAlias = WhiteJerk | WaveMotion
@@ -201,8 +201,8 @@ class Model:
         states = int(self.sizes.sum())
         forward, added = np.zeros((2, rounded.size, states, max(states, width)))
         done = {law: law.over(rounded) for law in set(self.laws)}
-        for law, some in zip(self.laws, self.blocks, strict=True):
-            forward[:, some, some], added[:, some, some] = done[law]
+        for law, block in zip(self.laws, self.blocks, strict=True):
+            forward[:, block, block], added[:, block, block] = done[law]
         return forward, added, which
 
     def transition(self, dt_s: Floats) -> Floats:

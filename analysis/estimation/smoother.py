@@ -81,7 +81,9 @@ class Consistency:
     channels: Mapping[str, ChannelConsistency]
 
     def as_json(self) -> dict[str, dict[str, float]]:
-        return {name: asdict(each) | {"consistent": each.consistent} for name, each in self.channels.items()}
+        return {
+            name: asdict(channel) | {"consistent": channel.consistent} for name, channel in self.channels.items()
+        }
 
 
 def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> Consistency:
@@ -89,15 +91,15 @@ def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refuse
     out."""
     judged = {}
     for number, name in enumerate(CHANNELS):
-        there = np.isfinite(innovation[:, number])
-        kept = there & ~refused[:, number] & (time_s > time_s[0] + 10.0)
+        valid = np.isfinite(innovation[:, number])
+        kept = valid & ~refused[:, number] & (time_s > time_s[0] + 10.0)
         if kept.sum() >= 2 * _BLOCKS:
             ratio = innovation[kept, number] / deviation[kept, number]
-            judged[name] = _judged(ratio, int((there & refused[:, number]).sum()))
+            judged[name] = _consistency(ratio, int((valid & refused[:, number]).sum()))
     return Consistency(judged)
 
 
-def _judged(ratio: Floats, refused: int) -> ChannelConsistency:
+def _consistency(ratio: Floats, refused: int) -> ChannelConsistency:
     nis = ratio**2
     means = np.array([block.mean() for block in np.array_split(nis, _BLOCKS)])
     scatter = float(means.var(ddof=1)) / _BLOCKS
@@ -209,7 +211,7 @@ def smooth(
     rules = gate or Gate()
     data = combine_samples(table)
     noise = levels or estimate_levels(data, rules)
-    first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
+    first_ns, last_ns = (data.epoch_ns + round(float(time_s) * NANO) for time_s in data.time_s[[0, -1]])
     grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
     grid_s = (grid_ns - data.epoch_ns) / NANO
     motion, slow = np.full((2, grid_s.size, 9), np.nan)
@@ -217,15 +219,15 @@ def smooth(
     parts = []
     for block in _blocks(data.time_s):
         track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
-        core, found = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
+        core, filtered = slice(block.core_first - block.first, block.core_last - block.first), track.filtered
         means = track.mean[core] @ track.model.sums.T
-        parts.append((found.innovation[core], found.deviation[core], found.refused[core], means))
-        some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
-        mean, covariance = track.at(grid_s[some])
+        parts.append((filtered.innovation[core], filtered.deviation[core], filtered.refused[core], means))
+        rows = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
+        mean, covariance = track.at(grid_s[rows])
         sums = track.model.sums
-        motion[some] = body_states(mean @ sums.T)
-        spread[some] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
-        slow[some] = body_states((mean * track.model.may_jump) @ sums.T)
+        motion[rows] = body_states(mean @ sums.T)
+        spread[rows] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
+        slow[rows] = body_states((mean * track.model.may_jump) @ sums.T)
     innovation, deviation, refused, means = map(np.concatenate, zip(*parts, strict=True))
     hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
     for values in (motion, spread, slow):
@@ -301,11 +303,11 @@ def _rejected(
     values, step = motion_values(table.iloc[rows]), data.step_of[rows]
     refused = refused_steps[step] & np.isfinite(values)
     offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
-    off = np.abs(apart_from(values, means[step], offset_s)) > limit
+    is_outlier = np.abs(apart_from(values, means[step], offset_s)) > limit
     for channel in range(len(CHANNELS)):
-        some = refused[:, channel] & off[:, channel]
-        explained = np.bincount(step[some], minlength=data.time_s.size) > 0
-        flags[rows, channel] = some | (refused[:, channel] & ~explained[step])
+        outliers = refused[:, channel] & is_outlier[:, channel]
+        explained = np.bincount(step[outliers], minlength=data.time_s.size) > 0
+        flags[rows, channel] = outliers | (refused[:, channel] & ~explained[step])
     return pd.DataFrame(flags, index=table.index, columns=list(CHANNELS))
 
 
@@ -334,7 +336,7 @@ def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     units = {name: _UNITS[name.removesuffix("_sigma").rsplit("_", 1)[1]] for name in names}
     provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
     figures = {"smoothing": summary_of(smoothed), "history": provenance["history"], "provenance": provenance}
-    write_parquet(rows, path, units, {key: json.dumps(each) for key, each in figures.items()})
+    write_parquet(rows, path, units, {key: json.dumps(figure) for key, figure in figures.items()})
 
 
 _UNITS = {"m": "m", "deg": "deg", "mps": "m/s", "dps": "deg/s", "mps2": "m/s2", "dps2": "deg/s2"}

@@ -46,20 +46,20 @@ class Cause:
     @property
     def span(self) -> tuple[pd.Timestamp, pd.Timestamp]:
         """From the first beginning to the last end."""
-        return min(each.start for each in self.findings), max(each.end for each in self.findings)
+        return min(finding.start for finding in self.findings), max(finding.end for finding in self.findings)
 
     @property
     def text(self) -> str:
         """All of it as one paragraph: what the first finding says, the channels, the events, what to do."""
         first = self.findings[0]
-        alike = ""
+        shared_text = ""
         if len(self.findings) > 1:
             of = f" of {', '.join(self.sources)}" if self.sources else ""
-            others = [name for name in self.channels if name != first.channel]
-            alike = f". The same holds for {len(others)} other channels{of}: {', '.join(others)}"
-        said = f'. The recorder said: "{"; ".join(self.events)}"' if self.events else ""
+            remaining = [name for name in self.channels if name != first.channel]
+            shared_text = f". The same holds for {len(remaining)} other channels{of}: {', '.join(remaining)}"
+        quotation = f'. The recorder said: "{"; ".join(self.events)}"' if self.events else ""
         remedy = f" {first.remedy.rstrip('.')}." if first.remedy else ""
-        return f"{first.text.rstrip('.')}{alike}{said}.{remedy}"
+        return f"{first.text.rstrip('.')}{shared_text}{quotation}.{remedy}"
 
     def as_json(self) -> dict[str, Any]:
         """The cause as an object; its findings stand in ``findings`` of the whole."""
@@ -83,7 +83,9 @@ def causes_of(
     """
     groups: list[list[Finding]] = []
     for finding in findings:
-        group = next((each for each in groups if _belongs(finding, each[0], gaps, sources)), None)
+        group = next(
+            (candidate for candidate in groups if _has_same_cause(finding, candidate[0], gaps, sources)), None
+        )
         if group is None:
             groups.append([finding])
         else:
@@ -92,44 +94,46 @@ def causes_of(
     return tuple(_cause(group, gaps, sources, log) for group in groups)
 
 
-def _belongs(
+def _has_same_cause(
     finding: Finding,
-    other: Finding,
+    member: Finding,
     gaps: Mapping[str, Sequence[Stretch]],
     sources: Mapping[str, Sequence[str]],
 ) -> bool:
-    if finding.code != other.code or ALL in (finding.channel, other.channel):
+    if finding.code != member.code or ALL in (finding.channel, member.channel):
         return False
     if finding.code == "gap":
-        return _silent_together(gaps.get(finding.channel, ()), gaps.get(other.channel, ()))
+        return _share_silences(gaps.get(finding.channel, ()), gaps.get(member.channel, ()))
     lines = _lines_of(sources, finding.channel)
-    if not lines or lines != _lines_of(sources, other.channel):
+    if not lines or lines != _lines_of(sources, member.channel):
         return False
-    return _same_stretch(finding, other) if finding.code in _OF_TIME else _same_places(finding, other)
+    return _overlap(finding, member) if finding.code in _OF_TIME else _share_samples(finding, member)
 
 
-def _silent_together(one: Sequence[Stretch], other: Sequence[Stretch]) -> bool:
+def _share_silences(first: Sequence[Stretch], second: Sequence[Stretch]) -> bool:
     """Whether two channels are silent for most of the time in silences that begin and end together."""
     slack_ns = _SLACK_S * NANO
     together_s = sum(
-        gap.seconds for gap in one
-        if any(abs(gap.start_ns - each.start_ns) <= slack_ns and abs(gap.end_ns - each.end_ns) <= slack_ns
-               for each in other)
+        gap.seconds for gap in first
+        if any(abs(gap.start_ns - silence.start_ns) <= slack_ns and abs(gap.end_ns - silence.end_ns) <= slack_ns
+               for silence in second)
     )  # fmt: skip
-    longest_s = max(sum(gap.seconds for gap in gaps) for gaps in (one, other))
+    longest_s = max(sum(gap.seconds for gap in gaps) for gaps in (first, second))
     return together_s > 0.0 and together_s >= _ALIKE * longest_s
 
 
-def _same_places(one: Finding, other: Finding) -> bool:
+def _share_samples(first: Finding, second: Finding) -> bool:
     """Whether two findings are of the same samples, as a position's in metres and in degrees are."""
-    counted = one.estimate.get("count"), other.estimate.get("count")
-    return (one.start, one.end) == (other.start, other.end) and None not in counted and counted[0] == counted[1]
+    counted = first.estimate.get("count"), second.estimate.get("count")
+    return (
+        (first.start, first.end) == (second.start, second.end) and None not in counted and counted[0] == counted[1]
+    )
 
 
-def _same_stretch(one: Finding, other: Finding) -> bool:
+def _overlap(first: Finding, second: Finding) -> bool:
     """Whether what two findings have in common is most of the time of both."""
-    common = (min(one.end, other.end) - max(one.start, other.start)).total_seconds()
-    longest = max((each.end - each.start).total_seconds() for each in (one, other))
+    common = (min(first.end, second.end) - max(first.start, second.start)).total_seconds()
+    longest = max((finding.end - finding.start).total_seconds() for finding in (first, second))
     return common >= _ALIKE * longest - _SLACK_S
 
 
@@ -146,17 +150,17 @@ def _cause(
     sources: Mapping[str, Sequence[str]],
     log: list[Event],
 ) -> Cause:
-    channels = tuple(dict.fromkeys(each.channel for each in group))
+    channels = tuple(dict.fromkeys(finding.channel for finding in group))
     lines = tuple(sorted({line for name in channels for line in _lines_of(sources, name)}))
     spans = [(gap.start_ns, gap.end_ns) for name in channels for gap in gaps.get(name, ())]
     if group[0].code != "gap":
         spans = []
     elif ALL in channels:
-        spans = [(each.start.value, each.end.value) for each in group]
-    return Cause(tuple(group), channels, lines, tuple(dict.fromkeys(_said_of(spans, lines, log))))
+        spans = [(finding.start.value, finding.end.value) for finding in group]
+    return Cause(tuple(group), channels, lines, tuple(dict.fromkeys(_events_of(spans, lines, log))))
 
 
-def _said_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
+def _events_of(spans: list[tuple[int, int]], lines: tuple[str, ...], log: list[Event]) -> list[str]:
     """What the log says of these lines, or of the recorder, in stretches of time: the first two and the last."""
     slack_ns = int(_EVENT_SLACK_S * NANO)
     texts = [

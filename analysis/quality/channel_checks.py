@@ -46,11 +46,11 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
         return []
     limit = 2.5 * float(np.quantile(steps[steps > 0], [0.5, 0.95]).max())
     places = np.flatnonzero(steps > limit)
-    found = [Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
+    gaps = [Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
     for first, last in ((start_ns, int(times[0])), (int(times[-1]), end_ns)):
         if first is not None and last is not None and last - first > max(limit, 10 * NANO):
-            found.append(Stretch(first, last, (last - first) / NANO))
-    return sorted(found)
+            gaps.append(Stretch(first, last, (last - first) / NANO))
+    return sorted(gaps)
 
 
 def find_out_of_range(samples: Series, channel: Channel) -> Bools:
@@ -70,8 +70,10 @@ def find_backwards(samples: Series) -> tuple[Bools, list[Stretch]]:
     if times.size:
         behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps = np.flatnonzero(np.diff(times) < 0)
-    found = [Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO) for at in steps]
-    return behind, found
+    steps_back = [
+        Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO) for at in steps
+    ]
+    return behind, steps_back
 
 
 def find_spikes(samples: Series, channel: Channel) -> Bools:
@@ -91,21 +93,21 @@ def find_spikes(samples: Series, channel: Channel) -> Bools:
     once = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
     places, seconds, values = places[once], seconds[once], values[once]
     if values.size >= 16:
-        found = np.zeros(values.size, dtype=bool)
+        is_spike = np.zeros(values.size, dtype=bool)
         slope, noise, step = _local_slope(seconds, values), np.zeros(values.size), _smallest_step(values)
         sustained = 2.0 * _sustained_step(values)
         sparse = float(np.median(np.diff(seconds))) >= _SPARSE_S
         for width in range(1, WIDEST_SPIKE + 1):
-            away, leaving, span = _leaving(seconds, values, slope, width)
-            noise = np.maximum(noise, _neighbourhood(away, 0.8 if width == 1 else 0.9))
+            deviation, leaving, span = _deviation_and_return(seconds, values, slope, width)
+            noise = np.maximum(noise, _neighbourhood(deviation, 0.8 if width == 1 else 0.9))
             if sparse:
-                noise = np.maximum(noise, 0.5 * np.quantile(away, 0.97))
+                noise = np.maximum(noise, 0.5 * np.quantile(deviation, 0.97))
             limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, _possible(channel, span)))
             starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
-            starts = starts[leaving[starts] > 2.0 * _beside(seconds, values, slope, starts, width)]
+            starts = starts[leaving[starts] > 2.0 * _neighbouring_scatter(seconds, values, slope, starts, width)]
             for offset in range(width):
-                found[starts + offset] = True
-        bad[places[found]] = True
+                is_spike[starts + offset] = True
+        bad[places[is_spike]] = True
     return bad
 
 
@@ -131,7 +133,9 @@ def _local_slope(seconds: Floats, values: Floats) -> Floats:
     return np.concatenate([smooth[:1], smooth])
 
 
-def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tuple[Floats, Floats, Floats]:
+def _deviation_and_return(
+    seconds: Floats, values: Floats, slope: Floats, width: int
+) -> tuple[Floats, Floats, Floats]:
     """By the first of ``width`` samples: how far all of them are to one side of the line from the sample before
     to that after; the same where they return, else 0; and the time between these two [s].
 
@@ -140,21 +144,21 @@ def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tupl
     size = values.size - width - 1
     before, after = slice(0, size), slice(width + 1, width + 1 + size)
     span = seconds[after] - seconds[before]
-    away = np.empty((width, size))
+    deviation = np.empty((width, size))
     for offset in range(width):
         inside = slice(1 + offset, 1 + offset + size)
         share = (seconds[inside] - seconds[before]) / span
-        away[offset] = values[inside] - values[before] - share * (values[after] - values[before])
-    least = np.abs(away).min(axis=0)
-    one_side = np.abs(np.sign(away).sum(axis=0)) == width
-    apart = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
+        deviation[offset] = values[inside] - values[before] - share * (values[after] - values[before])
+    least = np.abs(deviation).min(axis=0)
+    one_side = np.abs(np.sign(deviation).sum(axis=0)) == width
+    mismatch = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
     together = span <= 2.0 * (width + 1) * np.median(np.diff(seconds))  # across a gap anything may have happened
     least = np.where(one_side & together, least, 0.0)
     edges = (1, width)
-    return np.pad(least, edges), np.pad(np.where(apart < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
+    return np.pad(least, edges), np.pad(np.where(mismatch < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
 
 
-def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
+def _neighbouring_scatter(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
     """The scatter just beside: the third largest of four steps before and four after, without the trend."""
     places = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
     places = np.clip(places, 0, values.size - 2)
@@ -202,7 +206,7 @@ class ChannelQuality:
     def as_json(self) -> dict[str, Any]:
         """The contract's keys."""
         stretches = {
-            name: [{"start": iso(each.start_ns), "seconds": each.seconds} for each in getattr(self, name)]
+            name: [{"start": iso(stretch.start_ns), "seconds": stretch.seconds} for stretch in getattr(self, name)]
             for name in ("gaps", "stuck")
         }
         return {name: value for name, value in (asdict(self) | stretches).items() if name != "missing"}
@@ -224,25 +228,24 @@ class ChannelFaults:
 
     def flags(self) -> Flags:
         """The graver flag of all checks, sample by sample; a value that its decoder called bad is bad."""
-        found = self.masks
         flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
-        flags[found["duplicate"] | found["time_backwards"]] = Quality.SUSPECT
+        flags[self.masks["duplicate"] | self.masks["time_backwards"]] = Quality.SUSPECT
         unknown = np.isnan(valid_values(self.samples))
-        flags[found["stuck"] | found["spike"] | found["out_of_range"] | unknown] = Quality.BAD
+        flags[self.masks["stuck"] | self.masks["spike"] | self.masks["out_of_range"] | unknown] = Quality.BAD
         return flags
 
     def stretches(self, code: str) -> list[Stretch]:
         """Where the channel has this kind of trouble, sized in the unit that the finding speaks of."""
         if code in self.listed:
             return self.listed[code]
-        found = stretches_of(self.samples.measured_ns, self.masks[code])
-        return [self._sized(each) for each in found] if code == "spike" else found
+        stretches = stretches_of(self.samples.measured_ns, self.masks[code])
+        return [self._sized(stretch) for stretch in stretches] if code == "spike" else stretches
 
     def _sized(self, stretch: Stretch) -> Stretch:
         """A spike sized by how far it leaves what is around it [the channel's unit]."""
         at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
-        near = valid_values(self.samples)[max(at - 4, 0) : at + 7]
-        turns = np.array([self.channel.wrapped(each) for each in near - near[min(at, 4)]])
+        neighbours = valid_values(self.samples)[max(at - 4, 0) : at + 7]
+        turns = np.array([self.channel.wrapped(deviation) for deviation in neighbours - neighbours[min(at, 4)]])
         turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
         return Stretch(stretch.start_ns, stretch.end_ns, abs(float(np.nanmedian(turns))))
 
@@ -252,7 +255,7 @@ class ChannelFaults:
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
         interval = interval_ns(times) / NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
-        silent_s = sum(each.size for each in gaps if (each.start_ns, each.end_ns) not in jumped)
+        silent_s = sum(gap.size for gap in gaps if (gap.start_ns, gap.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
         return ChannelQuality(
             count=times.size,
@@ -296,13 +299,13 @@ def channel_faults(
     listed = {
         "gap": find_gaps(samples, *(bounds_ns or (None, None))),
         "time_backwards": steps_back,
-        "quantised": _throughout(times, 0.0 if steady else quantisation_step(sound, channel)),
-        "time_jitter": _throughout(times, jitter if jitters else 0.0),
+        "quantised": _whole_record(times, 0.0 if steady else quantisation_step(sound, channel)),
+        "time_jitter": _whole_record(times, jitter if jitters else 0.0),
     }
     return ChannelFaults(channel, samples, masks, listed, is_other_convention(channel, samples.value))
 
 
-def _throughout(times: Ints, size: float) -> list[Stretch]:
+def _whole_record(times: Ints, size: float) -> list[Stretch]:
     """All of a channel's time as a stretch of this size; none where there is nothing."""
     return [Stretch(int(times.min()), int(times.max()), size)] if size else []
 

@@ -101,13 +101,13 @@ class DataQuality(Result):
     @property
     def causes(self) -> tuple[Cause, ...]:
         """The findings by cause, the gravest first."""
-        gaps = {name: each.gaps for name, each in self.channels.items()}
+        gaps = {name: channel.gaps for name, channel in self.channels.items()}
         return causes_of(self.findings, gaps, self.sources, self.events)
 
     def as_json(self) -> dict[str, Any]:
         """The contract's object: channels by name, findings, the causes of these, the recording's events."""
         return {
-            "channels": {name: each.as_json() for name, each in self.channels.items()},
+            "channels": {name: channel.as_json() for name, channel in self.channels.items()},
             "findings": [finding.as_json() for finding in self.findings],
             "causes": [cause.as_json() for cause in self.causes],
             "events": [event.as_json() for event in self.events],
@@ -135,8 +135,11 @@ def check_table(table: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
     """
     utc = table.set_axis(utc_index(table), axis=0)
     columns = {name: utc[[name]].dropna() for name in channels_of_table(utc.columns, utc.attrs) if name in utc}
-    series = {name: series_of(times_ns(each), each[name].to_numpy(dtype=float)) for name, each in columns.items()
-              if len(each)}  # fmt: skip
+    series = {
+        name: series_of(times_ns(column), column[name].to_numpy(dtype=float))
+        for name, column in columns.items()
+        if len(column)
+    }
     order = np.argsort(times_ns(utc), kind="stable")
     joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
@@ -145,48 +148,59 @@ def check_table(table: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
     return replace(quality, flags=flags)
 
 
-def _check(series: Mapping[str, Series], joined: pd.DataFrame, own: Sequence[str] = ()) -> DataQuality:
+def _check(series: Mapping[str, Series], joined: pd.DataFrame, user_checks: Sequence[str] = ()) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
     stamps = times_ns(joined)
     first, last = main_stretch(stamps) if stamps.size else (0, 0)
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
-        return _check_stretch(series, joined, own=own)
-    parts = {name: each.subset((each.measured_ns >= first) & (each.measured_ns <= last))
-             for name, each in series.items()}  # fmt: skip
-    parts = {name: each for name, each in parts.items() if each.value.size}
-    quality = _check_stretch(parts, joined[inside], (time_outlier_finding(series, first, last),), own)
+        return _check_stretch(series, joined, user_checks=user_checks)
+    parts = {name: samples.subset((samples.measured_ns >= first) & (samples.measured_ns <= last))
+             for name, samples in series.items()}  # fmt: skip
+    parts = {name: part for name, part in parts.items() if part.value.size}
+    quality = _check_stretch(parts, joined[inside], (time_outlier_finding(series, first, last),), user_checks)
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(parts)] = quality.flags.to_numpy()
-    channels = {name: replace(each, count=series[name].value.size) for name, each in quality.channels.items()}
+    channels = {name: replace(channel, count=series[name].value.size) for name, channel in quality.channels.items()}
     return replace(quality, channels=channels, flags=flags)
 
 
 def _check_stretch(
-    series: Mapping[str, Series], joined: pd.DataFrame, known: tuple[Finding, ...] = (), own: Sequence[str] = ()
+    series: Mapping[str, Series],
+    joined: pd.DataFrame,
+    earlier_findings: tuple[Finding, ...] = (),
+    user_checks: Sequence[str] = (),
 ) -> DataQuality:
-    """All checks of one stretch of time. ``known`` are findings already made, ``own`` a user's checks by name."""
+    """All checks of one stretch of time. ``user_checks`` are those of a user by name."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources, channels = expected_rates(joined), joined.attrs.get("sources", {}), known_channels(joined.attrs)
     faults = {
-        name: channel_faults(channels[name], each, rates.get(name), bounds, sources.get(name) == [ASSUMED])
-        for name, each in series.items()
+        name: channel_faults(channels[name], samples, rates.get(name), bounds, sources.get(name) == [ASSUMED])
+        for name, samples in series.items()
     }
     _drop_turns_of_faint_wind(faults)
-    rows = {name: rows_of(stamps, each.measured_ns) for name, each in series.items()}
+    rows = {name: rows_of(stamps, samples.measured_ns) for name, samples in series.items()}
     joined = _with_other_unit(joined, faults, rows)
     possible = _possible(joined, faults, rows)
-    checked = [check(possible) for check in (*CHECKS, *map(own_check, own))]
-    across = tuple(finding for each in checked for finding in each.findings)
+    checked = [check(possible) for check in (*CHECKS, *map(own_check, user_checks))]
+    across = tuple(finding for result in checked for finding in result.findings)
     _drop_explained_spikes(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(series, joined)
-    in_turn_findings = alternation_findings({name: each.samples for name, each in faults.items()}, channels)
-    checked += [CheckResult(uniform_flags(joined, [each.channel], Quality.SUSPECT)) for each in in_turn_findings]
-    findings = (*known, *across, *jump_findings, *in_turn_findings, *_single_findings(faults, across, jumps))
+    in_turn_findings = alternation_findings({name: fault.samples for name, fault in faults.items()}, channels)
+    checked += [
+        CheckResult(uniform_flags(joined, [finding.channel], Quality.SUSPECT)) for finding in in_turn_findings
+    ]
+    findings = (
+        *earlier_findings,
+        *across,
+        *jump_findings,
+        *in_turn_findings,
+        *_single_findings(faults, across, jumps),
+    )
     flags = _merge_all_flags(faults, rows, checked, joined)
-    qualities = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
+    qualities = {name: fault.quality(_is_about(findings, name), jumps) for name, fault in faults.items()}
     missing = tuple(name for name in required_channels(joined) if name not in faults)
     return DataQuality(qualities, tuple(sorted(findings, key=_severity)), flags, missing, sources)
 
@@ -200,8 +214,8 @@ def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
         angle, size = faults[direction].samples, faults[speed].samples
         if np.array_equal(angle.measured_ns, size.measured_ns):
             wind = valid_values(size) * np.exp(1j * np.deg2rad(angle.value))
-            parts = (replace(size, value=each) for each in (wind.real, wind.imag))
-            jumps = np.any([find_spikes(each, BY_NAME[speed]) for each in parts], axis=0)
+            parts = (replace(size, value=component) for component in (wind.real, wind.imag))
+            jumps = np.any([find_spikes(part, BY_NAME[speed]) for part in parts], axis=0)
             faults[direction].masks["spike"][~jumps] = False
 
 
@@ -231,12 +245,12 @@ def _with_other_unit(
 def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:
     """The table without values out of range, which would dominate every estimate; angles of the other convention
     are brought into the channel's."""
-    spoilt = {name: each.masks["out_of_range"] for name, each in faults.items()}
-    spoilt = {name: outside for name, outside in spoilt.items() if outside.any()}
-    if not spoilt:
+    out_of_range = {name: fault.masks["out_of_range"] for name, fault in faults.items()}
+    out_of_range = {name: outside for name, outside in out_of_range.items() if outside.any()}
+    if not out_of_range:
         return joined
     cleaned = joined.copy()
-    for name, outside in spoilt.items():
+    for name, outside in out_of_range.items():
         column = cleaned[name].to_numpy(copy=True)
         turned = (
             in_turn(faults[name].channel, faults[name].samples.value[outside])
@@ -253,29 +267,31 @@ def _drop_explained_spikes(
     faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[CheckResult]
 ) -> None:
     """Remove spikes from the faults where a check across channels explains them."""
-    for each in checked:
-        named = {finding.channel for finding in each.findings if finding.code in _SPIKES_BY}
-        for name in named & set(faults) & set(each.flags.columns):
-            known = each.flags[name].to_numpy()[rows[name]]
-            faults[name].masks["spike"][(known == Quality.SUSPECT) | (known == Quality.BAD)] = False
+    for result in checked:
+        named = {finding.channel for finding in result.findings if finding.code in _SPIKES_BY}
+        for name in named & set(faults) & set(result.flags.columns):
+            flags = result.flags[name].to_numpy()[rows[name]]
+            faults[name].masks["spike"][(flags == Quality.SUSPECT) | (flags == Quality.BAD)] = False
 
 
 def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[list[ClockJump], list[Finding]]:
     """Jumps against reception where it was recorded, else against the ship's motion."""
     received = reception_jumps(series)
     if received:
-        found = [clock_jump_finding(jump, ALL, f"The clock of {source}") for source, jump in received]
-        return [jump for _, jump in received], found
-    jumps = clock_jumps(_in_receipt(series, joined))
+        findings = [clock_jump_finding(jump, ALL, f"The clock of {source}") for source, jump in received]
+        return [jump for _, jump in received], findings
+    jumps = clock_jumps(_in_order_of_receipt(series, joined))
     return jumps, [clock_jump_finding(jump, ALL, "The clock, but not the ship,") for jump in jumps]
 
 
-def _in_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
+def _in_order_of_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
     """The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
     each row of a position with the last values of the other channels."""
     position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
-    if all(np.array_equal(position, each.measured_ns) for each in series.values()):
-        return pd.DataFrame({name: valid_values(each) for name, each in series.items()}, index=index_of(position))
+    if all(np.array_equal(position, samples.measured_ns) for samples in series.values()):
+        return pd.DataFrame(
+            {name: valid_values(samples) for name, samples in series.items()}, index=index_of(position)
+        )
     if "north_m" not in joined:
         return joined
     filled = joined.ffill()
@@ -287,24 +303,24 @@ def _single_findings(
 ) -> list[Finding]:
     """Findings of the checks of one channel, without those that a finding across channels explains."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
-    channels, found = {name: fault.channel for name, fault in faults.items()}, list[Finding]()
+    channels, findings = {name: fault.channel for name, fault in faults.items()}, list[Finding]()
     for code in WORDING:
-        said = {each.channel for each in across if each.code in _FINDINGS_BY.get(code, ())}
+        explained = {finding.channel for finding in across if finding.code in _FINDINGS_BY.get(code, ())}
         troubles = {
-            name: [each for each in fault.stretches(code) if (each.start_ns, each.end_ns) not in jumped]
+            name: [stretch for stretch in fault.stretches(code) if (stretch.start_ns, stretch.end_ns) not in jumped]
             for name, fault in faults.items()
-            if name not in said
+            if name not in explained
         }
-        made = findings_of(code, troubles, channels)
-        contradicted = {each.channel for each in across if each.code == "motion_contradiction"}
+        candidates = findings_of(code, troubles, channels)
+        contradicted = {finding.channel for finding in across if finding.code == "motion_contradiction"}
         turned = [name for name, fault in faults.items() if fault.other_turn and name not in contradicted]
-        found += [
-            other_convention_finding(each, channels[each.channel])
-            if code == "out_of_range" and each.channel in turned
-            else each
-            for each in made
+        findings += [
+            other_convention_finding(finding, channels[finding.channel])
+            if code == "out_of_range" and finding.channel in turned
+            else finding
+            for finding in candidates
         ]
-    return found
+    return findings
 
 
 def _merge_all_flags(
@@ -316,9 +332,9 @@ def _merge_all_flags(
         column = np.full(len(joined), Quality.MISSING, dtype=np.uint8)
         column[rows[name]] = fault.flags()
         present: Bools = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
-        for each in checked:
-            if name in each.flags:
-                column = np.where(present, merge_flags(column, each.flags[name].to_numpy(np.uint8)), column)
+        for result in checked:
+            if name in result.flags:
+                column = np.where(present, merge_flags(column, result.flags[name].to_numpy(np.uint8)), column)
         columns[name] = column
     return pd.DataFrame(columns, index=joined.index)
 
@@ -360,10 +376,10 @@ def own_check(name: str) -> Check:
     return check
 
 
-def _result(found: object, table: pd.DataFrame) -> CheckResult:
-    if isinstance(found, CheckResult):
-        return found
-    findings = tuple(found) if isinstance(found, Iterable) else (found,)
-    if not all(isinstance(each, Finding) for each in findings):
-        raise TypeError(f"it returned a {type(found).__name__}, not a list of analysis.quality.findings.Finding")
+def _result(returned: object, table: pd.DataFrame) -> CheckResult:
+    if isinstance(returned, CheckResult):
+        return returned
+    findings = tuple(returned) if isinstance(returned, Iterable) else (returned,)
+    if not all(isinstance(finding, Finding) for finding in findings):
+        raise TypeError(f"it returned a {type(returned).__name__}, not a list of analysis.quality.findings.Finding")
     return CheckResult(uniform_flags(table), findings)

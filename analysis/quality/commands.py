@@ -79,7 +79,7 @@ def _order_finding(name: str, index: pd.DatetimeIndex, series: Samples, ramps: R
         f"{name} runs on exactly straight lines for {100 * share:.0f} % of the time, up to {longest_s:.0f} s long: "
         "an order that was recorded when it changed and then interpolated"
     )
-    start, end = (index[series.rows[each]] for each in (ramps.first[0], ramps.last[-1]))
+    start, end = (index[series.rows[sample]] for sample in (ramps.first[0], ramps.last[-1]))
     estimate = {"share": share, "longest_s": longest_s, "ramps": float(ramps.first.size)}
     remedy = "Each order holds until the next event, and --repair makes it so"
     return Finding(ORDER_INTERPOLATED, name, start, end, text, remedy, estimate, certain=True)
@@ -109,13 +109,13 @@ def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     value = unwrap(series.value) if BY_NAME[name].circular else series.value
     ramps = straight_ramps(series.time_s, value)
     slowest = _SLOWEST_DRIVE_PER_S.get(part_of_control(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
-    telling = (np.abs(ramps.slope_per_s) < slowest) & ~_common(ramps.slope_per_s)
+    telling = (np.abs(ramps.slope_per_s) < slowest) & ~_is_drive_limit(ramps.slope_per_s)
     long_s = ramps.seconds[telling & (ramps.seconds >= _LONG_S)]
-    found = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
-    return ramps if found else _NO_RAMPS
+    is_interpolated = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
+    return ramps if is_interpolated else _NO_RAMPS
 
 
-def _common(slope_per_s: Floats) -> Bools:
+def _is_drive_limit(slope_per_s: Floats) -> Bools:
     """Whether each slope is one that at least half of all (and three) share: the limit of a drive."""
     if not slope_per_s.size:
         return np.zeros(0, np.bool_)
@@ -206,13 +206,13 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     seconds = series.time_s[stops - 1] - series.time_s[starts]
     long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
     limited = (series.value[starts] == series.value.max()) | (series.value[starts] == series.value.min())
-    long &= ~limited & ~_idle(table, name, series, starts)
+    long &= ~limited & ~_is_idle(table, name, series, starts)
     return starts[long], stops[long]
 
 
-def _idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
+def _is_idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
     """Whether the drive stands still at the given samples: its shaft turns at less than 5 % of its fastest."""
-    channels = [[each.name for each in actuator.channels] for actuator in table_actuators(table)]
+    channels = [[channel.name for channel in actuator.channels] for actuator in table_actuators(table)]
     shaft = next((names[0] for names in channels if name in names), name)
     turning = samples_of(table, shaft)
     if not turning.rows.size or not shaft.endswith("_rpm"):
@@ -234,11 +234,11 @@ def _frozen_finding(table: pd.DataFrame, name: str, series: Samples, first: Ints
 def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
     """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
     findings = []
-    for name in (each for each in table_controls(table) if each.endswith("_rpm")):
+    for name in (control for control in table_controls(table) if control.endswith("_rpm")):
         series = samples_of(table, name)
         if series.rows.size < 3 * _PIECES or np.abs(series.value).max() > 1.02 * _PER_CENT:
             continue
-        estimate = next(filter(None, (_factor_to(table, each, series) for each in _sisters(table, name))), {})
+        estimate = next(filter(None, (_factor_to(table, sister, series) for sister in _sisters(table, name))), {})
         if estimate or _stops_at_100(series.value):
             findings.append(_percent_finding(table, name, series, estimate))
     return findings
@@ -246,10 +246,10 @@ def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
 
 def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: dict[str, float]) -> Finding:
     index = utc_index(table)
-    why = "it stops at 100 exactly"
+    reason = "it stops at 100 exactly"
     if estimate:
-        why = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
-    text = f"{name} looks like per cent, not rpm: {why}"
+        reason = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
+    text = f"{name} looks like per cent, not rpm: {reason}"
     remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
     ends = index[series.rows[0]], index[series.rows[-1]]
     return Finding("percent_scaled", name, *ends, text, remedy, estimate)
@@ -259,8 +259,8 @@ def _sisters(table: pd.DataFrame, name: str) -> list[str]:
     """The shafts of other drives of the same kind; tunnel thrusters run by themselves."""
     actuators = table_actuators(table)
     kind = kind_of_control(name, actuators)
-    alike = [each.channels[0].name for each in actuators if each.drives and each.kind == kind]
-    return [each for each in alike if each != name]
+    shafts = [actuator.channels[0].name for actuator in actuators if actuator.drives and actuator.kind == kind]
+    return [shaft for shaft in shafts if shaft != name]
 
 
 def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:
@@ -269,18 +269,20 @@ def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, f
     The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
     in trim: nobody runs them so, but for a single setting, from one end of a trial to the other.
     """
-    other = samples_of(table, sister)
-    if other.rows.size < 3 * _PIECES or np.abs(other.value).max() <= 1.02 * _PER_CENT:
+    sister_series = samples_of(table, sister)
+    if sister_series.rows.size < 3 * _PIECES or np.abs(sister_series.value).max() <= 1.02 * _PER_CENT:
         return {}
-    theirs = np.interp(series.time_s, other.time_s, other.value)
-    pieces = [each for each in np.array_split(np.arange(series.value.size), _PIECES) if each.size]
-    cross = np.array([series.value[each] @ theirs[each] for each in pieces])
-    own = np.array([series.value[each] @ series.value[each] for each in pieces])
-    factor = float(cross.sum() / max(own.sum(), 1e-12))
-    off = float(np.sqrt(np.mean((theirs - factor * series.value) ** 2)))
-    if not 1.25 < factor < 20.0 or off > 0.05 * float(np.sqrt(np.mean(theirs**2))):
+    theirs = np.interp(series.time_s, sister_series.time_s, sister_series.value)
+    pieces = [piece for piece in np.array_split(np.arange(series.value.size), _PIECES) if piece.size]
+    cross = np.array([series.value[piece] @ theirs[piece] for piece in pieces])
+    squares = np.array([series.value[piece] @ series.value[piece] for piece in pieces])
+    factor = float(cross.sum() / max(squares.sum(), 1e-12))
+    rms_error = float(np.sqrt(np.mean((theirs - factor * series.value) ** 2)))
+    if not 1.25 < factor < 20.0 or rms_error > 0.05 * float(np.sqrt(np.mean(theirs**2))):
         return {}
-    half = 2.26 * float(jackknife_error(ratios_without_each(cross, own)))  # Student's t, nine degrees of freedom
+    half = 2.26 * float(
+        jackknife_error(ratios_without_each(cross, squares))
+    )  # Student's t, nine degrees of freedom
     return {"factor": factor, "low": factor - half, "high": factor + half}
 
 
@@ -314,11 +316,15 @@ def check_helm_sign(table: pd.DataFrame) -> CheckResult:
     say nothing. Azimuth thrusters are not judged: they may pull, or look aft. Without heading or surge nothing is
     said.
     """
-    steering = [each for each in table_actuators(table) if each.steers_by in ("rudder", "nozzle")]
-    names = {each.angle.name: each for each in steering if each.angle is not None and each.angle.name in table}
-    known = all(name in table and table[name].notna().any() for name in _NEEDED)
-    found = (_helm_finding(table, name, each) for name, each in names.items() if known)
-    return CheckResult(uniform_flags(table), tuple(filter(None, found)))
+    steering = [actuator for actuator in table_actuators(table) if actuator.steers_by in ("rudder", "nozzle")]
+    names = {
+        actuator.angle.name: actuator
+        for actuator in steering
+        if actuator.angle is not None and actuator.angle.name in table
+    }
+    complete = all(name in table and table[name].notna().any() for name in _NEEDED)
+    findings = (_helm_finding(table, name, actuator) for name, actuator in names.items() if complete)
+    return CheckResult(uniform_flags(table), tuple(filter(None, findings)))
 
 
 def _helm_finding(table: pd.DataFrame, name: str, actuator: Actuator) -> Finding | None:
@@ -344,18 +350,18 @@ def turns_with_helm(table: pd.DataFrame, name: str) -> Floats:
 
     Turns of less than 10 deg are left out.
     """
-    angle, heading, surge = (samples_of(table, each) for each in (name, *_NEEDED))
+    angle, heading, surge = (samples_of(table, channel) for channel in (name, *_NEEDED))
     if angle.value.size < 2:
         return np.zeros(0)
     at = angle.time_s
     course = np.interp(at, heading.time_s, unwrap(heading.value))
     ahead = np.interp(at, surge.time_s, surge.value) > _UNDER_WAY * np.quantile(np.abs(surge.value), 0.98)
     over = max(_LEAST_DEG, _HELD_SHARE * float(np.quantile(np.abs(angle.value), 0.98)))
-    found = []
+    turns = []
     for side in (1.0, -1.0):
         for first, stop in zip(*runs((side * angle.value > over) & ahead), strict=True):
             if at[stop - 1] - at[first] >= _LEAST_S:
                 middle = int(np.searchsorted(at, 0.5 * (at[first] + at[stop - 1])))
-                found.append(side * (course[stop - 1] - course[middle]))
-    turned = np.array(found)
+                turns.append(side * (course[stop - 1] - course[middle]))
+    turned = np.array(turns)
     return turned[np.abs(turned) >= _LEAST_TURN_DEG] if turned.size else turned

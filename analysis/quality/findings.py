@@ -126,9 +126,9 @@ class Wording:
     estimate: Mapping[str, str] = field(default_factory=lambda: {"count": "count", "largest": "size"})
 
 
-def _facts_of(channel: str, unit: str, found: list[Stretch], largest: Stretch) -> dict[str, Any]:
+def _facts_of(channel: str, unit: str, stretches: list[Stretch], largest: Stretch) -> dict[str, Any]:
     """What there is to say of a channel's stretches of one fault and the largest of them."""
-    count, samples = len(found), sum(each.size for each in found)
+    count, samples = len(stretches), sum(stretch.size for stretch in stretches)
     return {
         "who": "every channel" if channel == ALL else channel,
         "unit": unit,
@@ -139,7 +139,7 @@ def _facts_of(channel: str, unit: str, found: list[Stretch], largest: Stretch) -
         "size": abs(largest.size),
         "seconds": largest.seconds,
         "at": f"{utc_time(largest.start_ns):%H:%M:%S}",
-        "first": f"{utc_time(min(found).start_ns):%H:%M:%S}",
+        "first": f"{utc_time(min(stretches).start_ns):%H:%M:%S}",
     }
 
 
@@ -193,25 +193,32 @@ def utc_time(time_ns: int) -> pd.Timestamp:
 
 def findings_of(code: str, troubles: Troubles, channels: Mapping[str, Channel]) -> list[Finding]:
     """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
-    together, apart = _shared(troubles) if len(troubles) == len(channels) > 1 else ([], dict(troubles))
-    found = [_finding(code, ALL, "", together)] if together else []
-    return found + [_finding(code, name, channels[name].unit, each) for name, each in apart.items() if each]
+    together, separate = _split_common(troubles) if len(troubles) == len(channels) > 1 else ([], dict(troubles))
+    findings = [_finding(code, ALL, "", together)] if together else []
+    return findings + [
+        _finding(code, name, channels[name].unit, stretches) for name, stretches in separate.items() if stretches
+    ]
 
 
-def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
+def _split_common(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
     """The stretches that every channel has, by their ends, and what is left of each."""
-    ends = set.intersection(*({(each.start_ns, each.end_ns) for each in found} for found in troubles.values()))
+    ends = set.intersection(
+        *({(stretch.start_ns, stretch.end_ns) for stretch in stretches} for stretches in troubles.values())
+    )
     first = next(iter(troubles.values()))
-    together = [each for each in first if (each.start_ns, each.end_ns) in ends]
-    apart = {channel: [each for each in found if (each.start_ns, each.end_ns) not in ends]
-             for channel, found in troubles.items()}  # fmt: skip
-    return together, apart
+    together = [stretch for stretch in first if (stretch.start_ns, stretch.end_ns) in ends]
+    separate = {channel: [stretch for stretch in stretches if (stretch.start_ns, stretch.end_ns) not in ends]
+             for channel, stretches in troubles.items()}  # fmt: skip
+    return together, separate
 
 
-def _finding(code: str, channel: str, unit: str, found: list[Stretch]) -> Finding:
-    words, largest = WORDING[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
-    start, end = utc_time(min(each.start_ns for each in found)), utc_time(max(each.end_ns for each in found))
-    facts = _facts_of(channel, unit, found, largest)
+def _finding(code: str, channel: str, unit: str, stretches: list[Stretch]) -> Finding:
+    words, largest = WORDING[code], max(stretches, key=lambda stretch: (abs(stretch.size), -stretch.start_ns))
+    start, end = (
+        utc_time(min(stretch.start_ns for stretch in stretches)),
+        utc_time(max(stretch.end_ns for stretch in stretches)),
+    )
+    facts = _facts_of(channel, unit, stretches, largest)
     estimate = {key: facts[fact] for key, fact in words.estimate.items()}
     return Finding(
         code, channel, start, end, words.sentence.format_map(facts), words.remedy, estimate, code in CERTAIN
@@ -247,18 +254,18 @@ def time_outlier_finding(series: Mapping[str, Series], first_ns: int, last_ns: i
 
     A few are certain to be wrong; of two halves that lie years apart nobody knows which.
     """
-    times = {name: each.measured_ns for name, each in series.items()}
-    stray = {name: each[(each < first_ns) | (each > last_ns)] for name, each in times.items()}
-    stray = {name: each for name, each in stray.items() if each.size}
-    every = np.concatenate(list(stray.values()))
-    away_s = max(first_ns - int(every.min()), int(every.max()) - last_ns) / NANO
+    times = {name: samples.measured_ns for name, samples in series.items()}
+    stray = {name: stamps[(stamps < first_ns) | (stamps > last_ns)] for name, stamps in times.items()}
+    stray = {name: stamps for name, stamps in stray.items() if stamps.size}
+    stray_ns = np.concatenate(list(stray.values()))
+    away_s = max(first_ns - int(stray_ns.min()), int(stray_ns.max()) - last_ns) / NANO
     channel = next(iter(stray)) if len(stray) == 1 else ALL
-    count, due = every.size, sum(map(len, times.values()))
+    count, due = stray_ns.size, sum(map(len, times.values()))
     text = (
-        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(every)}, up to "
+        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(stray_ns)}, up to "
         f"{away_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
     )
     remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
     estimate = {"count": float(count), "seconds": away_s}
-    ends = utc_time(int(every.min())), utc_time(int(every.max()))
+    ends = utc_time(int(stray_ns.min())), utc_time(int(stray_ns.max()))
     return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)

@@ -163,22 +163,22 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
         for first, stop in zip(*runs(wild), strict=True)
         if stop - first >= 2
     ]
-    usable = [each for each in groups if each.closes and (np.abs(each.off_deg) > 2.0 * limit_deg).any()]
+    usable = [group for group in groups if group.closes and (np.abs(group.off_deg) > 2.0 * limit_deg).any()]
     wrong = np.zeros(time_s.size, np.bool_)
     whole_deg = 360.0 - 6.0 * limit_deg
-    sure = [
-        each
-        for each in usable
-        if abs(each.turns) == 1 or _makes_whole_turn(step_deg[each.first : each.last], whole_deg)
+    certain = [
+        group
+        for group in usable
+        if abs(group.turns) == 1 or _makes_whole_turn(step_deg[group.first : group.last], whole_deg)
     ]
     # Swinging about the seam, samples may go astray twice and come back on the side they left from: no turn
     # is left over. Alone that is a spike near north; beside places that are sure it is one of them.
-    swings = [each for each in usable if each.turns == 0 and each.at_seam and len(sure) >= 3]
-    for each in (*sure, *swings):
-        wrong[each.first + 1 : each.last] |= np.abs(each.off_deg) > limit_deg
+    swings = [group for group in usable if group.turns == 0 and group.at_seam and len(certain) >= 3]
+    for group in (*certain, *swings):
+        wrong[group.first + 1 : group.last] |= np.abs(group.off_deg) > limit_deg
     passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
-    elsewhere = sum(each.turns == 0 and not each.at_seam for each in usable)
-    return _Lines(wrong, int(runs(wrong)[0].size), len(sure), int(passes.sum()), int(elsewhere))
+    elsewhere = sum(group.turns == 0 and not group.at_seam for group in usable)
+    return _Lines(wrong, int(runs(wrong)[0].size), len(certain), int(passes.sum()), int(elsewhere))
 
 
 def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit_deg: float) -> _Group:

@@ -85,12 +85,14 @@ def repair(
     certain to be late is moved by its delay, and the rows are joined anew.
     """
     if rebuild_positions is None:
-        rebuild_positions = any(each.code == "position_time_jitter" for each in findings)
+        rebuild_positions = any(finding.code == "position_time_jitter" for finding in findings)
     if rebuild_positions:
         findings = request_position_repair(findings, table)
     order, raw, findings = tuple(REPAIRS), table, tuple(findings)
     sure = [finding for finding in findings if finding.certain]
-    certain = sorted((each for each in sure if each.code in REPAIRS), key=lambda each: order.index(each.code))
+    certain = sorted(
+        (finding for finding in sure if finding.code in REPAIRS), key=lambda finding: order.index(finding.code)
+    )
     repairs: list[Repair] = []
     scaled = False
     for finding in certain:
@@ -100,7 +102,9 @@ def repair(
         if recording is not None and (OTHER_TURN in finding.estimate or _is_of_other_unit(finding, findings)):
             table = _with_impossible(table, recording, finding.channel)
         done = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
-        changed = sum(int((~_same(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items())
+        changed = sum(
+            int((~_equal_or_nan(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items()
+        )
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
         if not changed and not done.always_reported:
@@ -114,11 +118,13 @@ def repair(
     return _aligned(RepairResult(table, tuple(repairs), judged), sure)
 
 
-def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
+def _aligned(repaired: RepairResult, certain: Iterable[Finding]) -> RepairResult:
     """What was repaired with the delays that are certain taken off the stamps, those of the flags too."""
     table = repaired.table
-    late = [each for each in sure if each.code == "channel_delay" and each.channel in table]
-    delays = {name: seconds for name, seconds in delays_of(late, table).items() if name in table}
+    delay_findings = [
+        finding for finding in certain if finding.code == "channel_delay" and finding.channel in table
+    ]
+    delays = {name: seconds for name, seconds in delays_of(delay_findings, table).items() if name in table}
     if not delays:
         return repaired
     moved, flags = remove_delays(table, delays), repaired.flags
@@ -126,22 +132,22 @@ def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
         flags = _moved_flags(table, flags, delays)
     done = tuple(
         Repair(
-            each.code,
-            each.channel,
-            f"stamps moved by {-each.estimate['seconds']:+.2f} s",
-            int(table[each.channel].count()),
+            finding.code,
+            finding.channel,
+            f"stamps moved by {-finding.estimate['seconds']:+.2f} s",
+            int(table[finding.channel].count()),
         )
-        for each in late
+        for finding in delay_findings
     )
     return RepairResult(moved, (*repaired.repairs, *done), flags)
 
 
 def _moved_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
     """The flags of the rows that taking off the delays makes."""
-    by_ns = {name: -each for name, each in delays_in_ns(delays).items()}
-    beside = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
-    moved = move_stamps(table.assign(**beside), by_ns | {f"{name} flag": by_ns[name] for name in by_ns})
-    return moved[[*beside]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
+    by_ns = {name: -delay_ns for name, delay_ns in delays_in_ns(delays).items()}
+    flag_columns = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
+    moved = move_stamps(table.assign(**flag_columns), by_ns | {f"{name} flag": by_ns[name] for name in by_ns})
+    return moved[[*flag_columns]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
 
 
 def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -152,14 +158,14 @@ def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) ->
     give is the better truth is for the analyst to say. It is where windows of predicted position are to
     be judged, whose errors would else be the stamps' own.
     """
-    others = [
+    remaining = [
         replace(finding, certain=True) if finding.code == "heading_time_jitter" else finding
         for finding in findings
         if finding.code != "position_time_jitter"
     ]
     times = utc_index(table)
     order = Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True)
-    return (*others, order)
+    return (*remaining, order)
 
 
 def write_repaired(
@@ -205,22 +211,22 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
     gap is missing, whatever was there before."""
     qualities = {}
     for name in [name for name in before.columns if name in flags]:
-        flag, there = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
-        new = ~_same(before[name].to_numpy(), after[name].to_numpy()) & there
+        flag, present = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
+        new = ~_equal_or_nan(before[name].to_numpy(), after[name].to_numpy()) & present
         flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
-        flag[~there] = Quality.MISSING
+        flag[~present] = Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
 
 
-def _same(first: Floats, second: Floats) -> Bools:
+def _equal_or_nan(first: Floats, second: Floats) -> Bools:
     same: Bools = (first == second) | (np.isnan(first) & np.isnan(second))
     return same
 
 
 def _is_of_other_unit(finding: Finding, findings: Iterable[Finding]) -> bool:
     """Whether a scale is of a channel none of whose values was found impossible."""
-    impossible = {each.channel for each in findings if each.code == "out_of_range"}
+    impossible = {other_finding.channel for other_finding in findings if other_finding.code == "out_of_range"}
     return finding.code == "yaw_rate_scale" and finding.channel not in impossible
 
 
@@ -305,8 +311,8 @@ def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) 
     for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         rows = np.flatnonzero(np.isfinite(value))
-        known = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
-        value[rows[known.duplicated().to_numpy()]] = np.nan
+        samples = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
+        value[rows[samples.duplicated().to_numpy()]] = np.nan
         columns[name] = value
     return SingleRepair("samples that stand twice stand once", columns)
 
@@ -384,8 +390,8 @@ def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> S
 
 def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
     """The columns a finding is about: its channel's, or all."""
-    every = [str(name) for name in table.columns]
-    return every if finding.channel in ("", ALL) else [name for name in every if name == finding.channel]
+    names = [str(name) for name in table.columns]
+    return names if finding.channel in ("", ALL) else [name for name in names if name == finding.channel]
 
 
 REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepair]] = {

@@ -77,9 +77,9 @@ def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) 
     on a side to the power of the run's length, times the samples of the record; and the run is five times as
     long as the longest beside it.
     """
-    left = values[max(start - _BESIDE, 0) : start]
-    right = values[start + length : start + length + _BESIDE]
-    sides = [side for side in (left, right) if side.size >= _SHORTEST]
+    before = values[max(start - _BESIDE, 0) : start]
+    after = values[start + length : start + length + _BESIDE]
+    sides = [side for side in (before, after) if side.size >= _SHORTEST]
     if always_moves and len(sides) < 2:  # a simulated ship may start without moving
         always_moves = False
     return bool(sides) and all(_lively(side, length, values.size, always_moves) for side in sides)
@@ -98,8 +98,8 @@ def _by_far_longest(values: Floats) -> int | None:
     starts, lengths = runs_of_equal(steps != 0.0)
     place = int(np.argmax(lengths))
     start, end = int(starts[place]), int(starts[place] + lengths[place])
-    others = np.delete(lengths, place).max(initial=0)
-    if end == values.size or lengths[place] < max(_FEWEST, 5 * others):
+    longest_other = np.delete(lengths, place).max(initial=0)
+    if end == values.size or lengths[place] < max(_FEWEST, 5 * longest_other):
         return None
     return start if steps[end - 1] > _JUMP * np.quantile(steps[steps > 0.0], 0.95) else None
 
@@ -178,8 +178,8 @@ def grid_step(values: Floats) -> float:
     noise = float(np.sqrt(np.mean(np.diff(steps, 2) ** 2) / 20.0)) if steps.size > 2 else 0.0
     distances = np.diff(np.sort(values))
     searches = ((_step_of, np.abs(steps)), (_step_of, distances), (_exact_step, np.abs(steps)))
-    found = (search(changes, noise) for search, changes in searches)
-    return next((step for step in found if step and _on_plateaus(steps, step)), 0.0)
+    candidates = (search(changes, noise) for search, changes in searches)
+    return next((step for step in candidates if step and _on_plateaus(steps, step)), 0.0)
 
 
 def _step_of(changes: Floats, noise: float) -> float:
@@ -197,8 +197,8 @@ def _step_of(changes: Floats, noise: float) -> float:
         return 0.0
     smaller = np.quantile(changes, [0.0, 0.01, 0.05, 0.1, 0.25, 0.5], method="lower")
     candidates = np.unique(np.concatenate([smaller / share for share in (1, 2, 3, 4)]))[::-1]
-    found = (_confirm_step(changes, float(each), noise) for each in candidates)
-    return next((each for each in found if each), 0.0)
+    confirmed = (_confirm_step(changes, float(candidate), noise) for candidate in candidates)
+    return next((step for step in confirmed if step), 0.0)
 
 
 def _confirm_step(changes: Floats, candidate: float, noise: float) -> float:
@@ -207,23 +207,23 @@ def _confirm_step(changes: Floats, candidate: float, noise: float) -> float:
     They do if they are far closer than the noise would let them, which a ship at constant speed is not.
     """
     for reach in (2.5, _LARGEST_MULTIPLE):
-        near = changes[changes < reach * candidate]
-        multiples = np.rint(near / candidate)
-        close = (np.abs(near / candidate - multiples) < 0.2) & (multiples > 0)
+        small = changes[changes < reach * candidate]
+        multiples = np.rint(small / candidate)
+        close = (np.abs(small / candidate - multiples) < 0.2) & (multiples > 0)
         if not close.any():
             return 0.0
-        candidate = float(np.median(near[close] / multiples[close]))
-    near = changes[changes < _LARGEST_MULTIPLE * candidate]
-    if near.size < max(_FEWEST, 0.02 * changes.size):
+        candidate = float(np.median(small[close] / multiples[close]))
+    small = changes[changes < _LARGEST_MULTIPLE * candidate]
+    if small.size < max(_FEWEST, 0.02 * changes.size):
         return 0.0
-    return candidate if _lie_on_multiples(near, candidate, _CONCENTRATED, noise) else 0.0
+    return candidate if _lie_on_multiples(small, candidate, _CONCENTRATED, noise) else 0.0
 
 
 def _lie_on_multiples(changes: Floats, step: float, least: float, noise: float) -> bool:
     """Whether changes concentrate on a step's multiples by at least so much, far closer than the noise."""
     concentration = float(np.mean(np.cos(2.0 * np.pi * changes / step)))
-    apart = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))
-    return concentration > least and apart < 0.1 * noise
+    deviation = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))
+    return concentration > least and deviation < 0.1 * noise
 
 
 def _exact_step(changes: Floats, noise: float) -> float:

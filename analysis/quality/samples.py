@@ -66,8 +66,8 @@ def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]
     """
     order = np.argsort(samples.measured_ns, kind="stable")
     order = order[np.isfinite(samples.value[order])]
-    found = samples.value[order]
-    return order, samples.measured_ns[order], unwrap(found) if channel.circular else found
+    values = samples.value[order]
+    return order, samples.measured_ns[order], unwrap(values) if channel.circular else values
 
 
 def interval_ns(times_ns: Ints) -> float:
@@ -159,5 +159,5 @@ def jackknife_error(estimates: Floats) -> Floats:
 
 def ratios_without_each(numerators: NDArray[Any], denominators: NDArray[Any]) -> NDArray[Any]:
     """The ratio of the sums of n parts, each part left out in turn: [n], as a jackknife wants it."""
-    left = np.maximum(denominators.sum() - denominators, 1e-12)
-    return np.asarray((numerators.sum() - numerators) / left)
+    remaining = np.maximum(denominators.sum() - denominators, 1e-12)
+    return np.asarray((numerators.sum() - numerators) / remaining)

@@ -109,31 +109,34 @@ def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
     return _Track((stamps - stamps[0]) / NANO, values / noise, rates / noise)
 
 
-def _jump_at(track: _Track, place: int, others: Ints, interval: float, stamps: Ints) -> ClockJump | None:
+def _jump_at(track: _Track, place: int, odd_steps: Ints, interval: float, stamps: Ints) -> ClockJump | None:
     """The jump between a row and the next, or nothing if what is left over is no more than a gap explains."""
     step = float(track.time_s[place + 1] - track.time_s[place])
     here = np.array([place])
-    elapsed, precision = (float(each[0]) for each in track.elapsed(here, here + 1))
-    usual = _errors(track, max(round(abs(elapsed) / interval), 1), others)
-    gap = _errors(track, max(round(abs(step) / interval), 1), others)
+    elapsed, precision = (float(values[0]) for values in track.elapsed(here, here + 1))
+    usual = _errors(track, max(round(abs(elapsed) / interval), 1), odd_steps)
+    gap = _errors(track, max(round(abs(step) / interval), 1), odd_steps)
     if usual is None or gap is None:
         return None
     jump = step - elapsed + float(np.median(usual)) / precision
     doubt = float(np.quantile(np.abs(usual - np.median(usual)), 0.95)) / precision
-    apart = np.abs(gap - np.median(gap))
-    by_chance = max(_SURE * float(np.median(apart)) / 0.6745, 1.5 * float(np.quantile(apart, 0.99)))
+    deviation = np.abs(gap - np.median(gap))
+    by_chance = max(_SURE * float(np.median(deviation)) / 0.6745, 1.5 * float(np.quantile(deviation, 0.99)))
     no_gap = abs((step - elapsed) * precision + float(np.median(gap))) > by_chance
     if abs(jump) < max(4.0 * doubt, 0.5 * interval) or not (
-        no_gap or _goes_on(track, place, step, interval, others)
+        no_gap or _continues_course(track, place, step, interval, odd_steps)
     ):
         return None
     first, last = sorted((int(stamps[place]), int(stamps[place + 1])))
     return ClockJump(first, last, jump, jump - doubt, jump + doubt)
 
 
-def _goes_on(track: _Track, place: int, step: float, interval: float, others: Ints) -> bool:
+def _continues_course(track: _Track, place: int, step: float, interval: float, odd_steps: Ints) -> bool:
     """Whether the next row is where the ship is one interval later, as it hardly ever is after so long a time."""
-    next_row, after_gap = _undisturbed(track, 1, others), _undisturbed(track, round(abs(step) / interval), others)
+    next_row, after_gap = (
+        _undisturbed(track, 1, odd_steps),
+        _undisturbed(track, round(abs(step) / interval), odd_steps),
+    )
     if after_gap.size < _RARELY:
         return False
     limit = 1.5 * float(np.quantile(_off_course(track, next_row, 1, interval), 0.99))
@@ -147,21 +150,21 @@ def _goes_on(track: _Track, place: int, step: float, interval: float, others: In
 def _off_course(track: _Track, first: Ints, rows: int, interval: float) -> Floats:
     """How far a later row is from where the ship is one interval after the first, in units of noise."""
     rate = 0.5 * (track.rate[first] + track.rate[first + rows])
-    away: Floats = np.abs(track.place[first + rows] - track.place[first] - interval * rate).max(axis=1)
-    return away
+    deviation: Floats = np.abs(track.place[first + rows] - track.place[first] - interval * rate).max(axis=1)
+    return deviation
 
 
-def _undisturbed(track: _Track, rows: int, others: Ints) -> Ints:
+def _undisturbed(track: _Track, rows: int, odd_steps: Ints) -> Ints:
     """Up to some 2000 rows from which so many rows on there is no odd step."""
     size = track.time_s.size
     first = np.arange(2, max(size - rows - 3, 2), max((size - rows) // 2000, 1))
-    calm: Ints = first[np.searchsorted(others, first - 2) == np.searchsorted(others, first + rows + 2)]
+    calm: Ints = first[np.searchsorted(odd_steps, first - 2) == np.searchsorted(odd_steps, first + rows + 2)]
     return calm
 
 
-def _errors(track: _Track, rows: int, others: Ints) -> Floats | None:
+def _errors(track: _Track, rows: int, odd_steps: Ints) -> Floats | None:
     """Errors of the time that the motion gives over so many rows, times its precision; None for too few rows."""
-    first = _undisturbed(track, rows, others)
+    first = _undisturbed(track, rows, odd_steps)
     if first.size < _FEWEST:
         return None
     elapsed, precision = track.elapsed(first, first + rows)
@@ -176,17 +179,17 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     times their spread and by three intervals; a source's channels are taken together.
     """
     sources: dict[str, list[Series]] = {}
-    for each in series.values():
-        if np.any(each.measured_ns != each.received_ns):
-            for number, name in enumerate(each.sources):
-                sources.setdefault(name, []).append(each.subset(each.source_index == number))
-    found = []
+    for samples in series.values():
+        if np.any(samples.measured_ns != samples.received_ns):
+            for number, name in enumerate(samples.sources):
+                sources.setdefault(name, []).append(samples.subset(samples.source_index == number))
+    jumps = []
     for name, parts in sources.items():
         received = np.concatenate([part.received_ns for part in parts])
         measured = np.concatenate([part.measured_ns for part in parts])
         order = np.argsort(received, kind="stable")
-        found += [(name, jump) for jump in _offset_steps(measured[order], received[order])]
-    return found
+        jumps += [(name, jump) for jump in _offset_steps(measured[order], received[order])]
+    return jumps
 
 
 def _offset_steps(measured: Ints, received: Ints) -> list[ClockJump]:
@@ -199,11 +202,11 @@ def _offset_steps(measured: Ints, received: Ints) -> list[ClockJump]:
     step = middle[half:] - middle[:-half]
     spread = (high - low)[half:] + (high - low)[:-half]
     strong = np.where(np.abs(step) > np.maximum(10.0 * spread, max(0.05, 3.0 * interval)), np.abs(step), 0.0)
-    found = []
+    jumps = []
     while strong.max(initial=0.0) > 0.0:
         place = int(np.argmax(strong))
         at, size, doubt = place + half, float(step[place]), float(spread[place])
         first, last = sorted((int(measured[at - 1]), int(measured[at])))
-        found.append(ClockJump(first, last, size, size - doubt, size + doubt))
+        jumps.append(ClockJump(first, last, size, size - doubt, size + doubt))
         strong[max(place - 2 * half, 0) : place + 2 * half] = 0.0
-    return found
+    return jumps

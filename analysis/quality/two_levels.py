@@ -53,7 +53,7 @@ class Levels:
 
     lower: float
     upper: float
-    apart: float
+    separation: float
     turns: int
     side: Ints
 
@@ -68,46 +68,50 @@ def find_levels(samples: Series, channel: Channel) -> Levels | None:
     count = steps.size // width
     blocks = np.concatenate([steps[: count * width], steps[-width:]]).reshape(-1, width)  # the end is judged, too
     firsts = np.append(np.arange(count) * width, steps.size - width)
-    apart = np.quantile(np.abs(blocks), 1.0 - 0.5 * _FEWEST_TURNS / _BLOCK, axis=1)
-    alternate = _alternate(blocks, apart, channel)
-    distance = float(np.median(apart[alternate])) if alternate.any() else 0.0
-    alternate &= np.abs(apart - distance) < _EVEN * distance
-    if not alternate.any() or _is_own_step(values, distance, channel) or _is_oscillation(blocks, apart, alternate):
+    separation = np.quantile(np.abs(blocks), 1.0 - 0.5 * _FEWEST_TURNS / _BLOCK, axis=1)
+    alternate = _alternate(blocks, separation, channel)
+    distance = float(np.median(separation[alternate])) if alternate.any() else 0.0
+    alternate &= np.abs(separation - distance) < _EVEN * distance
+    if (
+        not alternate.any()
+        or _is_own_step(values, distance, channel)
+        or _is_oscillation(blocks, separation, alternate)
+    ):
         return None
     side = np.zeros(samples.value.size, dtype=np.int64)
     for first in firsts[alternate][::-1]:
         inside = slice(first, first + width + 1)
         side[places[inside]] = sides = _sides(values[inside], distance, channel)
-    lower, upper = (channel.wrapped(float(np.median(values[inside][sides == each]))) for each in (-1, 1))
+    lower, upper = (channel.wrapped(float(np.median(values[inside][sides == level]))) for level in (-1, 1))
     if channel.unit in _RATES and abs(lower + upper) < _SYMMETRIC * distance:
         return None
     turns = np.count_nonzero(np.diff(side[places]) != 0)
     return Levels(lower, upper, distance, int(turns), side)
 
 
-def _alternate(blocks: Floats, apart: Floats, channel: Channel) -> Bools:
-    """Which blocks of steps [blocks, steps] are of two kinds, one ``apart`` [blocks], in turn up and down."""
-    size = np.abs(blocks) / np.maximum(apart, 1e-300)[:, np.newaxis]
+def _alternate(blocks: Floats, separation: Floats, channel: Channel) -> Bools:
+    """Which blocks of steps [blocks, steps] alternate between two levels that are ``separation`` [blocks] apart."""
+    size = np.abs(blocks) / np.maximum(separation, 1e-300)[:, np.newaxis]
     turns = size > _BETWEEN[1]
     enough = turns.sum(axis=1) >= _FEWEST_TURNS
     between = np.mean((size > _BETWEEN[0]) & ~turns, axis=1) <= _MOST_BETWEEN
     spread = np.array([1.4826 * np.median(np.abs(row[turn] - np.median(row[turn]))) if turn.any() else np.inf
                        for row, turn in zip(size, turns, strict=True)])  # fmt: skip
     balance = np.cumsum(np.sign(blocks) * turns, axis=1)
-    either_way = channel.circular & (apart > _HALF_TURN_DEG)
+    either_way = channel.circular & (separation > _HALF_TURN_DEG)
     in_turn = (np.ptp(np.pad(balance, ((0, 0), (1, 0))), axis=1) <= 1.0) | either_way
-    beside = np.pad(turns, ((0, 0), (1, 1)))
-    returning = (turns & (beside[:, :-2] | beside[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
-    far = apart > _COARSEST * _resolution(channel)
-    return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & far)
+    neighbours = np.pad(turns, ((0, 0), (1, 1)))
+    returning = (turns & (neighbours[:, :-2] | neighbours[:, 2:])).sum(axis=1) >= _RETURNS * turns.sum(axis=1)
+    is_coarse = separation > _COARSEST * _resolution(channel)
+    return np.asarray(enough & between & (spread <= _EVEN) & in_turn & returning & is_coarse)
 
 
-def _is_oscillation(blocks: Floats, apart: Floats, alternate: Bools) -> bool:
+def _is_oscillation(blocks: Floats, separation: Floats, alternate: Bools) -> bool:
     """Whether the steps of other blocks go up and down in turn as well, but by less: waves at half the rate of
     recording, whose size comes and goes, look like two levels while it is at its largest."""
-    distance = float(np.median(apart[alternate]))
+    distance = float(np.median(separation[alternate]))
     to_and_fro = np.mean(blocks[:, 1:] * blocks[:, :-1] < 0.0, axis=1) > _TO_AND_FRO
-    smaller = (apart > _BETWEEN[0] * distance) & (apart < (1.0 - _EVEN) * distance)
+    smaller = (separation > _BETWEEN[0] * distance) & (separation < (1.0 - _EVEN) * distance)
     return bool((to_and_fro & smaller & ~alternate).any())
 
 
@@ -116,39 +120,41 @@ def _resolution(channel: Channel) -> float:
     return EVERYDAY.get(channel.unit, 0.0) if channel.group == "declared" else everyday_resolution(channel)
 
 
-def _is_own_step(values: Floats, apart: float, channel: Channel) -> bool:
+def _is_own_step(values: Floats, separation: float, channel: Channel) -> bool:
     """Whether the levels are neighbours on the grid of the channel's values.
 
     A ship that lies still shows no values but two: they are no neighbours on a grid that counts from zero unless
     both are multiples of their distance; where a position's grid counts from is not known.
     """
     distances = np.diff(np.unique(values))
-    if (distances < 0.5 * apart).any():
+    if (distances < 0.5 * separation).any():
         return False
-    from_grid = np.abs(values / apart - np.rint(values / apart))
+    from_grid = np.abs(values / separation - np.rint(values / separation))
     return channel.unit == "m" or bool(np.quantile(from_grid, 0.9) < 0.02)
 
 
-def _sides(values: Floats, apart: float, channel: Channel) -> Ints:
+def _sides(values: Floats, separation: float, channel: Channel) -> Ints:
     """On which level each of some values lies, by the turns between them: 1 the upper, -1 the lower."""
-    turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(values)) > _BETWEEN[1] * apart)]) % 2
-    away = difference(values, values[0]) if channel.circular else values
-    odd, even = (np.median(away[turned == which]) for which in (1, 0))
+    turned = np.concatenate([[0], np.cumsum(np.abs(np.diff(values)) > _BETWEEN[1] * separation)]) % 2
+    offset = difference(values, values[0]) if channel.circular else values
+    odd, even = (np.median(offset[turned == which]) for which in (1, 0))
     return np.where(turned == (1 if odd > even else 0), 1, -1)
 
 
 def alternation_findings(series: Mapping[str, Series], channels: Mapping[str, Channel]) -> list[Finding]:
     """A finding for each channel that alternates between two levels, which names both and, if they are known, both
     sources."""
-    found = {
-        name: find_levels(_possible(samples, channels[name]), channels[name])
+    detected = {
+        name: find_levels(_values_in_range(samples, channels[name]), channels[name])
         for name, samples in series.items()
         if not channels[name].state
     }
-    return [_finding(channels[name], series[name], levels) for name, levels in found.items() if levels is not None]
+    return [
+        _finding(channels[name], series[name], levels) for name, levels in detected.items() if levels is not None
+    ]
 
 
-def _possible(samples: Series, channel: Channel) -> Series:
+def _values_in_range(samples: Series, channel: Channel) -> Series:
     """The samples without the values that no such channel has, of which arithmetic makes no number."""
     return replace(samples, value=np.where(is_possible(channel, samples.value), samples.value, np.nan))
 
@@ -160,13 +166,16 @@ def _finding(channel: Channel, samples: Series, levels: Levels) -> Finding:
     times = samples.measured_ns[levels.side != 0]
     text = (
         f"{channel.name} alternates between two levels, {levels.lower:.4g}{of[0]} and {levels.upper:.4g} "
-        f"{channel.unit}{of[1]}, {levels.apart:.3g} {channel.unit} apart, {levels.turns:,} times: "
+        f"{channel.unit}{of[1]}, {levels.separation:.3g} {channel.unit} apart, {levels.turns:,} times: "
         f"two sources under one name"
     )
     remedy = "Record or import one of the sources alone; a mean of both is what neither measured"
     estimate = {
-        "level": levels.lower, "other_level": levels.upper, "apart": levels.apart, "count": float(levels.turns),
-    }  # fmt: skip
+        "level": levels.lower,
+        "other_level": levels.upper,
+        "apart": levels.separation,
+        "count": float(levels.turns),
+    }
     ends = utc_time(int(times.min())), utc_time(int(times.max()))
     return Finding(ALTERNATING, channel.name, *ends, text, remedy, estimate)
 

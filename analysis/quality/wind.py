@@ -103,7 +103,7 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     full = count >= 0.5 * np.median(count)
     if full.sum() < _FEWEST_BLOCKS:
         return None
-    means = ((_sums(which, each[sound]) / count)[full] for each in (recorded, recorded * bow, velocity))
+    means = ((_sums(which, quantity[sound]) / count)[full] for quantity in (recorded, recorded * bow, velocity))
     blocks = _Blocks(number[full] * _BLOCK_S, *means)
     return blocks if _following(blocks).any() else None  # what is new in a block is told by the one before
 
@@ -135,8 +135,8 @@ def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     record without a free parameter, which makes likelihoods comparable as they are.
     """
     readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity
-    innovations = [_innovations(blocks, each, _autocorrelation(blocks, each)) for each in readings]
-    best = int(np.argmin([_mean_square(each) for each in innovations]))
+    innovations = [_innovations(blocks, reading, _autocorrelation(blocks, reading)) for reading in readings]
+    best = int(np.argmin([_mean_square(innovation) for innovation in innovations]))
     recorded = _innovations(blocks, blocks.recorded, _autocorrelation(blocks, blocks.recorded))
     evidence = recorded.size * np.log(_mean_square(recorded) / max(_mean_square(innovations[best]), 1e-12))
     ratio = _mean_square(_detrended(blocks, blocks.recorded)) / max(
@@ -191,9 +191,9 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
         memory = _autocorrelation(blocks, felt / gain - velocity)
         new_felt, new_velocity = _innovations(blocks, felt, memory), _innovations(blocks, velocity, memory)
         cross = _sums(number, new_felt * new_velocity.conj())
-        own = np.bincount(number, np.abs(new_velocity) ** 2)
-        gain = complex(cross.sum() / max(own.sum(), 1e-12)) or 1.0 + 0.0j
-    relative = ratios_without_each(cross, own) / gain
+        squares = np.bincount(number, np.abs(new_velocity) ** 2)
+        gain = complex(cross.sum() / max(squares.sum(), 1e-12)) or 1.0 + 0.0j
+    relative = ratios_without_each(cross, squares) / gain
     error = complex(jackknife_error(relative.real), jackknife_error(relative.imag))
     return gain, error, cross.size - 1
 
@@ -219,15 +219,15 @@ def _following(blocks: _Blocks) -> Bools:
 
 def _autocorrelation(blocks: _Blocks, vector: Complexes) -> float:
     """The autocorrelation of a wind's deviations from one block to the next, 0 to 0.95."""
-    off, follows = _detrended(blocks, vector), _following(blocks)
-    before, after = off[:-1][follows], off[1:][follows]
+    deviations, follows = _detrended(blocks, vector), _following(blocks)
+    before, after = deviations[:-1][follows], deviations[1:][follows]
     return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
 
 
 def _innovations(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
     """Innovations of a first-order autoregression: each block less its prediction from the one before."""
-    off = _detrended(blocks, vector)
-    innovations: Complexes = (off[1:] - memory * off[:-1])[_following(blocks)]
+    deviations = _detrended(blocks, vector)
+    innovations: Complexes = (deviations[1:] - memory * deviations[:-1])[_following(blocks)]
     return innovations
 
 

@@ -155,7 +155,7 @@ class _Pages:
         return index_page(rows, failures_of(rows), self._season.folder.resolve().name, live).html
 
     def trial(self, name: str) -> str:
-        row = self._known(name)
+        row = self._row_of(name)
         if row["status"] == WAITING:
             return self._wait(name)
         if "provenance" not in row:
@@ -164,26 +164,26 @@ class _Pages:
             page = (self._season.out / name / "page.html").read_text(encoding="utf-8")
         except FileNotFoundError:
             return self._wait(name, anew=True)
-        links = render("links_of_trial.html", row=row, kinds=[each[1:] for each in KINDS]).html
+        links = render("links_of_trial.html", row=row, kinds=[kind[1:] for kind in KINDS]).html
         return page.replace(LINKS, links, 1)
 
     def report(self, name: str) -> str:
-        self._known(name)
+        self._row_of(name)
         return _read_page(self._season.out / name / "report.html")
 
     def diagnosis(self, name: str) -> str:
-        _, folder = self._season.diagnosis_of(self._known(name))
+        _, folder = self._season.diagnosis_of(self._row_of(name))
         return _read_page(folder / "report.html" if folder else None)
 
     def export(self, name: str, kind: str) -> Response:
         if f".{kind}" not in KINDS:
             abort(404)
-        self._known(name)
+        self._row_of(name)
         files = [str(path) for path in self._season.files(name)]
         return _attached(f"{Path(name).name}.{kind}", lambda path: call_limited(export_recording, files, str(path)))
 
     def runs(self) -> str:
-        runs = runs_in(self._season.out, self._asked_for(), kind := request.args.get("kind", ""))
+        runs = runs_in(self._season.out, self._requested_names(), kind := request.args.get("kind", ""))
         if not runs:
             return _message("No runs", ["None of these recordings holds such a manoeuvre."])
         drawn = [
@@ -198,7 +198,7 @@ class _Pages:
             ).html  # fmt: skip
 
     def runs_as_workbook(self) -> Response:
-        runs = runs_in(self._season.out, self._asked_for(), request.args.get("kind", ""))
+        runs = runs_in(self._season.out, self._requested_names(), request.args.get("kind", ""))
         return _attached("runs.xlsx", lambda path: write_sheets({"indices": index_table(runs)}, path))
 
     def upload(self) -> str:
@@ -220,12 +220,12 @@ class _Pages:
         path, lines = receive(upload.stream, upload.filename or "", self._season.folder)
         return _message(f"{path.name} is in the season", lines)
 
-    def _asked_for(self) -> list[str]:
+    def _requested_names(self) -> list[str]:
         """The recordings that a request names, of those that have a result; all that have one if it names none."""
         done = {row["name"] for row in self._season.rows() if "provenance" in row}
         return [name for name in request.args.getlist("name") or sorted(done) if name in done]
 
-    def _known(self, name: str) -> Row:
+    def _row_of(self, name: str) -> Row:
         row = self._season.row(name)
         return row if row is not None else abort(404)
 
@@ -305,11 +305,11 @@ def runs_in(results: Path, names: Iterable[str], kind: str = "") -> list[Run]:
     for name in names:
         path = results / name / "manoeuvres.json"
         try:
-            said = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
-            found = [Manoeuvre.from_json(each) for each in said if kind in ("", each["kind"])]
+            records = json.loads(path.read_text(encoding="utf-8"))["manoeuvres"]
+            manoeuvres = [Manoeuvre.from_json(record) for record in records if kind in ("", record["kind"])]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError("are not the manoeuvres of a batch", where=str(path), why=str(error)) from error
-        runs += [Run(name, each) for each in found]
+        runs += [Run(name, manoeuvre) for manoeuvre in manoeuvres]
     return runs
 
 
@@ -318,8 +318,8 @@ def with_motions(results: Path, runs: Iterable[Run]) -> list[tuple[Run, Motion]]
     motions: dict[str, Motion] = {}
     for run in runs:
         if run.recording not in motions:
-            table, said = read_parquet(results / run.recording / "table.parquet")
-            table.attrs["trial"] = json.loads(said["trial"])
+            table, metadata = read_parquet(results / run.recording / "table.parquet")
+            table.attrs["trial"] = json.loads(metadata["trial"])
             motions[run.recording] = motion_of(table)
     return [(run, motions[run.recording]) for run in runs]
 
@@ -328,7 +328,7 @@ def compared(runs: Sequence[Run]) -> tuple[list[str], list[list[str]]]:
     """A table for people: a row a run, a column each of the main indices that any has."""
     names = list(dict.fromkeys(row[0] for run in runs for row in rows_of(run.manoeuvre, every=False)))
     cells = [(run.label, {row[0]: row[1] for row in rows_of(run.manoeuvre)}) for run in runs]
-    return ["run", *names], [[label, *(each.get(name, "") for name in names)] for label, each in cells]
+    return ["run", *names], [[label, *(values.get(name, "") for name in names)] for label, values in cells]
 
 
 def index_table(runs: Iterable[Run]) -> pd.DataFrame:

@@ -48,7 +48,7 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
     except (EOFError, OSError) as error:
         process.join()
         raise InputError(
-            "ended the program that read it", why=_how_it_ended(process.exitcode),
+            "ended the program that read it", why=_exit_reason(process.exitcode),
             fix="it needs more memory than there is, or is damaged; if it is sound, read it on the command line",
         ) from error  # fmt: skip
     finally:
@@ -61,7 +61,7 @@ def call_limited(function: _Work, *arguments: object, longest_s: float | None = 
     return [str(line) for line in answer["lines"]]
 
 
-def _how_it_ended(code: int | None) -> str:
+def _exit_reason(code: int | None) -> str:
     with suppress(ValueError):
         return f"signal {signal.Signals(-(code or 0)).name}"
     return f"exit code {code}"

@@ -103,8 +103,8 @@ class Season:
     def rows(self) -> list[Row]:
         """A row each recording as in the index of a batch; of one not analysed what a first look tells, if that."""
         with self._lock:
-            found = recordings_below(self.folder, self.out)
-            self._files = dict(zip(names_of(self.folder, found), found, strict=True))
+            recordings = recordings_below(self.folder, self.out)
+            self._files = dict(zip(names_of(self.folder, recordings), recordings, strict=True))
             states = {path: _state_of(path) for path in self.folder.rglob(DIAGNOSIS)}
             self._diagnoses = [
                 (state[1], *_read_diagnosis(path, state), path.parent) for path, state in states.items()
@@ -132,8 +132,8 @@ class Season:
     def diagnosis_of(self, row: Row) -> tuple[str, Path | None]:
         """Verdict and folder of the newest diagnosis that a recording took part in."""
         digests = set(row.get("provenance", {}).get("sha256", "").split(", ")) - {""}
-        found = [(changed, verdict, folder) for changed, verdict, of, folder in self._diagnoses if of & digests]
-        return max(found, default=(0, "", None))[1:]
+        diagnoses = [(changed, verdict, folder) for changed, verdict, of, folder in self._diagnoses if of & digests]
+        return max(diagnoses, default=(0, "", None))[1:]
 
     def _row(self, name: str) -> Row:
         stamp, row = self._kept.get(name, ("", None))
@@ -170,12 +170,12 @@ class Season:
                 if name not in self._files:
                     continue
                 stamp, files = self._stamp(name), self._files[name]
-                known, row = self._kept.get(name, ("", {}))
-            if known == stamp and (urgency == LOOK or row["status"] != WAITING):
+                kept_stamp, row = self._kept.get(name, ("", {}))
+            if kept_stamp == stamp and (urgency == LOOK or row["status"] != WAITING):
                 continue
             first, *later = map(str, files)
             job = Job(name, first, str(self.out), self._options, later=tuple(later))
-            row = self._worker.row_of(_look if urgency == LOOK else result_of, job)
+            row = self._worker.row_of(_first_look if urgency == LOOK else result_of, job)
             with self._lock:
                 if self._ended:
                     return
@@ -191,8 +191,8 @@ def _read_diagnosis(path: Path, state: tuple[int, int]) -> tuple[str, frozenset[
     if state[0] > _MOST_DIAGNOSIS_BYTES or not path.is_file():
         return "", frozenset()
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-        return str(said["verdict"]), frozenset(str(said["provenance"]["recordings_sha256"]).split(", "))
+        document = json.loads(path.read_text(encoding="utf-8"))
+        return str(document["verdict"]), frozenset(str(document["provenance"]["recordings_sha256"]).split(", "))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return "", frozenset()
 
@@ -205,7 +205,7 @@ def _state_of(path: Path) -> tuple[int, int]:
     return 0, 0
 
 
-def _look(job: Job) -> Row:
+def _first_look(job: Job) -> Row:
     return {"name": job.name, **first_look([Path(job.path), *map(Path, job.later)])}
 
 

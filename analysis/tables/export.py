@@ -57,17 +57,17 @@ def export_table(
     about = _about(table, options or {})
     if attributes:
         about["attributes"] = dict(attributes)
-    given = _WRITERS[kind]
-    write: Writer = imported(given) if isinstance(given, str) else given
+    writer = _WRITERS[kind]
+    write: Writer = imported(writer) if isinstance(writer, str) else writer
     return write(table, path, about)
 
 
-def unit_of(column: str, known: ChannelsByName = BY_NAME) -> str:
+def unit_of(column: str, channels: ChannelsByName = BY_NAME) -> str:
     """The unit of an exported column; a standard deviation has its channel's, and an unknown column none."""
     if column.endswith(FLAG_SUFFIX):
         return FLAG_MEANING
     name = column.removesuffix(SIGMA_SUFFIX)
-    return channel_unit(name, known) or _RATE_UNITS.get(name, "")
+    return channel_unit(name, channels) or _RATE_UNITS.get(name, "")
 
 
 def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
@@ -84,7 +84,7 @@ def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, flo
         column = flags[name].to_numpy(dtype=np.uint8)
         if not same:
             rows = _nearest_rows(times_ns(table), times_ns(flags) - delay_ns.get(name, 0))
-            column = _gravest(rows, column, len(table))
+            column = _most_severe(rows, column, len(table))
             column[table[name].isna().to_numpy()] = Quality.MISSING
         result[name + FLAG_SUFFIX] = column
     return result
@@ -96,7 +96,7 @@ def _nearest_rows(row_ns: NDArray[np.int64], time_ns: NDArray[np.int64]) -> NDAr
     return np.searchsorted(middle, time_ns, side="left")
 
 
-def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+def _most_severe(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
     """The gravest flag that falls on each of ``count`` rows, missing where none does."""
     result = np.full(count, Quality.MISSING, dtype=np.uint8)
     for flag in _RISING:
@@ -105,8 +105,8 @@ def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> ND
 
 
 def _about(table: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
-    known = known_channels(table.attrs)
-    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name), known))}
+    channels = known_channels(table.attrs)
+    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name), channels))}
     provenance = provenance_of(table, options)
     return {
         "units": units,
@@ -128,12 +128,12 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file beside it."""
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
-    beside = path.with_name(f"{path.name}.json")
+    sidecar = path.with_name(f"{path.name}.json")
     with written_together(path):
-        write_text(beside, json.dumps({"file": path.name, **about}, indent=2) + "\n")
+        write_text(sidecar, json.dumps({"file": path.name, **about}, indent=2) + "\n")
         with atomic_file(path) as partial:
             table.set_axis(index, axis=0).to_csv(partial, index_label="time")
-    return [path, beside]
+    return [path, sidecar]
 
 
 def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
@@ -154,7 +154,7 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
         "trial": {**about["trial"], "software_version": software_version()},
         "provenance": {**provenance, **rate},
     }
-    named = {key: {matlab_name(name): value for name, value in each.items()} for key, each in structs.items()}
+    named = {key: {matlab_name(name): value for name, value in struct.items()} for key, struct in structs.items()}
     content = {"time": times_ns(table) / NANO, **vectors, **named}
     with atomic_file(path) as partial, partial.open("wb") as stream:
         savemat(stream, content, oned_as="column", long_field_names=True)
@@ -180,13 +180,13 @@ def _write_excel(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
         what = f"has {len(table):,} rows, but an Excel sheet holds at most {MOST_ROWS:,}"
         raise InputError(what, where=about["recording"], fix="use --rate, or write .csv or .parquet")
     times = utc_index(table).as_unit("us").tz_localize(None)
-    said = [
+    entries = [
         (what, str(name), str(value))
         for what in ("units", "trial", "provenance") for name, value in about[what].items()
     ]  # fmt: skip
     return write_sheets(
         {"data": table.set_axis(times.rename(UTC_COLUMN), axis=0).reset_index(),
-         "about": pd.DataFrame(said, columns=ABOUT_COLUMNS)}, path
+         "about": pd.DataFrame(entries, columns=ABOUT_COLUMNS)}, path
     )  # fmt: skip
 
 

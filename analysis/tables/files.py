@@ -35,9 +35,9 @@ def write_parquet(
     fields = [
         field.with_metadata({"unit": units[field.name]}) if field.name in units else field for field in arrow.schema
     ]
-    own = {METADATA_PREFIX + key: text for key, text in metadata.items()}
-    own[METADATA_PREFIX + "software_version"] = software_version()
-    schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **own})
+    file_metadata = {METADATA_PREFIX + key: text for key, text in metadata.items()}
+    file_metadata[METADATA_PREFIX + "software_version"] = software_version()
+    schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **file_metadata})
     with atomic_file(path) as partial, partial.open("wb") as stream:  # Arrow opens no name that is not UTF-8
         pq.write_table(arrow.cast(schema), stream)
 
@@ -57,7 +57,7 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
         why = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError("is not a readable Parquet file", where=str(path), why=why) from error
     texts = {key.decode(): text.decode() for key, text in (arrow.schema.metadata or {}).items()}
-    own = {
+    file_metadata = {
         key.removeprefix(METADATA_PREFIX): text for key, text in texts.items() if key.startswith(METADATA_PREFIX)
     }
-    return frame, own
+    return frame, file_metadata

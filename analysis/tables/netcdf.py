@@ -74,7 +74,7 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     attributes = {**_global_attributes(table, places, about), **about.get("attributes", {})}
     with atomic_file(path) as partial, netcdf_file(partial, "w", version=2) as file:
         file.createDimension(_ROW, len(table))
-        _say(file, attributes)
+        _set_attributes(file, attributes)
         _write_identifier(file, attributes["id"])
         _write(file, "time", *_time(table))
         for name, values in places.items():
@@ -84,19 +84,19 @@ def write_netcdf(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> l
     return [path]
 
 
-def remarks(table: pd.DataFrame, given: Mapping[str, str]) -> list[str]:
+def remarks(table: pd.DataFrame, attributes: Mapping[str, str]) -> list[str]:
     """What a data centre will miss, and what to do: :data:`WISHED` that nobody has said, and places."""
     trial = table.attrs.get("trial", {})
-    unsaid = [name for name in WISHED if not (trial.get(name) or given.get(name))]
-    said = []
+    unsaid = [name for name in WISHED if not (trial.get(name) or attributes.get(name))]
+    messages = []
     if unsaid:
-        said.append(
+        messages.append(
             f"not known: {', '.join(unsaid)}; give them in [trial] before recording or by --attribute NAME=VALUE"
         )
     if not places_of(table):
         instead = "north and east stand for them" if _local(table) else "nor has it positions in the plane"
-        said.append(f"no latitude and longitude: the recording has none and no origin; {instead}")
-    return said
+        messages.append(f"no latitude and longitude: the recording has none and no origin; {instead}")
+    return messages
 
 
 def _local(table: pd.DataFrame) -> list[str]:
@@ -106,11 +106,15 @@ def _local(table: pd.DataFrame) -> list[str]:
 
 _PLACE_ATTRIBUTES: dict[str, Attributes] = {
     name: {
-        "standard_name": whole, "long_name": f"{whole.capitalize()}, WGS 84", "units": f"degrees_{direction}",
+        "standard_name": standard_name,
+        "long_name": f"{standard_name.capitalize()}, WGS 84",
+        "units": f"degrees_{direction}",
         "axis": axis, "coverage_content_type": "coordinate",
         "comment": "interpolated between positions that lie close together",
     }
-    for name, whole, direction, axis in (("lat", "latitude", "north", "Y"), ("lon", "longitude", "east", "X"))
+    for name, standard_name, direction, axis in (
+        ("lat", "latitude", "north", "Y"), ("lon", "longitude", "east", "X")
+    )
 }  # fmt: skip
 
 
@@ -140,18 +144,18 @@ def _attributes(
     of = name.removesuffix(SIGMA_SUFFIX)
     channel, standard = find_channel(of, known_channels(table.attrs)), STANDARD_NAMES.get(of)
     meaning = channel.meaning if channel else of.replace("_", " ").capitalize()
-    beside = [each for each in (name + FLAG_SUFFIX, name + SIGMA_SUFFIX) if each in table.columns]
-    said = {
+    ancillary = [column for column in (name + FLAG_SUFFIX, name + SIGMA_SUFFIX) if column in table.columns]
+    attributes = {
         "long_name": meaning if of == name else f"Standard deviation: {meaning}",
         "standard_name": standard if of == name or not standard else f"{standard} standard_error",
         "units": _units_of(standard, units.get(name, "")),
         "coverage_content_type": "physicalMeasurement" if of == name else "qualityInformation",
         "source": "; ".join(table.attrs.get("sources", {}).get(name, [])),
-        "ancillary_variables": " ".join(beside),
+        "ancillary_variables": " ".join(ancillary),
         "coordinates": _coordinates(table, places) if standard else "",
         "axis": {"north_m": "Y", "east_m": "X"}.get(name) if not places else None,
     }
-    return {key: value for key, value in said.items() if value}
+    return {key: value for key, value in attributes.items() if value}
 
 
 def _units_of(standard: str | None, unit: str) -> str:
@@ -185,7 +189,7 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
     steps = [f"{step['version']}: {step['step']} {json.dumps(step['options'])}"
              for step in about["provenance"]["history"]]  # fmt: skip
     rate = about["rate_hz"]
-    said = {
+    attributes = {
         "Conventions": "CF-1.11, ACDD-1.3",
         "featureType": "trajectory",
         "cdm_data_type": "Trajectory",
@@ -205,7 +209,7 @@ def _global_attributes(table: pd.DataFrame, places: Mapping[str, Floats], about:
         "trial": json.dumps(about["trial"]),
         "provenance": json.dumps(about["provenance"]),
     }
-    return {key: value for key, value in said.items() if value != ""}
+    return {key: value for key, value in attributes.items() if value != ""}
 
 
 def _summary(table: pd.DataFrame, ship: str, place: str) -> str:
@@ -218,13 +222,13 @@ def _summary(table: pd.DataFrame, ship: str, place: str) -> str:
 
 def _comment(trial: Trial) -> str:
     """The crew's words, and how she lay in the water."""
-    said = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
+    notes = (("", trial.crew_notes), ("loading: ", trial.loading), ("sea state: ", trial.sea_state))
     metres = (
         ("draught", trial.draught_m),
         ("trim by the stern", trial.trim_m),
         ("water depth", trial.water_depth_m),
     )
-    words = [f"{what}{text}" for what, text in said if text]
+    words = [f"{what}{text}" for what, text in notes if text]
     return "; ".join(words + [f"{what} {value:g} m" for what, value in metres if value is not None])
 
 
@@ -232,20 +236,24 @@ def _coverage(table: pd.DataFrame, places: Mapping[str, Floats]) -> Attributes:
     """When, how often, and where, of the rows that have a place."""
     time_ns = times_ns(table)
     step_s = float(np.median(np.diff(time_ns))) / NANO if len(table) > 1 else 0.0
-    said: Attributes = {
+    attributes: Attributes = {
         "time_coverage_start": _iso(int(time_ns[0]) / NANO),
         "time_coverage_end": _iso(int(time_ns[-1]) / NANO),
         "time_coverage_duration": f"PT{(int(time_ns[-1]) - int(time_ns[0])) / NANO:g}S",
         "time_coverage_resolution": f"PT{step_s:g}S",
     }
-    ends = {name: (np.nanmin(each), np.nanmax(each)) for name, each in places.items() if np.isfinite(each).any()}
+    ends = {
+        name: (np.nanmin(degrees), np.nanmax(degrees))
+        for name, degrees in places.items()
+        if np.isfinite(degrees).any()
+    }
     if not ends:
-        return said
+        return attributes
     (south, north), (west, east) = ends["lat"], ends["lon"]
     corners = ((south, west), (south, east), (north, east), (north, west), (south, west))
     bounds = ", ".join(f"{lat:.7f} {lon:.7f}" for lat, lon in corners)
     return {
-        **said,
+        **attributes,
         "geospatial_lat_min": south, "geospatial_lat_max": north, "geospatial_lat_units": "degrees_north",
         "geospatial_lon_min": west, "geospatial_lon_max": east, "geospatial_lon_units": "degrees_east",
         "geospatial_bounds": f"POLYGON (({bounds}))", "geospatial_bounds_crs": "EPSG:4326",
@@ -257,17 +265,19 @@ def _write_identifier(file: netcdf_file, name: str) -> None:
     file.createDimension("name_strlen", letters.size)
     variable = file.createVariable("trajectory", "c", ("name_strlen",))
     variable[:] = letters
-    _say(variable, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
+    _set_attributes(variable, {"cf_role": "trajectory_id", "long_name": "Name of the trial"})
 
 
 def _write(file: netcdf_file, name: str, values: NDArray[Any], attributes: Attributes) -> None:
     flags = values.dtype == np.uint8
     variable = file.createVariable(name, "b" if flags else "d", (_ROW,))
     variable[:] = values.astype(np.int8) if flags else values
-    _say(variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes})
+    _set_attributes(
+        variable, attributes if flags or attributes.get("axis") == "T" else {"_FillValue": np.nan, **attributes}
+    )
 
 
-def _say(of: Any, attributes: Attributes) -> None:
+def _set_attributes(of: Any, attributes: Attributes) -> None:
     """Attributes of a file or of a variable: text in UTF-8, numbers in double precision."""
     for key, value in attributes.items():
         plain = value.encode() if isinstance(value, str) else np.asarray(value)

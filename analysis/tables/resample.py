@@ -129,13 +129,13 @@ def _on_grid(
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
     rate = rate_fraction(rate_hz)
-    known = known_channels(attributes)
-    delay_ns = delays_in_ns(delays or {}, known)
+    channels = known_channels(attributes)
+    delay_ns = delays_in_ns(delays or {}, channels)
 
     def valid(name: str) -> TimedValues:
         time_ns, values = samples_of(name)
-        there = np.isfinite(values)
-        return time_ns[there] - delay_ns.get(name, 0), values[there]
+        is_finite = np.isfinite(values)
+        return time_ns[is_finite] - delay_ns.get(name, 0), values[is_finite]
 
     first_ns, last_ns = _span(valid(name)[0] for name in names)
     require_plausible_span(
@@ -143,19 +143,21 @@ def _on_grid(
     )
     grid_ns = grid(first_ns, last_ns, rate)
     columns = {
-        name: _resampled(find_channel(name, known), *valid(name), grid_ns, rate, longest_gap_s, known_steps)
+        name: _resampled(find_channel(name, channels), *valid(name), grid_ns, rate, longest_gap_s, known_steps)
         for name in names
     }
     result = pd.DataFrame(columns, index=index_of(grid_ns))
     result.attrs = {**attributes, "rate_hz": float(rate_hz)}
     if delays:
-        result = add_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+        result = add_step(
+            result, "remove_delays", delays_s={name: float(delay_s) for name, delay_s in delays.items()}
+        )
     return add_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
 
 
 def _span(times: Iterable[Ints]) -> tuple[int, int]:
     """The first and the last of all times. Raises :class:`DataShortageError` if there is none."""
-    ends = [(int(each.min()), int(each.max())) for each in times if each.size]
+    ends = [(int(stamps.min()), int(stamps.max())) for stamps in times if stamps.size]
     if not ends:
         raise DataShortageError("the table has no samples", fix="give a table with values")
     return min(first for first, _ in ends), max(last for _, last in ends)
@@ -172,8 +174,8 @@ def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
     """All whole multiples of 1 / rate between two times, ends included [ns]; exact for thirds of seconds too."""
     step = Fraction(NANO) / rate
     steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
-    whole, rest = np.divmod(steps, rate.numerator)
-    return np.asarray(whole * NANO + rest * NANO // rate.numerator, dtype=np.int64)
+    seconds, remainder = np.divmod(steps, rate.numerator)
+    return np.asarray(seconds * NANO + remainder * NANO // rate.numerator, dtype=np.int64)
 
 
 def _resampled(
@@ -214,8 +216,8 @@ def _held(time_ns: Ints, values: Floats, grid_ns: Ints, longest_gap_s: float | N
     times = time_ns[order]
     limit_ns = _longest_gap_ns(times, longest_gap_s)
     last = np.searchsorted(times, grid_ns, side="right") - 1
-    told = (last >= 0) & (grid_ns - times[np.maximum(last, 0)] <= limit_ns)
-    result[told] = values[order][last[told]]
+    is_held = (last >= 0) & (grid_ns - times[np.maximum(last, 0)] <= limit_ns)
+    result[is_held] = values[order][last[is_held]]
     return result
 
 
@@ -224,8 +226,8 @@ def interpolate(time_ns: Ints, values: Floats, at_ns: Ints) -> Floats:
 
     NaN before the first, after the last and in gaps longer than :func:`resample` bridges; NaN is no sample.
     """
-    there = np.isfinite(values)
-    return _between(*_sorted_without_repeats(time_ns[there], values[there], False), at_ns, None, False)
+    is_finite = np.isfinite(values)
+    return _between(*_sorted_without_repeats(time_ns[is_finite], values[is_finite], False), at_ns, None, False)
 
 
 def _between(times: Ints, samples: Floats, at_ns: Ints, longest_gap_s: float | None, circular: bool) -> Floats:
@@ -259,8 +261,8 @@ def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tu
     if unique.size == times.size:
         return times, samples
     base = samples[first]
-    apart = difference(samples, base[inverse]) if circular else samples - base[inverse]
-    mean = np.bincount(inverse, apart) / np.bincount(inverse)
+    deviation = difference(samples, base[inverse]) if circular else samples - base[inverse]
+    mean = np.bincount(inverse, deviation) / np.bincount(inverse)
     return unique, np.asarray(base + mean, dtype=float)
 
 
@@ -296,17 +298,17 @@ def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule
     count, size = grid_ns.size, rule.degree + 1
     centre = _centres(times, samples, grid_ns, step_ns, rule, circular)
     moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
-    beside = np.zeros((2, count))
-    for point, of, apart, weight in _neighbours(times, grid_ns, step_ns, rule):
+    on_side = np.zeros((2, count))
+    for point, of, distance, weight in _neighbours(times, grid_ns, step_ns, rule):
         value = difference(samples[of], centre[point]) if circular else samples[of] - centre[point]
-        beside[0] += np.bincount(point, apart <= 0, count)
-        beside[1] += np.bincount(point, apart >= 0, count)
+        on_side[0] += np.bincount(point, distance <= 0, count)
+        on_side[1] += np.bincount(point, distance >= 0, count)
         for power in range(2 * rule.degree + 1):
             moments[power] += np.bincount(point, weight, count)
             if power < size:
                 products[power] += np.bincount(point, weight * value, count)
-            weight = weight * apart
-    usable = np.asarray((beside >= size).all(axis=0))
+            weight = weight * distance
+    usable = np.asarray((on_side >= size).all(axis=0))
     normal = np.stack([moments[row : row + size] for row in range(size)])[:, :, usable] / moments[0, usable]
     right = products[:, usable] / moments[0, usable]
     return _solved(normal, right, usable, centre)
@@ -345,14 +347,14 @@ def _neighbours(
 
     The distance is in reaches, -1 to 1. Each turn pairs every sample with the grid point that many further on.
     """
-    left = np.searchsorted(grid_ns, times, side="right") - 1  # -1: before the first grid point
+    before = np.searchsorted(grid_ns, times, side="right") - 1  # -1: before the first grid point
     ahead = rule.reach if rule.ahead is None else min(rule.ahead, rule.reach)
     for further in range(max(-ahead, 1 - rule.reach), rule.reach + 1):
-        first, last = np.searchsorted(left, (-further, grid_ns.size - further))  # points 0 to the last
-        point, of = left[first:last] + further, np.arange(first, last)
+        first, last = np.searchsorted(before, (-further, grid_ns.size - further))  # points 0 to the last
+        point, of = before[first:last] + further, np.arange(first, last)
         if further == -ahead:  # of these only what lies right at the end of what is known
-            near = times[of] - grid_ns[point] <= ahead * step_ns
-            point, of = point[near], of[near]
-        apart = (times[of] - grid_ns[point]) / (rule.reach * step_ns)
-        np.clip(apart, -1.0, 1.0, out=apart)
-        yield point, of, apart, (0.5 + 0.5 * np.cos(np.pi * apart)) ** rule.taper
+            within_reach = times[of] - grid_ns[point] <= ahead * step_ns
+            point, of = point[within_reach], of[within_reach]
+        distance = (times[of] - grid_ns[point]) / (rule.reach * step_ns)
+        np.clip(distance, -1.0, 1.0, out=distance)
+        yield point, of, distance, (0.5 + 0.5 * np.cos(np.pi * distance)) ** rule.taper

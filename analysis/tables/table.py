@@ -65,16 +65,21 @@ def table_of(recording: Recording) -> pd.DataFrame:
     """As :func:`read_table`, of a recording that is already read."""
     series = {name: recording.series[name] for name in channels_of(recording)}
     size_bytes = sum(path.stat().st_size for path in recording.paths if path.is_file())
-    cells = len(series) * sum(each.measured_ns.size for each in series.values())  # if no two have a time in common
+    rows = sum(samples.measured_ns.size for samples in series.values())  # if no two have a time in common
+    cells = len(series) * rows
     RECORDING_CELLS.require(cells, recording.path, size_bytes)
-    table = join_channels({name: (each.measured_ns, valid_values(each)) for name, each in series.items()})
+    table = join_channels({name: (samples.measured_ns, valid_values(samples)) for name, samples in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
 
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    names = [name for name in channels_of_table(recording.series, _said(recording)) if name in recording.series]
+    names = [
+        name
+        for name in channels_of_table(recording.series, _trial_attributes(recording))
+        if name in recording.series
+    ]
     if not names:
         raise DataShortageError(
             "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
@@ -84,10 +89,10 @@ def channels_of(recording: Recording) -> list[str]:
 
 def actuators_in_recording(recording: Recording) -> Actuators:
     """The actuators of the ship that a recording is of, as it says itself; else by rule from its channels."""
-    return actuators_of(recording.series, _said(recording))
+    return actuators_of(recording.series, _trial_attributes(recording))
 
 
-def _said(recording: Recording) -> dict[str, Any]:
+def _trial_attributes(recording: Recording) -> dict[str, Any]:
     """What a recording says of its ship and of the channels that it declares, as the ``attrs`` of a table."""
     return {"trial": asdict(recording.trial)}
 
@@ -112,7 +117,7 @@ def table_actuators(table: pd.DataFrame) -> Actuators:
 
 def declared_channels(table: pd.DataFrame) -> tuple[Channel, ...]:
     """The channels that the trial of a table declares, of those that it holds."""
-    return tuple(each for each in declared_in(table.attrs) if each.name in table)
+    return tuple(channel for channel in declared_in(table.attrs) if channel.name in table)
 
 
 def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
@@ -123,8 +128,8 @@ def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
 def required_channels(table: pd.DataFrame) -> tuple[str, ...]:
     """The channels that a table has to have: motion, wind, and the controls of the ship that its trial names."""
     trial = table.attrs.get("trial") or {}
-    known = is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
-    return required_names(table_actuators(table), table.columns, known=known)
+    ship_is_known = is_ship_known(trial.get("vessel") or "", trial.get("actuators") or "")
+    return required_names(table_actuators(table), table.columns, known=ship_is_known)
 
 
 def table_controls(table: pd.DataFrame) -> tuple[str, ...]:
@@ -169,8 +174,10 @@ def valid_values(series: Series) -> Floats:
 
 def count_bad(recording: Recording) -> int:
     """How many values a recording flags bad itself, or cannot hold (:data:`MOST`); tables of it lack them."""
-    lacking = (np.isfinite(each.value) & np.isnan(valid_values(each)) for each in recording.series.values())
-    return sum(int(each.sum()) for each in lacking)
+    lacking = (
+        np.isfinite(samples.value) & np.isnan(valid_values(samples)) for samples in recording.series.values()
+    )
+    return sum(int(mask.sum()) for mask in lacking)
 
 
 TimedValues = tuple[Ints, Floats]
@@ -211,9 +218,9 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
     channel or a delay that is no number.
     """
     moved = move_stamps(
-        table, {name: -each for name, each in delays_in_ns(delays, known_channels(table.attrs)).items()}
+        table, {name: -delay_ns for name, delay_ns in delays_in_ns(delays, known_channels(table.attrs)).items()}
     )
-    return add_step(moved, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+    return add_step(moved, "remove_delays", delays_s={name: float(delay_s) for name, delay_s in delays.items()})
 
 
 def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
@@ -221,18 +228,18 @@ def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
     time_ns, columns = times_ns(table), {}
     for name in map(str, table.columns):
         values = table[name].to_numpy(dtype=float)
-        there = np.isfinite(values)
-        columns[name] = time_ns[there] + by_ns.get(name, 0), values[there]
+        valid = np.isfinite(values)
+        columns[name] = time_ns[valid] + by_ns.get(name, 0), values[valid]
     result = join_channels(columns)
     result.attrs.update(table.attrs)
     return result
 
 
-def delays_in_ns(delays: Mapping[str, float], known: ChannelsByName = BY_NAME) -> dict[str, int]:
-    """Delays by channel [s] in ns, ``known`` being the channels. Raises :class:`InputError` for what is none of
+def delays_in_ns(delays: Mapping[str, float], channels: ChannelsByName = BY_NAME) -> dict[str, int]:
+    """Delays by channel [s] in ns, ``channels`` being those known. Raises :class:`InputError` for what is none of
     them or no possible delay."""
     for name, delay_s in delays.items():
-        if find_channel(name, known) is None:
+        if find_channel(name, channels) is None:
             raise InputError(
                 f"a delay of {name} was requested, but there is no such channel", fix="name one of the channels"
             )
@@ -291,7 +298,7 @@ def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple
     Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
     _, high = _checked_part(*part_percent)
-    ends = [(int(each.min()), int(each.max())) for each in times if each.size]
+    ends = [(int(stamps.min()), int(stamps.max())) for stamps in times if stamps.size]
     start = min((first for first, _ in ends), default=0)
     span = max((last for _, last in ends), default=0) - start
     first, last = (start + round(span * share / 100.0) for share in part_percent)
@@ -387,12 +394,12 @@ def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], w
     """
     if _within_limit(first_ns, last_ns):
         return
-    every = np.concatenate(list(times))
-    first, last = main_stretch(every)
-    stray = every[(every < first) | (every > last)]
+    all_ns = np.concatenate(list(times))
+    first, last = main_stretch(all_ns)
+    stray = all_ns[(all_ns < first) | (all_ns > last)]
     days = (last_ns - first_ns) / DAY_NS
     why = (
-        f"{stray.size:,} of {every.size:,} are stamped {time_span_text(stray)}"
+        f"{stray.size:,} of {all_ns.size:,} are stamped {time_span_text(stray)}"
         if stray.size
         else "its clock was set"
     )
@@ -404,7 +411,7 @@ def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], w
 
 def time_span_text(time_ns: Ints) -> str:
     """When samples are stamped, for people: one time, or from the first to the last."""
-    first, last = (pd.Timestamp(int(each), tz="UTC") for each in (time_ns.min(), time_ns.max()))
+    first, last = (pd.Timestamp(int(stamp_ns), tz="UTC") for stamp_ns in (time_ns.min(), time_ns.max()))
     text = f"{first:%Y-%m-%d %H:%M:%S}"
     return text if first == last else f"{text} to {last:%Y-%m-%d %H:%M:%S}"
 
@@ -421,8 +428,8 @@ def provenance_of(
     ``recording`` is the file it was read from, where the table's ``attrs`` do not say. One that is no longer
     there has no hash (None).
     """
-    said = table.attrs.get("recording")
-    path = recording or (Path(str(said)) if said else None)
+    origin = table.attrs.get("recording")
+    path = recording or (Path(str(origin)) if origin else None)
     trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
     later = map(Path, table.attrs.get(LATER_PARTS, []))
     return {

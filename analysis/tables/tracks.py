@@ -40,8 +40,8 @@ def places_of(table: pd.DataFrame) -> dict[str, Floats]:
         lat, lon, _ = ned2geodetic(at_rows(table["north_m"]), at_rows(table["east_m"]), 0.0, *origin, 0.0)
     elif {"latitude_deg", "longitude_deg"} <= set(table.columns):
         lat, turned = at_rows(table["latitude_deg"]), table["longitude_deg"].to_numpy(dtype=float, copy=True)
-        there = np.isfinite(turned)
-        turned[there] = np.unwrap(turned[there], period=360.0)
+        valid = np.isfinite(turned)
+        turned[valid] = np.unwrap(turned[valid], period=360.0)
         lon = (at_rows(turned) + 180.0) % 360.0 - 180.0
     else:
         return {}
@@ -91,24 +91,24 @@ def _title(about: Mapping[str, Any]) -> str:
 def _segments(table: pd.DataFrame) -> list[list[tuple[str, str, str]]]:
     """Time (ISO 8601), latitude and longitude [deg] as text of the rows of each stretch whose place is known."""
     where = places_of(table)
-    known = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
-    if known.size == 0:
+    located = np.flatnonzero(np.isfinite(where["lat"]) & np.isfinite(where["lon"])) if where else np.empty(0, int)
+    if located.size == 0:
         raise DataShortageError(
             "contains no latitude and longitude", why="it has no positions, or its north and east have no origin",
             fix="give [trial] an origin before recording, or export a table",
         )  # fmt: skip
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ms")
     lat, lon = ([f"{value:.{_DECIMALS}f}" for value in where[name]] for name in ("lat", "lon"))
-    step_ns = np.diff(times_ns(table)[known])
-    holes = (np.diff(known) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
-    stretches = np.split(known, np.flatnonzero(holes) + 1)
+    step_ns = np.diff(times_ns(table)[located])
+    holes = (np.diff(located) > 1) | (step_ns > own_gap_s(np.median(step_ns) if step_ns.size else 0.0) * NANO)
+    stretches = np.split(located, np.flatnonzero(holes) + 1)
     return [[(f"{times[row]}Z", lat[row], lon[row]) for row in rows] for rows in stretches]
 
 
 def _child(parent: ET.Element, tag: str, text: str = "", **attributes: str) -> ET.Element:
-    made = ET.SubElement(parent, tag, attributes)
-    made.text = text or None
-    return made
+    element = ET.SubElement(parent, tag, attributes)
+    element.text = text or None
+    return element
 
 
 def _write(root: ET.Element, path: Path) -> list[Path]:

@@ -112,20 +112,20 @@ def held_windows(
         fix = "give a horizon of at least 2 s and a stride of at least 1 s"
         raise InputError(f"a horizon of {horizon_s} s every {stride_s} s is not possible", fix=fix)
     actuators, table = table_actuators(table), with_calm(table)
-    start_ns, values, there = _every_second(table, trial_names(actuators))
+    start_ns, values, present = _every_second(table, trial_names(actuators))
     reason = np.empty(0, dtype=np.int64)
     if start_ns.size > horizon_s:
-        reason = _reasons(values, actuators, there, horizon_s + 1, stride_s)
-    wanted = reason == len(REASONS)
+        reason = _reasons(values, actuators, present, horizon_s + 1, stride_s)
+    selected = reason == len(REASONS)
     if keep_moving:
-        wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
-    starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
-    counts = np.bincount(reason[~wanted], minlength=len(REASONS))
+        selected |= np.isin(reason, [REASONS.index(name) for name in MOVED])
+    starts = np.flatnonzero(selected).astype(np.int64) * stride_s
+    counts = np.bincount(reason[~selected], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
     legs = _legs(values, actuators, starts, horizon_s, stride_s)
     rows = _rows_of_windows(values, actuators, start_ns, starts, legs, horizon_s, trial)
     if keep_moving:
-        rows = rows.assign(held=np.repeat(reason[wanted] == len(REASONS), horizon_s + 1))
+        rows = rows.assign(held=np.repeat(reason[selected] == len(REASONS), horizon_s + 1))
     return HeldWindows(rows, int(reason.size), int(starts.size), dropped, horizon_s, stride_s)
 
 
@@ -144,23 +144,23 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
         raise InputError("the table does not have one row per second, in order and on whole seconds", fix=fix)
     values = np.full((int(row[-1]) + 1, len(names)), np.nan)
     values[row] = table[list(names)].to_numpy(dtype=float)
-    there = np.zeros(values.shape[0], dtype=bool)
-    there[row] = True
-    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
+    present = np.zeros(values.shape[0], dtype=bool)
+    present[row] = True
+    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, present
 
 
-def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stride: int) -> Ints:
+def _reasons(values: Floats, actuators: Actuators, present: Bools, rows: int, stride: int) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
     def always(flag: Bools) -> Bools:
         return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
 
     valid = np.isfinite(values)
-    steady = {sort: np.ones(len(always(there)), dtype=bool) for sort in _MOVED}
+    steady = {sort: np.ones(len(always(present)), dtype=bool) for sort in _MOVED}
     for name, series in zip(control_names(actuators), _settings(values).T, strict=True):
         steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
-        always(np.asarray(there & valid.any(axis=1))),
+        always(np.asarray(present & valid.any(axis=1))),
         always(np.asarray(valid.all(axis=1))),
         always(~near_jumps(values)),
         *steady.values(),
@@ -178,17 +178,17 @@ def near_jumps(values: Floats) -> Bools:
     north_m, east_m, heading_deg, surge_mps, sway_mps = values[:, :5].T
     speed = np.column_stack(to_earth(surge_mps, sway_mps, np.deg2rad(heading_deg)))
     moved = np.diff(np.column_stack([north_m, east_m]), axis=0)
-    apart = moved - 0.5 * (speed[1:] + speed[:-1])
-    if not np.isfinite(apart).all(axis=1).any():
+    deviation = moved - 0.5 * (speed[1:] + speed[:-1])
+    if not np.isfinite(deviation).all(axis=1).any():
         return np.zeros(len(values), dtype=bool)
     # a speed through the water always differs by the current
-    off_m = np.hypot(*(apart - np.nanmedian(apart, axis=0)).T)
+    off_m = np.hypot(*(deviation - np.nanmedian(deviation, axis=0)).T)
     most_m = _JUMP_M + _JUMP_DEVIATIONS * 1.48 * np.nanmedian(off_m)
     jumped = np.flatnonzero(np.nan_to_num(off_m) > most_m)
-    near = np.zeros(len(values), dtype=bool)
+    near_jump = np.zeros(len(values), dtype=bool)
     for row in jumped:
-        near[max(0, row - MOTION_FILTER.reach + 1) : row + 1 + MOTION_FILTER.reach] = True
-    return near
+        near_jump[max(0, row - MOTION_FILTER.reach + 1) : row + 1 + MOTION_FILTER.reach] = True
+    return near_jump
 
 
 def _settings(values: Floats) -> Floats:
@@ -226,18 +226,18 @@ def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, st
         return np.empty(0, dtype=np.int64)
     names, settings = control_names(actuators), _settings(values)
     setting = settings[starts[:, None] + np.arange(horizon_s + 1)]
-    apart = np.abs(np.diff(np.median(setting, axis=1), axis=0))
+    change = np.abs(np.diff(np.median(setting, axis=1), axis=0))
     for column, name in enumerate(names):
         if is_circular(name):
             middle = setting[:, 0, column] + np.median(
                 difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
-            apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
+            change[:, column] = np.abs(difference(middle[1:], middle[:-1]))
     limit = np.array(
-        [tolerance_of(name, actuators).at(each).span for name, each in zip(names, settings.T, strict=True)]
+        [tolerance_of(name, actuators).at(series).span for name, series in zip(names, settings.T, strict=True)]
     )
     between = starts[1:] - (starts[:-1] + horizon_s)
-    same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
+    same_leg = (between <= 0) | ((between <= stride_s) & (change <= limit).all(axis=1))
     return np.concatenate([[0], np.cumsum(~same_leg)])
 
 
@@ -342,9 +342,9 @@ class Feedback:
 
     def drift_of(self, line: Floats) -> float:
         """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
-        shared = _shared(line.size) if self.filtered else np.eye(1, line.size)[0]
-        apart = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
-        return self.noise * float(np.sqrt((line @ shared[apart] * line).sum()))
+        shared = _noise_correlation(line.size) if self.filtered else np.eye(1, line.size)[0]
+        lag = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
+        return self.noise * float(np.sqrt((line @ shared[lag] * line).sum()))
 
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
@@ -352,11 +352,11 @@ def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
     noise, wide = noise_of(values), noise_of(values, 2)
     if wide <= _FILTERED_RATIO * noise:
         return Feedback(min(noise, most), False)
-    _, _, second, _, fourth = _shared(5)
+    _, _, second, _, fourth = _noise_correlation(5)
     return Feedback(min(wide / float(np.sqrt(1.0 - 4.0 / 3.0 * second + fourth / 3.0)), most), True)
 
 
-def _shared(rows: int) -> Floats:
+def _noise_correlation(rows: int) -> Floats:
     """The correlation of filtered noise 0, 1, 2 .. rows apart [rows], from the filter's weights."""
     parts = 50
     offset = np.arange(-SETTING_FILTER.reach * parts, SETTING_FILTER.reach * parts + 1) / parts

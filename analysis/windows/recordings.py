@@ -90,8 +90,8 @@ def tables_of_recordings(
     for number, (trial, parts) in enumerate(recordings.items()):
         recording = read_parts(parts)
         if repair:
-            whole = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
-            tables[trial] = second_by_second(partial(resample, select(whole, part_percent)))
+            prepared = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
+            tables[trial] = second_by_second(partial(resample, select(prepared, part_percent)))
         else:
             tables[trial] = second_by_second(partial(resample_recording, recording, part_percent=part_percent))
         progress((number + 1) / len(recordings))
@@ -112,8 +112,8 @@ def windows_of_tables(
     Raises :class:`DataShortageError` with the counts by reason when there is none in any of them.
     """
     parts = [
-        held_windows(each.table, horizon_s, stride_s, trial=trial, keep_moving=keep_moving)
-        for trial, each in tables.items()
+        held_windows(sampled.table, horizon_s, stride_s, trial=trial, keep_moving=keep_moving)
+        for trial, sampled in tables.items()
     ]
     return require_windows(join_windows(parts), ", ".join(tables))
 
@@ -159,7 +159,7 @@ def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion])
     One row a window in the order of their numbers; NaN where the motion has no estimate.
     """
     first = windows.rows.loc[windows.rows["second"] == 0, ["window", "trial", "leg", "start"]]
-    parts = [_starts(first[first["trial"] == trial], each) for trial, each in motion.items()]
+    parts = [_starts(first[first["trial"] == trial], smoothed) for trial, smoothed in motion.items()]
     filled = [part for part in parts if len(part)] or parts[:1]
     starts = pd.concat(filled).sort_values("window", ignore_index=True) if filled else None
     return replace(windows, starts=starts)
@@ -172,7 +172,7 @@ def _starts(first: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
         motion.covariance_columns(),
         motion.slow[list(POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
     )
-    values = [each.reindex(at).reset_index(drop=True) for each in columns]
+    values = [frame.reindex(at).reset_index(drop=True) for frame in columns]
     return pd.concat([first.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)]
 
 
@@ -214,13 +214,13 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     account = {key: getattr(windows, key) for key in ("candidates", "kept", "dropped", "horizon_s", "stride_s")}
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
-    said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
+    attributes = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
     states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
     with written_together(Path(path)):
         if windows.starts is not None:
             about = {"covariance": "SI, angles in radians", **provenance}
             write_parquet(windows.starts, starts_path(path), states, about)
-        write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
+        write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **attributes})
 
 
 def starts_path(path: Path | str) -> Path:
@@ -239,13 +239,13 @@ def read_windows(path: Path | str) -> HeldWindows:
     names = [*columns, *(["held"] if "held" in rows else [])]
     try:
         account, provenance = (parse_json(metadata.get(name, "{}")) for name in ("windows", "provenance"))
-        return HeldWindows(rows[names], **account, starts=_starts_beside(rows, path), provenance=provenance)
+        return HeldWindows(rows[names], **account, starts=_stored_starts(rows, path), provenance=provenance)
     except (ValueError, TypeError) as error:
         raise InputError("was not written by this version", where=str(path), why=str(error),
                          fix="run `seatrial windows` again") from error  # fmt: skip
 
 
-def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
+def _stored_starts(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
     """The start states stored beside a file of windows, unless they belong to others."""
     if not starts_path(path).is_file():
         return None

@@ -309,7 +309,7 @@ def test_recording_that_hangs_holds_up_no_other_of_the_season(monkeypatch: pytes
     monkeypatch.setattr(season, "_LONGEST_S", 0.5)
     assert worker.row_of(hang, Job("a", "a.mcap", "out", QUICK)) is None
     monkeypatch.undo()
-    row = worker.row_of(season._look, Job("a", "nothing.mcap", "out", QUICK))
+    row = worker.row_of(season._first_look, Job("a", "nothing.mcap", "out", QUICK))
     worker.stop()
     assert row is not None
     assert row["status"] == "failed"

@@ -132,8 +132,8 @@ def _group_of(channel: str) -> tuple[str, ...]:
 def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     """Findings from a fit to a table. The parts of the recording are only compared where there is a finding: that
     can only widen its interval."""
-    found = _findings_of(table, fit)
-    return _findings_of(table, widen_by_parts(fit)) if found else ()
+    findings = _findings_of(table, fit)
+    return _findings_of(table, widen_by_parts(fit)) if findings else ()
 
 
 def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
@@ -141,7 +141,7 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     jitters = jitter.beyond(SMALLEST_POSITION_JITTER_S)
     explanation = explain_delays(fit, jitter.variance_s2 / max(jitter.stretches, 1.0) if jitters else 0.0)
     independent = independent_groups(table)
-    found = [
+    findings = [
         speed_scale(fit, span),
         yaw_rate_scale(fit, span),
         yaw_rate_bias(fit, span),
@@ -155,7 +155,7 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         position_jitter_finding(jitter, span),
         heading_jitter_finding(heading_jitter(table, fit), span),
     ]
-    return tuple(each for each in found if each is not None and not _is_circular(each, table))
+    return tuple(finding for finding in findings if finding is not None and not _is_circular(finding, table))
 
 
 def _is_circular(finding: Finding, table: pd.DataFrame) -> bool:
@@ -173,11 +173,15 @@ def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) ->
     Without those that show in waves alone.
     With a ``table``, the channels of it that the same receiver stamps are late with the positions.
     """
-    found = [each for each in findings if each.code == "channel_delay" and (each.band_hz or (0.0,))[0] <= 0.0]
-    late = {each.channel: float(each.estimate["seconds"]) for each in found}
-    delays = {name: seconds for channel, seconds in late.items() for name in GROUPS.get(channel, (channel,))}
-    if table is not None and "north_m" in late:
-        delays |= dict.fromkeys(_with_positions(table), late["north_m"])
+    delay_findings = [
+        finding for finding in findings if finding.code == "channel_delay" and (finding.band_hz or (0.0,))[0] <= 0.0
+    ]
+    delay_of_group = {finding.channel: float(finding.estimate["seconds"]) for finding in delay_findings}
+    delays = {
+        name: seconds for channel, seconds in delay_of_group.items() for name in GROUPS.get(channel, (channel,))
+    }
+    if table is not None and "north_m" in delay_of_group:
+        delays |= dict.fromkeys(_with_positions(table), delay_of_group["north_m"])
     return delays
 
 
@@ -185,8 +189,8 @@ def _with_positions(table: pd.DataFrame) -> list[str]:
     """Channels stamped together with the positions: latitude and longitude, and speed and course over ground where
     their source is that of the positions but not of the speeds."""
     sources = table.attrs.get("sources", {})
-    own = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
-    same = [name for name in _OVER_GROUND if own and sources.get(name) == sources["north_m"]]
+    independent = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
+    same = [name for name in _OVER_GROUND if independent and sources.get(name) == sources["north_m"]]
     return [name for name in (*_GEOGRAPHIC, *same) if name in table]
 
 
@@ -198,10 +202,12 @@ def independent_groups(table: pd.DataFrame) -> frozenset[str]:
     names no source is taken for recorded.
     """
     sources: dict[str, list[str]] = table.attrs.get("sources", {})
-    told = {name: [source for part in names for source in sources.get(part, [])] for name, names in GROUPS.items()}
-    derived = {name for name in ("surge_mps", "yaw_rate_dps") if any(map(_is_derived, told[name]))}
-    receivers = {sensor_of(source) for source in told["north_m"] if label_parts(source)[1]}
-    same = receivers & {sensor_of(source) for source in told["surge_mps"]}
+    group_sources = {
+        name: [source for part in names for source in sources.get(part, [])] for name, names in GROUPS.items()
+    }
+    derived = {name for name in ("surge_mps", "yaw_rate_dps") if any(map(_is_derived, group_sources[name]))}
+    receivers = {sensor_of(source) for source in group_sources["north_m"] if label_parts(source)[1]}
+    same = receivers & {sensor_of(source) for source in group_sources["surge_mps"]}
     of_path = not same and "surge_mps" not in derived
     of_turn = "yaw_rate_dps" not in derived
     shown = {"north_m": of_path, "surge_mps": of_path, "heading_deg": of_path and of_turn, "yaw_rate_dps": of_turn}
@@ -230,21 +236,21 @@ def _delay(explanation: Explanation, cause: str, fit: Kinematics, span: Span, in
     steady = half <= max(3.0 * error, _SMALLEST_DELAY_S)
     if not steady:
         text += "; it is not the same throughout the recording"
-    doubt = _doubt(explanation, cause, fit, independent)
+    doubt = _objection(explanation, cause, fit, independent)
     certain = steady and not doubt
     remedy = "`--repair` takes it off the stamps."
     if not certain:
         remedy = f"`--repair` leaves it: {doubt or 'this trial does not tell enough'}."
     estimate = {"seconds": seconds, "low": low, "high": high}
-    found = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
-    return _in_band(found, _band_of_cause(explanation, cause, fit))
+    finding = Finding("channel_delay", cause, *span, text, remedy, estimate, certain=certain)
+    return _in_band(finding, _band_of_cause(explanation, cause, fit))
 
 
 _FEWEST_SAMPLES_LATE = 2.0
 """Within two samples of a channel its delay may as well be how it was sampled or averaged."""
 
 
-def _doubt(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
+def _objection(explanation: Explanation, cause: str, fit: Kinematics, independent: bool) -> str:
     """Why a delay is not to be taken off unasked; empty where nothing speaks against it."""
     seconds, _ = explanation.size(cause)
     if not independent:
@@ -261,10 +267,10 @@ def _doubt(explanation: Explanation, cause: str, fit: Kinematics, independent: b
 
 def _confirms(quarter: Solution, explanation: Explanation, cause: str) -> bool:
     """Whether a quarter of the recording by itself has this delay, and not none."""
-    whole, _ = explanation.size(cause)
+    overall, _ = explanation.size(cause)
     size, error = _explanation(quarter, explanation.causes, 0.0).size(cause)
     half = quantile(0.975, float(quarter.informative[_place_of(cause)])) * error
-    return abs(size) > half and abs(size - whole) < max(2.0 * half, _SMALLEST_DELAY_S)
+    return abs(size) > half and abs(size - overall) < max(2.0 * half, _SMALLEST_DELAY_S)
 
 
 def _place_of(cause: str) -> int:
@@ -293,9 +299,9 @@ def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tup
 
 def _half(fit: Kinematics, cause: str, error: float) -> float:
     """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording."""
-    row = [abs(each) for each in CAUSES[cause]]
+    row = [abs(effect) for effect in CAUSES[cause]]
     between = [fit.half_between[NAMES.index(name)] for name in OBSERVED]
-    return float(max(1.96 * error, *(size * each for size, each in zip(between, row, strict=True))))
+    return float(max(1.96 * error, *(size * effect for size, effect in zip(between, row, strict=True))))
 
 
 def _rival(cause: str, size: float) -> str:
@@ -315,13 +321,15 @@ def _arm(explanation: Explanation, fit: Kinematics, span: Span) -> Finding | Non
     main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
     size, error = sizes[main]
     half = _half(fit, main, error)
-    where = " and ".join(f"{abs(each):.2f} m {_SIDES[cause][each < 0.0]}" for cause, (each, _) in sizes.items())
+    where = " and ".join(
+        f"{abs(length_m):.2f} m {_SIDES[cause][length_m < 0.0]}" for cause, (length_m, _) in sizes.items()
+    )
     metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in _SIDES}
-    found = Finding(
+    finding = Finding(
         "position_offset", "north_m", *span, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
-    return _in_band(found, _band_of_cause(explanation, main, fit))
+    return _in_band(finding, _band_of_cause(explanation, main, fit))
 
 
 OBSERVED = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s", "forward_m", "starboard_m")
@@ -375,15 +383,26 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     for count in range(4):
         tried = sorted(
             (_explanation(fit.believed, causes, jitter_s2) for causes in combinations(CAUSES, count)),
-            key=lambda each: each.misfit,
+            key=lambda explanation: explanation.misfit,
         )
         best = tried[0]
         if best.misfit <= _ADEQUATE:
-            alike = [each for each in tried if each.misfit <= best.misfit + _AS_WELL]
-            likely = [each for each in alike if count == 1 and each.misfit <= _ADEQUATE and each.is_late]
+            equivalent = [explanation for explanation in tried if explanation.misfit <= best.misfit + _AS_WELL]
+            likely = [
+                explanation
+                for explanation in equivalent
+                if count == 1 and explanation.misfit <= _ADEQUATE and explanation.is_late
+            ]
             best = likely[0] if likely and best.is_early else best
-            others = [(each, {*each.causes} - {*best.causes}) for each in alike[::-1]]
-            rivals = {cause: each.size(cause)[0] for each, other in others if len(other) == 1 for cause in other}
+            alternatives = [
+                (explanation, {*explanation.causes} - {*best.causes}) for explanation in equivalent[::-1]
+            ]
+            rivals = {
+                cause: explanation.size(cause)[0]
+                for explanation, extra in alternatives
+                if len(extra) == 1
+                for cause in extra
+            }
             return replace(best, rivals=tuple(rivals.items()))
     return best
 
@@ -401,8 +420,8 @@ def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Ex
     design = np.array([CAUSES[cause] for cause in causes]).reshape(-1, len(OBSERVED)).T
     normal = design.T @ inverse @ design
     sizes = np.linalg.solve(normal, design.T @ inverse @ observed)
-    left, errors = observed - design @ sizes, np.sqrt(np.diag(np.linalg.inv(normal)))
-    return Explanation(causes, sizes, errors, float(left @ inverse @ left))
+    residual, errors = observed - design @ sizes, np.sqrt(np.diag(np.linalg.inv(normal)))
+    return Explanation(causes, sizes, errors, float(residual @ inverse @ residual))
 
 
 @dataclass(frozen=True, slots=True)
@@ -445,8 +464,8 @@ def speed_scale(fit: Kinematics, span: Span) -> Finding | None:
     how = (
         f"are {_percent_off(factor)} too {'low' if factor > 1.0 else 'high'} for" if factor > 0.0 else "run against"
     )
-    found = Finding("speed_scale", "surge_mps", *span, f"Surge and sway {how} the rate of the positions")
-    return _with_factor(found, fit, "speed_factor", SPEED_UNITS, "surge and sway")
+    finding = Finding("speed_scale", "surge_mps", *span, f"Surge and sway {how} the rate of the positions")
+    return _with_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
 def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
@@ -454,8 +473,8 @@ def yaw_rate_scale(fit: Kinematics, span: Span) -> Finding | None:
     factor = fit.value("yaw_rate_factor")
     how = f"{_percent_off(factor)} {'less' if factor > 1.0 else 'more'} than the heading turns"
     text = f"The yaw rate reads {how if factor > 0.0 else 'against the turns of the heading'}"
-    found = Finding("yaw_rate_scale", "yaw_rate_dps", *span, text)
-    return _with_factor(found, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
+    finding = Finding("yaw_rate_scale", "yaw_rate_dps", *span, text)
+    return _with_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
 
 
 def _percent_off(factor: float) -> str:
@@ -491,8 +510,8 @@ def _with_factor(
     precise = half < _CERTAIN_HALF_WIDTH * abs(factor) and abs(factor - 1.0) > 4.0 * half
     plausible = unit.sure if unit is not None else FACTORS[0] <= factor <= FACTORS[1]
     estimate = {"factor": factor, "low": low, "high": high}
-    found = replace(finding, text=text, remedy=remedy, estimate=estimate, certain=bool(precise and plausible))
-    return _in_band(found, fit.band_hz(name, 1.0))
+    scaled = replace(finding, text=text, remedy=remedy, estimate=estimate, certain=bool(precise and plausible))
+    return _in_band(scaled, fit.band_hz(name, 1.0))
 
 
 def yaw_rate_bias(fit: Kinematics, span: Span) -> Finding | None:
@@ -501,12 +520,12 @@ def yaw_rate_bias(fit: Kinematics, span: Span) -> Finding | None:
     if reported is None:
         return None
     bias, high, low = (-180.0 / np.pi / fit.value("yaw_rate_factor") * np.array(reported)).tolist()
-    found = Finding(
+    finding = Finding(
         "yaw_rate_bias", "yaw_rate_dps", *span,
         f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})",
         "Subtract it, and set the gyro's zero.", {"bias_dps": bias, "low": low, "high": high},
     )  # fmt: skip
-    return _in_band(found, fit.band_hz("yaw_rate_bias_radps"))
+    return _in_band(finding, fit.band_hz("yaw_rate_bias_radps"))
 
 
 def heading_offset(fit: Kinematics, span: Span) -> Finding | None:
@@ -516,14 +535,14 @@ def heading_offset(fit: Kinematics, span: Span) -> Finding | None:
         return None
     angle, low, high = np.rad2deg(reported).tolist()
     astern = ", unless surge and sway have the wrong sign" if abs(angle) > 175.0 else ""
-    found = Finding(
+    finding = Finding(
         "heading_offset", "heading_deg", *span,
         f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
         f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}",
         "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
         {"angle_deg": angle, "low": low, "high": high},
     )  # fmt: skip
-    return _in_band(found, fit.band_hz("heading_offset_rad"))
+    return _in_band(finding, fit.band_hz("heading_offset_rad"))
 
 
 _MATCHES = 0.005

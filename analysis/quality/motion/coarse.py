@@ -49,14 +49,14 @@ _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 @dataclass(frozen=True, slots=True)
 class Coarse:
     """Start of the fine fit: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
-    to subtract; the contradiction in words, its channel, and the share of the moves ``left`` unexplained [-]."""
+    to subtract; the contradiction in words, its channel, and the share ``unexplained`` of the moves [-]."""
 
     speed_factor: float = 1.0
     heading_offset_rad: float = 0.0
     yaw_rate_factor: float = 1.0
     contradiction: str = ""
     channel: str = ""
-    left: float = 0.0
+    unexplained: float = 0.0
 
     @property
     def is_explained(self) -> bool:
@@ -76,8 +76,8 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     """
     require(table, tuple(name for names in GROUPS.values() for name in names))
     position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
-    speed, yaw_rate = (each.without(outliers(each.levels)) for each in (speed, yaw_rate))
-    step_s = max(STEP_S, min(each.interval_s for each in (position, heading, speed, yaw_rate)))
+    speed, yaw_rate = (group.without(outliers(group.levels)) for group in (speed, yaw_rate))
+    step_s = max(STEP_S, min(group.interval_s for group in (position, heading, speed, yaw_rate)))
     motion = Motion(position, heading, speed, yaw_rate, step_s)
     moves = _Moves.of(motion, _WINDOW_S)
     if moves.count < _FEWEST_WINDOWS:
@@ -86,19 +86,19 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     named = _sign_or_unit(moves)
     if named is not None:
         return Coarse(1.0, 0.0, yaw_rate_factor, *named)
-    left = _left_of_long(_Moves.of(motion, _LONG_S), motion)
-    if left > _CONTRADICTED:
-        return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", left)
+    unexplained = _unexplained_fraction(_Moves.of(motion, _LONG_S), motion)
+    if unexplained > _CONTRADICTED:
+        return Coarse(1.0, 0.0, yaw_rate_factor, _UNEXPLAINED, "north_m", unexplained)
     return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
 
 
 def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
     """The contradiction that a coarse fit found; ``estimate`` has the share of the moves left unexplained."""
-    text = f"Positions, heading and speeds tell of no one motion: {coarse.left:.0%} of the way is left over;"
+    text = f"Positions, heading and speeds tell of no one motion: {coarse.unexplained:.0%} of the way is left over;"
     return Finding(
         "motion_contradiction", coarse.channel, *span_of(table), f"{text} {coarse.contradiction}",
         "Mend signs and units where the channels are recorded; nothing else can be told of them until then.",
-        {"left": coarse.left},
+        {"left": coarse.unexplained},
     )  # fmt: skip
 
 
@@ -122,18 +122,18 @@ class _Regression:
     plainly_m: float
     left_m: float
 
-    def removes(self, other: _Regression) -> bool:
-        return self.left_m < _REMOVED * other.left_m
+    def removes(self, rival: _Regression) -> bool:
+        return self.left_m < _REMOVED * rival.left_m
 
-    def clearer(self, other: _Regression, windows: int) -> bool:
+    def clearer(self, rival: _Regression, windows: int) -> bool:
         """Whether it is far likelier than another by what is left."""
-        return bool(_KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER)
+        return bool(_KEPT * windows * np.log(rival.left_m / max(self.left_m, 1e-9)) > _LIKELIER)
 
-    def likelier(self, other: _Regression, windows: int) -> bool:
+    def likelier(self, rival: _Regression, windows: int) -> bool:
         """Whether its residual is much smaller and it stays likelier with lever arm, delay and heel in the model:
         sway with the wrong sign, or in another unit than surge, looks much like a lever arm."""
-        much = self.plainly_m < _REMOVED * other.plainly_m
-        return much and self.clearer(other, windows)
+        is_smaller = self.plainly_m < _REMOVED * rival.plainly_m
+        return is_smaller and self.clearer(rival, windows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +150,8 @@ class _Moves:
 
     @classmethod
     def of(cls, motion: Motion, window_s: float) -> _Moves:
-        begin = max(each.time_s[0] for each in motion.groups)
-        end = min(each.time_s[-1] for each in motion.groups)
+        begin = max(group.time_s[0] for group in motion.groups)
+        end = min(group.time_s[-1] for group in motion.groups)
         grid_s = np.arange(begin, max(end, begin) + 1e-6, motion.step_s)
         length = max(2, round(window_s / motion.step_s))
         starts = block_starts(motion, grid_s, length + 1) if grid_s.size > length else np.empty(0, np.int64)
@@ -178,28 +178,32 @@ class _Moves:
         """Moves by those that heading and speeds make."""
         travelled, ahead = self.travelled(heading, body), np.exp(1j * heading)
         turning = np.gradient(heading, self.grid_s[1] - self.grid_s[0])
-        arm, late, heeled = (
-            _changes_over(each * ahead, self.starts, self.length)
-            for each in (np.ones_like(heading), body, 1j * turning * body.real)
+        arm, delay, heeled = (
+            _changes_over(term * ahead, self.starts, self.length)
+            for term in (np.ones_like(heading), body, 1j * turning * body.real)
         )
         values, plainly = _regress(moved, travelled[:, np.newaxis])
-        left = _regress(moved, np.column_stack([travelled, arm, late, heeled]))[1]
-        return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(left))
+        residual = _regress(moved, np.column_stack([travelled, arm, delay, heeled]))[1]
+        return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(residual))
 
     def ratio(self) -> complex:
         """The complex ratio of the positions' moves to those by heading and speeds; 1 where none explains them."""
-        by = self.explained(self.moved, self.heading, self.body)
-        return by.ratio if by.left_m < _AGREES * _trimmed_rms(self.moved) and abs(by.ratio) > 0.0 else 1.0 + 0.0j
+        regression = self.explained(self.moved, self.heading, self.body)
+        return (
+            regression.ratio
+            if regression.left_m < _AGREES * _trimmed_rms(self.moved) and abs(regression.ratio) > 0.0
+            else 1.0 + 0.0j
+        )
 
     def yaw_rate_factor(self) -> float:
         """The factor from yaw rate to rate of heading where it is far from 1 and well determined, else 1."""
         step = self.grid_s[1] - self.grid_s[0]
         turned = _changes_over(integrate(self.yaw_rate, step), self.starts, self.length)
         headed = _changes_over(self.heading, self.starts, self.length)
-        values, left = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
+        values, residual = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
         factor, about = float(values[0].real), np.abs(headed - np.median(headed))
-        sure = _trimmed_rms(left) < _AGREES * _trimmed_rms(about) and factor != 0.0
-        return factor if sure and abs(factor - 1.0) > _FAR else 1.0
+        is_clear = _trimmed_rms(residual) < _AGREES * _trimmed_rms(about) and factor != 0.0
+        return factor if is_clear and abs(factor - 1.0) > _FAR else 1.0
 
 
 def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
@@ -213,30 +217,32 @@ def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
         "heading": moves.explained(moves.moved, -moves.heading, moves.body),
     }
     for axes, velocity in (("north_east", moves.body), ("east_north", 1j * moves.body.conj())):
-        found = moves.explained(moves.moved, np.zeros_like(moves.heading), velocity)
-        if abs(found.ratio - 1.0) < _NEAR_ONE:
-            tried[axes] = found
+        fit = moves.explained(moves.moved, np.zeros_like(moves.heading), velocity)
+        if abs(fit.ratio - 1.0) < _NEAR_ONE:
+            tried[axes] = fit
     if np.ptp(np.angle(np.exp(1j * moves.heading))) < _FULL_TURN_RAD_IN_DEG:
         tried["radians"] = moves.explained(moves.moved, np.rad2deg(moves.heading), moves.body)
     ahead, aside = moves.body.real, moves.body.imag
     for unit, factor in _SPEED_UNITS.items():
         in_turn = {"surge": factor * ahead + 1j * aside, "sway": ahead + 1j * factor * aside}
         for name, body in in_turn.items():
-            found = moves.explained(moves.moved, moves.heading, body)
-            if abs(abs(found.ratio) - 1.0) < _NEAR_ONE:  # else the other is too small, or both are in other units
-                tried[f"{name} alone is in {unit}"] = found
-    kind = min(tried, key=lambda each: tried[each].left_m)
+            fit = moves.explained(moves.moved, moves.heading, body)
+            if abs(abs(fit.ratio) - 1.0) < _NEAR_ONE:  # else the other is too small, or both are in other units
+                tried[f"{name} alone is in {unit}"] = fit
+    kind = min(tried, key=lambda candidate: tried[candidate].left_m)
     like_an_arm = kind == "body" or kind.startswith("surge alone")
     removes = tried[kind].removes(plain) or (like_an_arm and tried[kind].likelier(plain, moves.count))
     if not removes:
         return None
-    told = {name: _words(name, float(np.rad2deg(np.angle(each.ratio)))) for name, each in tried.items()}
+    wordings = {
+        name: _words(name, float(np.rad2deg(np.angle(regression.ratio)))) for name, regression in tried.items()
+    }
     rivals = [
-        told[name][0]
-        for name, each in tried.items()
-        if name != kind and each.removes(plain) and not tried[kind].clearer(each, moves.count)
+        wordings[name][0]
+        for name, regression in tried.items()
+        if name != kind and regression.removes(plain) and not tried[kind].clearer(regression, moves.count)
     ]
-    words, channel = told[kind]
+    words, channel = wordings[kind]
     return " or as well if ".join([f"they agree if {words}", *rivals]), channel, plain.plainly_m / path
 
 
@@ -244,14 +250,20 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
     if kind == "radians":
         return "the heading is in radians, not degrees", "heading_deg"
     if kind == "heading":
-        off = {each.words: abs(float(difference(angle_deg, each.offset_deg))) for each in HEADINGS[1:]}
-        words = min(off, key=off.__getitem__)
-        return f"the heading counts {words if off[words] < _NEAR_DEG else 'anticlockwise'}", "heading_deg"
+        deviations_deg = {
+            convention.words: abs(float(difference(angle_deg, convention.offset_deg)))
+            for convention in HEADINGS[1:]
+        }
+        words = min(deviations_deg, key=deviations_deg.__getitem__)
+        return (
+            f"the heading counts {words if deviations_deg[words] < _NEAR_DEG else 'anticlockwise'}",
+            "heading_deg",
+        )
     if kind in AXES:
         return f"surge and sway are speeds {AXES[kind]}", "surge_mps"
     if "alone" in kind:
         return f"{kind}, not m/s", f"{kind.partition(' ')[0]}_mps"
-    told = {
+    contradictions = {
         ("chart", 0): ("east counts to the west", "east_m"),
         ("chart", 2): ("north counts to the south", "north_m"),
         ("chart", 3): ("north and east are exchanged", "north_m"),
@@ -259,19 +271,19 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
         ("body", 1): ("surge and sway are exchanged", "surge_mps"),
         ("body", 2): ("surge counts astern", "surge_mps"),
     }
-    other = {"chart": ("the chart is mirrored", "north_m"),
+    fallback = {"chart": ("the chart is mirrored", "north_m"),
              "body": ("one of surge and sway has the wrong sign", "surge_mps")}  # fmt: skip
-    return told.get((kind, round(angle_deg / 90.0) % 4), other[kind])
+    return contradictions.get((kind, round(angle_deg / 90.0) % 4), fallback[kind])
 
 
-def _left_of_long(moves: _Moves, motion: Motion) -> float:
+def _unexplained_fraction(moves: _Moves, motion: Motion) -> float:
     """The unexplained share of the moves over a minute; 0 within noise or for a ship that hardly moved."""
     if moves.count < _FEWEST_LONG:
         return 0.0
-    path, left = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
+    path, residual = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
     rough = np.abs(np.diff(motion.position.levels, n=2, axis=0))
     noise = float(np.median(rough)) / (0.6745 * np.sqrt(6.0))
-    return left / path if path > _LEAST_MOVE_M and left > _BEYOND_NOISE * noise else 0.0
+    return residual / path if path > _LEAST_MOVE_M and residual > _BEYOND_NOISE * noise else 0.0
 
 
 def _changes_over(values: NDArray[Any], starts: Ints, length: int) -> NDArray[Any]:
@@ -287,10 +299,10 @@ def _regress(moved: Complexes | Floats, slopes: Complexes | Floats) -> tuple[Com
     for _ in range(_ROUNDS):
         matrix = (scaled.conj() * weights[:, np.newaxis]).T @ scaled / weights.sum() + 1e-6 * np.eye(size.size)
         values = np.linalg.solve(matrix, (scaled.conj() * weights[:, np.newaxis]).T @ moved / weights.sum())
-        left = moved - scaled @ values
-        scale = 2.0 * float(np.median(np.abs(left))) + 1e-9
-        weights = 1.0 / (1.0 + (np.abs(left) / scale) ** 2)
-    return np.asarray(values / size), np.asarray(left)
+        residual = moved - scaled @ values
+        scale = 2.0 * float(np.median(np.abs(residual))) + 1e-9
+        weights = 1.0 / (1.0 + (np.abs(residual) / scale) ** 2)
+    return np.asarray(values / size), np.asarray(residual)
 
 
 def _trimmed_rms(values: Complexes | Floats) -> float:

@@ -34,9 +34,9 @@ _REMEDY = "Correct it where it is recorded or imported; nothing else can be told
 def is_derived_from(table: pd.DataFrame, name: str, channels: tuple[str, ...]) -> bool:
     """Whether an import derived a channel from one of others, so that it says nothing of them."""
     return any(
-        each in source.partition(" derived from ")[2]
+        channel in source.partition(" derived from ")[2]
         for source in table.attrs.get("sources", {}).get(name, ())
-        for each in channels
+        for channel in channels
     )
 
 
@@ -73,11 +73,11 @@ def _with_plane(table: pd.DataFrame) -> pd.DataFrame:
     if "north_m" in table or not {"latitude_deg", "longitude_deg"} <= set(table.columns):
         return table
     latitude, longitude = (table[name].to_numpy(dtype=float) for name in ("latitude_deg", "longitude_deg"))
-    there = np.flatnonzero(is_place(latitude, longitude))
+    located = np.flatnonzero(is_place(latitude, longitude))
     north, east = np.full((2, latitude.size), np.nan)
-    if there.size:
-        origin = latitude[there[0]], longitude[there[0]], 0.0
-        north[there], east[there], _ = pymap3d.geodetic2ned(latitude[there], longitude[there], 0.0, *origin)
+    if located.size:
+        origin = latitude[located[0]], longitude[located[0]], 0.0
+        north[located], east[located], _ = pymap3d.geodetic2ned(latitude[located], longitude[located], 0.0, *origin)
     return table.assign(north_m=north, east_m=east)
 
 
@@ -131,10 +131,10 @@ def axes_finding(table: pd.DataFrame) -> Finding | None:
     axes, fits = judge_axes(_moves(position, grid), _travelled(speed.time_s, velocities, grid))
     if axes in ("", "ship"):
         return None
-    left, as_ship = (float(np.sqrt(fits[name].left)) for name in (axes, "ship"))
+    unexplained, as_ship = (float(np.sqrt(fits[name].left)) for name in (axes, "ship"))
     text = (
-        f"Surge and sway are speeds {AXES[axes]}: {left:.1%} of the way by the positions is left over by them, and"
-        f" {as_ship:.1%} along the ship"
+        f"Surge and sway are speeds {AXES[axes]}: {unexplained:.1%} of the way by the positions is left over by"
+        f" them, and {as_ship:.1%} along the ship"
     )
     estimate = {"left": as_ship}
     return Finding("motion_contradiction", "surge_mps", *span_of(table), text, _REMEDY, estimate)

@@ -84,7 +84,7 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     usable, short = _usable(long), short[_usable(short)]
     if min(usable.sum(), len(short)) < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
         return Jitter()
-    size, surest = _excess_over_speed(_in_the_limit(long, half, 2)[usable]), _excess_over_speed(short)
+    size, surest = _excess_over_speed(_extrapolated(long, half, 2)[usable]), _excess_over_speed(short)
     ratio = short[:, 2].sum() / max(float(short[:, 3].sum()), 1e-12)
     return Jitter(*size, surest.surplus, surest.effective_stretches, float(ratio))
 
@@ -100,8 +100,8 @@ def _makes_way(errors: PositionErrors, interval_s: float) -> bool:
 def _position_sums(errors: PositionErrors, seconds: float) -> Floats:
     """By stretch [k, 4]: samples, and sums of squares of speed, of errors along and of errors across the way."""
     stretch = (errors.time_s // seconds).astype(np.int64)
-    left = np.column_stack([_about_straight_lines(column, stretch) for column in errors.error.T])
-    body = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), left)
+    residual = np.column_stack([_detrended(column, stretch) for column in errors.error.T])
+    body = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), residual)
     speed2 = (errors.velocity**2).sum(axis=1)
     return _sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(body**2).T)
 
@@ -111,7 +111,7 @@ def _sums_by_stretch(stretch: Ints, *columns: Floats) -> Floats:
     return np.column_stack([np.bincount(stretch, column) for column in columns]).astype(float)
 
 
-def _in_the_limit(long: Floats, half: Floats, first: int) -> Floats:
+def _extrapolated(long: Floats, half: Floats, first: int) -> Floats:
     """Sums over long stretches, those of squared errors (from column ``first`` on) extrapolated by those over half
     as long to infinitely long ones, for errors that last longer than a stretch."""
     paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(len(long), 2, -1).sum(axis=1)
@@ -147,15 +147,15 @@ def _excess_over_speed(sums: Floats) -> _Variance:
     return _Variance(float(total / base), float(error), float(base**2 / (moved_m2**2).sum()))
 
 
-def _about_straight_lines(values: Floats, stretch: Ints) -> Floats:
+def _detrended(values: Floats, stretch: Ints) -> Floats:
     """Residuals about the straight line of each stretch, scaled for the two degrees of freedom that it takes."""
     place = np.arange(values.size, dtype=float)
     count = np.bincount(stretch)
-    some = np.maximum(count, 1)
-    place -= (np.bincount(stretch, place) / some)[stretch]
-    values = values - (np.bincount(stretch, values) / some)[stretch]
+    divisor = np.maximum(count, 1)
+    place -= (np.bincount(stretch, place) / divisor)[stretch]
+    values = values - (np.bincount(stretch, values) / divisor)[stretch]
     slope = np.bincount(stretch, place * values) / np.maximum(np.bincount(stretch, place**2), 1e-12)
-    return np.asarray((values - slope[stretch] * place) * np.sqrt(some / np.maximum(count - 2, 1))[stretch])
+    return np.asarray((values - slope[stretch] * place) * np.sqrt(divisor / np.maximum(count - 2, 1))[stretch])
 
 
 def position_jitter_finding(jitter: Jitter, span: Span) -> Finding | None:
@@ -218,13 +218,13 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
     60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
     worked out once more from how far the ship turns in that time, which in waves is less than in proportion.
     """
-    lines = tuple(_about_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
+    lines = tuple(_fit_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
     if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
         return Jitter()
     jitter = _jitter(lines, errors.rate**2, errors.step)
     for _ in range(_ROUNDS):
         if jitter.seconds >= _SMALLEST_S:
-            jitter = _jitter(lines, _spoilt_by_stamps2(errors, jitter.seconds), errors.step)
+            jitter = _jitter(lines, _stamp_error_gain2(errors, jitter.seconds), errors.step)
     return jitter
 
 
@@ -257,36 +257,36 @@ def discontinuities(error: Floats, rate: Floats) -> Bools:
     return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP * noise)
 
 
-def _spoilt_by_stamps2(errors: HeadingErrors, seconds: float) -> Floats:
+def _stamp_error_gain2(errors: HeadingErrors, seconds: float) -> Floats:
     """By how much stamps with this standard deviation spoil each heading: squared error over squared stamp error,
     by the three points of Gauss and Hermite."""
     aside_s = np.sqrt(3.0) * seconds
-    moved = [np.interp(errors.time_s + each, errors.time_s, errors.turned) - errors.turned
-             for each in (-aside_s, aside_s)]  # fmt: skip
+    moved = [np.interp(errors.time_s + shift_s, errors.time_s, errors.turned) - errors.turned
+             for shift_s in (-aside_s, aside_s)]  # fmt: skip
     return np.asarray((moved[0] ** 2 + moved[1] ** 2) / (2.0 * aside_s**2))
 
 
 @dataclass(frozen=True, slots=True)
 class _Lines:
-    """The ``stretch`` of each heading and what is ``left`` of it about the stretch's line: [n]; which stretches are
+    """The ``stretch`` of each heading and its ``residual`` about the stretch's line: [n]; which stretches are
     ``usable``, with samples enough and no breaks: [k]."""
 
     stretch: Ints
-    left: Floats
+    residual: Floats
     usable: Bools
 
 
-def _about_lines(errors: HeadingErrors, seconds: float) -> _Lines:
+def _fit_lines(errors: HeadingErrors, seconds: float) -> _Lines:
     stretch = (errors.time_s // seconds).astype(np.int64)
     count = np.bincount(stretch)
     broken = np.bincount(stretch[1:], discontinuities(errors.error, errors.rate), count.size) > 0
     usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
     columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
-    noise2, left = _noise2(errors.error), np.zeros(stretch.size)
+    noise2, residual = _noise2(errors.error), np.zeros(stretch.size)
     for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
         within = slice(end - number, end)
-        left[within] = _residual(columns[within], errors.error[within], noise2)
-    return _Lines(stretch, left, np.asarray(usable))
+        residual[within] = _residual(columns[within], errors.error[within], noise2)
+    return _Lines(stretch, residual, np.asarray(usable))
 
 
 def _noise2(error: Floats) -> float:
@@ -305,29 +305,33 @@ def _residual(columns: Floats, error: Floats, noise2: float) -> Floats:
 
 def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n]."""
-    short, half, long = (_heading_sums(each, spoils2) for each in lines)
+    short, half, long = (_heading_sums(line, spoils2) for line in lines)
     least = step**2 / 12.0
-    size = _growth(_in_the_limit(long, half, 3)[lines[2].usable], least)
-    others = _growth(short[lines[0].usable], least)
-    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.effective_stretches))
+    size = _growth(_extrapolated(long, half, 3)[lines[2].usable], least)
+    short_growth = _growth(short[lines[0].usable], least)
+    surest = max(
+        size, short_growth, key=lambda growth: growth.surplus / quantile(1.0 - _CHANCE, growth.effective_stretches)
+    )
     judged = lines[2].usable[lines[2].stretch]
-    ratio = _ratio(spoils2[judged], lines[2].left[judged] ** 2)
+    ratio = _ratio(spoils2[judged], lines[2].residual[judged] ** 2)
     return Jitter(*size, surest.surplus, surest.effective_stretches, ratio)
 
 
 def _heading_sums(lines: _Lines, spoils2: Floats) -> Floats:
     """By stretch [k, 5]: the number of headings, and the sums of what jitter would spoil, of its squares, of the
     squared errors and of their products with what it would spoil."""
-    left2 = lines.left**2
-    return _sums_by_stretch(lines.stretch, np.ones(left2.size), spoils2, spoils2**2, left2, spoils2 * left2)
+    residual2 = lines.residual**2
+    return _sums_by_stretch(
+        lines.stretch, np.ones(residual2.size), spoils2, spoils2**2, residual2, spoils2 * residual2
+    )
 
 
-def _ratio(spoils2: Floats, left2: Floats) -> float:
+def _ratio(spoils2: Floats, residual2: Floats) -> float:
     """Variance in turns over that of the tenth of the samples in which the ship turns least."""
     if not spoils2.any():
         return 1.0
-    still = float(left2[spoils2 <= np.quantile(spoils2, _STILL)].mean())
-    return float(spoils2 @ left2 / spoils2.sum()) / max(still, 1e-12)
+    still = float(residual2[spoils2 <= np.quantile(spoils2, _STILL)].mean())
+    return float(spoils2 @ residual2 / spoils2.sum()) / max(still, 1e-12)
 
 
 def _growth(sums: Floats, least: float) -> _Variance:
@@ -343,9 +347,9 @@ def _growth(sums: Floats, least: float) -> _Variance:
 def _slopes(sums: Floats, least: float) -> Floats:
     """The slope of each line [k]; none is less than ``least`` without turning, the variance of rounding: a steady
     heading that always reads the same seems to have none."""
-    count, spoils2, spoils4, left2, product = sums.T
-    slope = (product - left2 * spoils2 / count) / np.maximum(spoils4 - spoils2**2 / count, 1e-300)
-    still = (left2 - slope * spoils2) / count
+    count, spoils2, spoils4, residual2, product = sums.T
+    slope = (product - residual2 * spoils2 / count) / np.maximum(spoils4 - spoils2**2 / count, 1e-300)
+    still = (residual2 - slope * spoils2) / count
     through = (product - least * spoils2) / np.maximum(spoils4, 1e-300)
     return np.asarray(np.where(still < least, through, slope))
 

@@ -62,7 +62,9 @@ def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> 
         return level
     starts = (values, _most_frequent(steps, values))
     fits = [_robust_fit(level, model, grid_s, start) for start in starts]
-    steps = min((_steps(level, model, grid_s, fit) for fit in fits), key=lambda each: float(_scale(each)[0]))
+    steps = min(
+        (_steps(level, model, grid_s, fit) for fit in fits), key=lambda candidate: float(_scale(candidate)[0])
+    )
     jumps = _jumps(steps)
     if not jumps.any() or jumps.mean() > _MOST_JUMPS:
         return level
@@ -128,8 +130,8 @@ def _jumps(steps: _Steps) -> Bools:
 
 
 def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps:
-    wanted, slopes = model(values)
-    both = np.concatenate([wanted[:, np.newaxis], slopes], axis=1)
+    expected, slopes = model(values)
+    both = np.concatenate([expected[:, np.newaxis], slopes], axis=1)
     at = interpolate(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
     moves = np.diff(at.reshape(-1, *both.shape[1:]), axis=0)
     measured = np.diff(level.levels, axis=0)
@@ -138,7 +140,7 @@ def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps
         error, moves = (measured - moves[:, 0]) * forward[:, np.newaxis], moves * forward[:, np.newaxis, np.newaxis]
         return _Steps(error, moves[:, 1:], np.abs(moves[:, 0, 0]), np.where(forward < 0.0, np.pi, 0.0))
     angle = np.arctan2(moves[:, 0, 1], moves[:, 0, 0])
-    body = np.stack([rotate(-angle, moves[:, each]) for each in range(moves.shape[1])], axis=1)
+    body = np.stack([rotate(-angle, moves[:, column]) for column in range(moves.shape[1])], axis=1)
     return _Steps(rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
 
 
@@ -220,19 +222,19 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
 def _lasting_steps(error: Floats, width: int, interval_s: float, smallest_m: float) -> list[tuple[int, Floats]]:
     """The first sample after each jump, and the jump's size north and east."""
     medians = np.median(sliding_window_view(error, width, axis=0), axis=-1)
-    apart = medians[width:] - medians[:-width]  # row r is about the step to sample r + width
-    size = np.hypot(*apart.T)
+    change = medians[width:] - medians[:-width]  # row r is about the step to sample r + width
+    size = np.hypot(*change.T)
     limit = max(_SIGMAS * float(np.median(size)), _USUAL * float(np.quantile(size, 0.95)), smallest_m)
-    places = np.arange(width, width + len(apart))
+    places = np.arange(width, width + len(change))
     half = max(1, round(0.5 * _AT_ONCE_S / interval_s))
     after, before = np.minimum(places + half - 1, len(error) - 1), np.maximum(places - half, 0)
-    toward = apart / np.maximum(size, 1e-12)[:, np.newaxis]
+    toward = change / np.maximum(size, 1e-12)[:, np.newaxis]
     along = np.einsum("ij,ij->i", error[after] - error[before], toward)
     at_once = np.einsum("ij,ij->i", error[places] - error[places - 1], toward)
     rows = np.flatnonzero((size > limit) & (along > _AT_ONCE * size))
     groups = np.split(rows, np.flatnonzero(np.diff(rows) > width) + 1) if rows.size else []
     best = (int(group[np.argmax(at_once[group])]) for group in groups)
-    return [(row + width, apart[row]) for row in best]
+    return [(row + width, change[row]) for row in best]
 
 
 def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: float, fit: Kinematics) -> bool:
@@ -240,7 +242,7 @@ def _recorded_throughout(time_s: Floats, place: int, width: int, interval_s: flo
     first, last = max(place - width, 0), min(place + width, time_s.size - 1)
     if time_s[last] - time_s[first] < 0.8 * (last - first) * interval_s:
         return False
-    return all(_recorded(each, *time_s[place - 1 : place + 1]) for each in (fit.motion.speed, fit.motion.heading))
+    return all(_recorded(group, *time_s[place - 1 : place + 1]) for group in (fit.motion.speed, fit.motion.heading))
 
 
 def _recorded(samples: Group, begin: float, end: float) -> bool:
@@ -251,18 +253,18 @@ def _recorded(samples: Group, begin: float, end: float) -> bool:
 
 def _pair_returns(jumps: list[tuple[float, Floats]], lasts_s: float) -> tuple[PositionJump, ...]:
     """Join a jump and the next one where that takes it back."""
-    found: list[PositionJump] = []
-    left = deque(jumps)
-    while left:
-        time_s, size = left.popleft()
+    merged: list[PositionJump] = []
+    remaining = deque(jumps)
+    while remaining:
+        time_s, size = remaining.popleft()
         until_s = np.nan
-        if left:
-            next_s, back = left[0]
+        if remaining:
+            next_s, back = remaining[0]
             taken_back = np.hypot(*(size + back)) < _RETURNED * np.hypot(*size)
             if taken_back and next_s - time_s < _LONGEST_AWAY * lasts_s:
-                until_s, _ = left.popleft()
-        found.append(PositionJump(time_s, float(size[0]), float(size[1]), until_s))
-    return tuple(found)
+                until_s, _ = remaining.popleft()
+        merged.append(PositionJump(time_s, float(size[0]), float(size[1]), until_s))
+    return tuple(merged)
 
 
 def _stuck(raw: Floats, interval_s: float) -> Bools:
@@ -294,7 +296,7 @@ def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
 
 def displaced(table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> Bools:
     """Which rows lie between a jump and its return."""
-    time_s, away = seconds_of(table), np.zeros(len(table), dtype=bool)
+    time_s, mask = seconds_of(table), np.zeros(len(table), dtype=bool)
     for jump in jumps:
-        away |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
-    return away
+        mask |= (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
+    return mask

@@ -101,16 +101,16 @@ class Kinematics:
     The parameters [11] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must
     be multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, what heel in turns adds to
-    it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every``
-    by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion. ``half_between``
-    [11] is the least half width of an interval by how the quarters of the recording differ, zero where they agree
-    or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`); ``quarters`` are those that could
-    be fitted.
+    it, and what must be added to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``,
+    ``broadband`` by all up to ``fastest_hz``; ``slowly`` [11] are those that are taken from the slow motion.
+    ``half_between`` [11] is the least half width of an interval by how the quarters of the recording differ, zero
+    where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`); ``quarters`` are
+    those that could be fitted.
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
     slow: Solution
-    every: Solution
+    broadband: Solution
     slowly: Bools
     slow_hz: float
     fastest_hz: float
@@ -124,11 +124,11 @@ class Kinematics:
     @cached_property
     def believed(self) -> Solution:
         """By the slow motion where that is believed, else by all."""
-        slow, every = self.slow, self.every
+        slow, broadband = self.slow, self.broadband
         return Solution(
-            np.where(self.slowly, slow.parameters, every.parameters),
-            np.where(self.slowly[:, np.newaxis], slow.covariance, every.covariance),
-            np.where(self.slowly, slow.informative, every.informative),
+            np.where(self.slowly, slow.parameters, broadband.parameters),
+            np.where(self.slowly[:, np.newaxis], slow.covariance, broadband.covariance),
+            np.where(self.slowly, slow.informative, broadband.informative),
         )
 
     @property
@@ -154,8 +154,10 @@ class Kinematics:
         place = NAMES.index(name)
         if self.slowly[place]:
             return 0.0, self.slow_hz
-        away = abs(float(self.slow.parameters[place]) - neutral)
-        tells = away > quantile(0.975, self.slow.informative[place]) * np.sqrt(self.slow.covariance[place, place])
+        deviation = abs(float(self.slow.parameters[place]) - neutral)
+        tells = deviation > quantile(0.975, self.slow.informative[place]) * np.sqrt(
+            self.slow.covariance[place, place]
+        )
         return 0.0 if tells else self.slow_hz, self.fastest_hz
 
     def interval(self, name: str) -> tuple[float, float]:
@@ -199,8 +201,8 @@ def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
     recorded = rescale(
         fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
     )
-    slow, every = (each.transformed(scale, shift) for each in (fit.slow, fit.every))
-    return replace(fit, slow=slow, every=every, motion=recorded, coarse=coarse)
+    slow, broadband = (solution.transformed(scale, shift) for solution in (fit.slow, fit.broadband))
+    return replace(fit, slow=slow, broadband=broadband, motion=recorded, coarse=coarse)
 
 
 def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
@@ -228,7 +230,7 @@ def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
         )  # fmt: skip
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
-    paths, turns = (tuple(model(each, grid_s) for each in parts) for model in (path_model, turn_model))
+    paths, turns = (tuple(model(part, grid_s) for part in parts) for model in (path_model, turn_model))
     path_prior, neutral = _PATH_PRIOR.copy(), _NEUTRAL_PATH.copy()
     if heel is not None:
         path_prior[_OF_HEEL], neutral[_OF_HEEL] = _FIXED, heel
@@ -236,9 +238,9 @@ def fit_motion(motion: Motion, heel: Floats | None = None) -> Kinematics:
     turn = _Fit(motion.heading, turns, _TURN_PRIOR, _NEUTRAL_TURN, frame).solved()
     better = _slow_is_better(*path, _ALIKE[_OF_PATH]), _slow_is_better(*turn, _ALIKE[_OF_TURN])
     slowly = np.repeat(better, [len(PATH_PARAMETERS), len(TURN_PARAMETERS)])
-    slow, every = (path[which].beside(turn[which]).widened(_sampling(motion)) for which in (0, 1))
+    slow, broadband = (path[which].concatenated(turn[which]).widened(_sampling(motion)) for which in (0, 1))
     fit = Kinematics(
-        slow, every, slowly, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
+        slow, broadband, slowly, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
     )  # fmt: skip
     return replace(fit, converged=_within_bounds(fit))
 
@@ -249,25 +251,25 @@ def _sampling(motion: Motion) -> Floats:
     return np.where([name.endswith("_s") for name in NAMES], fixed_s + share * motion.slowest_s, 0.0)
 
 
-def _slow_is_better(slow: Solution, every: Solution, alike: Floats) -> bool:
+def _slow_is_better(slow: Solution, broadband: Solution, tolerance: Floats) -> bool:
     """Whether the slow motion is to be believed: it tells more, or all motion says something else, beyond errors
     and what sampling may do.
 
     All would be the more precise if both were right, so that their difference has at most the slow one's variance.
     """
-    if np.linalg.slogdet(slow.covariance)[1] < np.linalg.slogdet(every.covariance)[1]:
+    if np.linalg.slogdet(slow.covariance)[1] < np.linalg.slogdet(broadband.covariance)[1]:
         return True
-    errors = np.hypot(np.sqrt(np.diag(slow.covariance)), alike)
-    limits = np.array([quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, each) for each in slow.informative])
-    return bool((np.abs(every.parameters - slow.parameters) > limits * errors).any())
+    errors = np.hypot(np.sqrt(np.diag(slow.covariance)), tolerance)
+    limits = np.array([quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, count) for count in slow.informative])
+    return bool((np.abs(broadband.parameters - slow.parameters) > limits * errors).any())
 
 
 def _within_bounds(fit: Kinematics) -> bool:
     """Whether factors, angle and bias are within the range in which the linearised fit is valid, or may be."""
     neutral = {"speed_factor": 1.0, "heading_offset_rad": 0.0, "yaw_rate_factor": 1.0, "yaw_rate_bias_radps": 0.0}
     places = [NAMES.index(name) for name in neutral]
-    away = np.abs(fit.believed.parameters[places] - list(neutral.values()))
-    return bool((away < np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])).all())
+    deviation = np.abs(fit.believed.parameters[places] - list(neutral.values()))
+    return bool((deviation < np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])).all())
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,8 +284,8 @@ class _Frame:
 
     def coefficients(self, limit_hz: float) -> int:
         """How many cosines lie below a frequency."""
-        wanted = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
-        return int(np.clip(wanted, _FEWEST_COSINES, self.length - 1))
+        count = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
+        return int(np.clip(count, _FEWEST_COSINES, self.length - 1))
 
     @property
     def slow_hz(self) -> float:
@@ -329,49 +331,49 @@ class _Fit:
 
         To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
         """
-        found = self._by_slow_and_all()
-        steady = remove_jumps(self.level, self.models[0], self.frame.grid_s, found[1].parameters)
+        solutions = self._slow_and_broadband()
+        steady = remove_jumps(self.level, self.models[0], self.frame.grid_s, solutions[1].parameters)
         if steady is self.level:
-            return found
-        other = replace(self, level=steady)._by_slow_and_all()
-        return min(found, other, key=lambda each: float(np.linalg.slogdet(each[1].covariance)[1]))
+            return solutions
+        steadied = replace(self, level=steady)._slow_and_broadband()
+        return min(solutions, steadied, key=lambda candidate: float(np.linalg.slogdet(candidate[1].covariance)[1]))
 
-    def _by_slow_and_all(self) -> tuple[Solution, Solution]:
+    def _slow_and_broadband(self) -> tuple[Solution, Solution]:
         """Gauss-Newton steps by the slow motion, and on from there by faster and faster until they end."""
         slow = self._gauss_newton(Solution(self.start, np.diag(self.prior**2), self.start), _SLOW_STAGES)
         return slow, self._gauss_newton(slow, _STAGES_HZ, _MOST_STEPS)
 
-    def _gauss_newton(self, found: Solution, stages: tuple[float | None, ...], steps: int = 0) -> Solution:
-        """Steps from ``found`` by the motion below each of ``stages`` [Hz], None for the slow motion alone, and at
-        most so many ``steps`` more by the last.
+    def _gauss_newton(self, solution: Solution, stages: tuple[float | None, ...], steps: int = 0) -> Solution:
+        """Steps from ``solution`` by the motion below each of ``stages`` [Hz], None for the slow motion alone, and
+        at most so many ``steps`` more by the last.
 
         What does not differ significantly from its neutral value starts each stage there, or a delay might settle a
         whole wave period off; what the last step still moved is not known better.
         """
         for limit_hz in stages:
-            unclear = np.abs(found.parameters - self.start) < _CLEAR * found.deviations
-            before, found = found, self._step(np.where(unclear, self.start, found.parameters), limit_hz)
+            unclear = np.abs(solution.parameters - self.start) < _CLEAR * solution.deviations
+            before, solution = solution, self._step(np.where(unclear, self.start, solution.parameters), limit_hz)
         for _ in range(steps):
-            before, found = found, self._step(found.parameters, limit_hz)
-            if (np.abs(found.parameters - before.parameters) < _ARRIVED * found.deviations).all():
+            before, solution = solution, self._step(solution.parameters, limit_hz)
+            if (np.abs(solution.parameters - before.parameters) < _ARRIVED * solution.deviations).all():
                 break
-        return found.widened(2.0 * (found.parameters - before.parameters))
+        return solution.widened(2.0 * (solution.parameters - before.parameters))
 
     def _step(self, values: Floats, limit_hz: float | None) -> Solution:
         """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion."""
         level, frame = self.level, self.frame
         most = frame.coefficients(limit_hz or SLOW_HZ)
-        (wanted, slopes), first, second = (model(values) for model in self.models)
+        (expected, slopes), first, second = (model(values) for model in self.models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-        wanted_noise, slopes_noise = (0.5 * (one - other) for one, other in zip(first, second, strict=True))
-        parts = (self.measured(times) - wanted, slopes, -wanted_noise, slopes_noise)
-        band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
-        residuals, by, *noise = (cosines(each, frame.starts, frame.length, most) for each in band)
-        found = solve(residuals, by, (noise[0], noise[1]), self.prior)
+        expected_noise, slopes_noise = (0.5 * (even - odd) for even, odd in zip(first, second, strict=True))
+        parts = (self.measured(times) - expected, slopes, -expected_noise, slopes_noise)
+        band = (frame.slowly(part) for part in parts) if limit_hz is None else parts
+        residuals, basis, *noise = (cosines(part, frame.starts, frame.length, most) for part in band)
+        update = solve(residuals, basis, (noise[0], noise[1]), self.prior)
         longest = _LONGEST_STEP if limit_hz is None else _LONGEST_FAST_STEP
         bounds = longest * self.prior[:4]  # lever arms are linear
-        far = float(np.max(np.abs(found.parameters[:4]) / bounds))
-        return replace(found, parameters=values + found.parameters / max(far, 1.0))
+        excess = float(np.max(np.abs(update.parameters[:4]) / bounds))
+        return replace(update, parameters=values + update.parameters / max(excess, 1.0))
 
 
 PARTS = 4
@@ -414,17 +416,17 @@ def _half_between(values: Floats, variance: Floats) -> Floats:
 
     weights, freedom = 1.0 / variance, len(values) - 1
     total = weights.sum(axis=0)
-    apart = (weights * (values - (weights * values).sum(axis=0) / total) ** 2).sum(axis=0)
-    added = np.maximum(apart - freedom, 0.0) / np.maximum(total - (weights**2).sum(axis=0) / total, 1e-300)
+    scatter = (weights * (values - (weights * values).sum(axis=0) / total) ** 2).sum(axis=0)
+    added = np.maximum(scatter - freedom, 0.0) / np.maximum(total - (weights**2).sum(axis=0) / total, 1e-300)
     error = np.sqrt(1.0 / (1.0 / (variance + added)).sum(axis=0))
     limit, times = float(chdtri(freedom, _CHANCE_OF_PARTS)), float(stdtrit(freedom, 0.975))
-    half: Floats = np.where(apart > limit, times * error, 0.0)
+    half: Floats = np.where(scatter > limit, times * error, 0.0)
     return half
 
 
 def _variance(part: Kinematics) -> Floats:
     """Variances of a part's parameters, widened for few blocks as Student's t is at 95 %."""
-    wider = np.array([quantile(0.975, each) / 1.96 for each in part.believed.informative])
+    wider = np.array([quantile(0.975, count) / 1.96 for count in part.believed.informative])
     return np.asarray((part.standard_errors * wider) ** 2 + _ALIKE**2)
 
 
@@ -434,10 +436,10 @@ def _quarters(motion: Motion) -> list[Motion]:
     quarters = []
     for begin, end in pairwise(edges):
         position, heading, speed, yaw_rate = (
-            each.without((each.time_s < begin) | (each.time_s > end)) for each in motion.groups
+            group.without((group.time_s < begin) | (group.time_s > end)) for group in motion.groups
         )
         quarters.append(Motion(position, heading, speed, yaw_rate, motion.step_s))
-    return [each for each in quarters if min(group.time_s.size for group in each.groups) >= _SAMPLES]
+    return [quarter for quarter in quarters if min(group.time_s.size for group in quarter.groups) >= _SAMPLES]
 
 
 _ROUNDS = 4
@@ -459,14 +461,15 @@ class Solution:
     def deviations(self) -> Floats:
         return np.sqrt(np.diag(self.covariance))
 
-    def beside(self, other: Solution) -> Solution:
+    def concatenated(self, solution: Solution) -> Solution:
         """Both as one, independent of each other."""
         from scipy.linalg import block_diag
 
         return Solution(
-            np.concatenate([self.parameters, other.parameters]), block_diag(self.covariance, other.covariance),
-            np.concatenate([self.informative, other.informative]),
-        )  # fmt: skip
+            np.concatenate([self.parameters, solution.parameters]),
+            block_diag(self.covariance, solution.covariance),
+            np.concatenate([self.informative, solution.informative]),
+        )
 
     def widened(self, deviations: Floats) -> Solution:
         """With independent errors of these standard deviations [p] added."""
@@ -498,9 +501,9 @@ def solve(residuals: Floats, slopes: Floats, noise: tuple[Floats, Floats], prior
     for _ in range(_ROUNDS):
         true, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
         values = np.linalg.solve(matrices.sum(axis=0) + precision, sides.sum(axis=0))
-        left = residuals - np.tensordot(true, values, (1, 0))
-        variance = _noise(left, bands)
-        weights = np.broadcast_to(_trust(left**2 / variance, bands) / variance, residuals.shape)
+        residual = residuals - np.tensordot(true, values, (1, 0))
+        variance = _noise(residual, bands)
+        weights = np.broadcast_to(_trust(residual**2 / variance, bands) / variance, residuals.shape)
     _, matrices, sides = _equations(residuals, slopes, noise, weights, precision)
     return _solution(matrices, sides, precision)
 
@@ -518,7 +521,7 @@ def _equations(
     true, noisy = np.empty_like(slopes), np.empty_like(slopes)
     bands = _bands(slopes.shape[-1])
     for begin, end in zip(bands, [*bands[1:], slopes.shape[-1]], strict=True):
-        part, noise_part, weight = (each[..., begin:end] for each in (slopes, noise[1], weights))
+        part, noise_part, weight = (values[..., begin:end] for values in (slopes, noise[1], weights))
         matrix = _expectation(_information(part, weight), _information(noise_part, weight), precision)
         for out, of in ((true, part), (noisy, noise_part)):
             out[..., begin:end] = (matrix @ of.reshape(*of.shape[:2], -1)).reshape(of.shape)
@@ -558,8 +561,8 @@ def _solution(matrices: Floats, sides: Floats, precision: Floats) -> Solution:
     values = covariance @ sides.sum(axis=0)
     shares = np.einsum("pi,bij,pj->bp", covariance, matrices, covariance, optimize=True)
     informative = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
-    rest = sides.sum(axis=0) - sides
-    without = np.linalg.solve(total - matrices, rest[..., np.newaxis])[..., 0]
+    remaining = sides.sum(axis=0) - sides
+    without = np.linalg.solve(total - matrices, remaining[..., np.newaxis])[..., 0]
     spread = jackknife_error(without) ** 2
     larger = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
     return Solution(values, covariance * np.outer(larger, larger), informative)
@@ -571,9 +574,9 @@ def _bands(count: int) -> Ints:
     return edges[edges < count]
 
 
-def _noise(left: Floats, bands: Ints) -> Floats:
+def _noise(residual: Floats, bands: Ints) -> Floats:
     """Variance of each component at each frequency [c, k], robust, and at least that of all higher ones."""
-    power = np.median(left**2, axis=0) / _CHI2_MEDIAN
+    power = np.median(residual**2, axis=0) / _CHI2_MEDIAN
     sizes = np.diff(np.append(bands, power.shape[-1]))
     level = np.add.reduceat(power, bands, axis=-1) / sizes
     falling = np.maximum.accumulate(level[:, ::-1], axis=-1)[:, ::-1]

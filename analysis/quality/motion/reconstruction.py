@@ -66,7 +66,7 @@ def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     if _agrees_between_leaps(way_m, off_m):
         for tie_s in (*_POSITION_TIES_S, np.inf):
             tied_m = slow_difference(off_m, side, times, tie_s)
-            if _pull(tied_m, way_m, side) < _SLOW:
+            if _path_correction(tied_m, way_m, side) < _SLOW:
                 break
     columns = {}
     for number, name in enumerate(POSITIONS):
@@ -79,9 +79,9 @@ def dead_reckoning(table: pd.DataFrame) -> Floats:
     """The path north and east since the start by dead reckoning, from speeds over ground and heading: [rows, 2]."""
     since_s = seconds_of(table)
     surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
-    ahead, aside = (np.interp(since_s, each.time_s, each.value) for each in (surge, sway))
+    ahead, aside = (np.interp(since_s, samples.time_s, samples.value) for samples in (surge, sway))
     psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
-    return np.column_stack([integrate(each, since_s) for each in to_earth(ahead, aside, psi)])
+    return np.column_stack([integrate(speed, since_s) for speed in to_earth(ahead, aside, psi)])
 
 
 def _sides(off_m: Floats) -> NDArray[np.intp]:
@@ -91,17 +91,17 @@ def _sides(off_m: Floats) -> NDArray[np.intp]:
     return np.concatenate([[0], np.cumsum(leap)])
 
 
-def slow_difference(off: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
+def slow_difference(deviation: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
     """Running median and mean over ``tie_s`` of the difference of recorded and integrated [n, m], for each ``side``
     by itself; the median of a side where ``tie_s`` is infinite."""
     parts = []
     for part in np.split(np.arange(side.size), np.flatnonzero(np.diff(side)) + 1):
-        each = pd.DataFrame(off[part], index=times[part])
+        piece = pd.DataFrame(deviation[part], index=times[part])
         if np.isfinite(tie_s):
-            typical = each.rolling(pd.Timedelta(seconds=tie_s), center=True).median()
+            typical = piece.rolling(pd.Timedelta(seconds=tie_s), center=True).median()
             parts.append(typical.rolling(pd.Timedelta(seconds=tie_s), center=True).mean().to_numpy())
         else:
-            parts.append(np.broadcast_to(np.median(off[part], axis=0), (part.size, off.shape[1])))
+            parts.append(np.broadcast_to(np.median(deviation[part], axis=0), (part.size, deviation.shape[1])))
     return np.concatenate(parts)
 
 
@@ -110,18 +110,18 @@ def _agrees_between_leaps(way_m: Floats, off_m: Floats) -> bool:
 
     It is not where the heading has an offset or the speeds a scale; then the positions are the better guide.
     """
-    way, off = (np.diff(each[:, 0] + 1j * each[:, 1]) for each in (way_m, off_m))
+    way, deviation = (np.diff(path_m[:, 0] + 1j * path_m[:, 1]) for path_m in (way_m, off_m))
     moving = np.abs(way) > 0.2 * np.median(np.abs(way))
     if not moving.any():
         return False
-    share = off[moving] / way[moving]
+    share = deviation[moving] / way[moving]
     return bool(np.hypot(np.median(share.real), np.median(share.imag)) < _SLOW)
 
 
-def _pull(tied_m: Floats, way_m: Floats, side: NDArray[np.intp]) -> float:
+def _path_correction(tied_m: Floats, way_m: Floats, side: NDArray[np.intp]) -> float:
     """How far the tie moves the path, as a share of the way: root mean square of steps within the sides."""
     within = np.diff(side) == 0
-    moved, way = (np.sum(np.diff(each, axis=0)[within] ** 2) for each in (tied_m, way_m))
+    moved, way = (np.sum(np.diff(path_m, axis=0)[within] ** 2) for path_m in (tied_m, way_m))
     return float(np.sqrt(moved / max(way, 1e-12)))
 
 
@@ -145,15 +145,15 @@ def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
         return None
     heading = samples_of(table, "heading_deg")
     turned, rate = integrated_yaw_rate_at(fit, heading.time_s)
-    off = np.deg2rad(unwrap(heading.value - np.rad2deg(turned)))
-    side = np.concatenate([[0], np.cumsum(discontinuities(off, rate) | _unknown(fit, heading.time_s))])
+    deviation = np.deg2rad(unwrap(heading.value - np.rad2deg(turned)))
+    side = np.concatenate([[0], np.cumsum(discontinuities(deviation, rate) | _unknown(fit, heading.time_s))])
     times = utc_index(table)[heading.rows]
     for tie_s in _HEADING_TIES_S:
-        slow = slow_difference(off[:, np.newaxis], side, times, tie_s)[:, 0]
-        left = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
-        if not is_certain(jitter_of(left)):
+        slow = slow_difference(deviation[:, np.newaxis], side, times, tie_s)[:, 0]
+        slow_errors = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
+        if not is_certain(jitter_of(slow_errors)):
             break
-    if not _worth_it(off - slow, rate):
+    if not _exceeds_scatter(deviation - slow, rate):
         return None
     column = table["heading_deg"].to_numpy(dtype=float, copy=True)
     column[heading.rows] = wrap_360(np.rad2deg(turned + slow))
@@ -168,7 +168,7 @@ def _unknown(fit: Kinematics, heading_time_s: Floats) -> Bools:
     return unknown
 
 
-def _worth_it(mended: Floats, rate: Floats) -> bool:
+def _exceeds_scatter(mended: Floats, rate: Floats) -> bool:
     """Whether the change in turns exceeds the scatter of compass and yaw rate without turning."""
     turning, mended2 = rate**2, mended**2
     still = mended2[turning <= np.median(turning)].mean()

@@ -45,8 +45,8 @@ class Group:
     levels: Floats
     interval_s: float
 
-    def without(self, spoilt: Bools) -> Group:
-        return Group(self.time_s[~spoilt], self.levels[~spoilt], self.interval_s)
+    def without(self, invalid: Bools) -> Group:
+        return Group(self.time_s[~invalid], self.levels[~invalid], self.interval_s)
 
     def gaps(self) -> Floats:
         """Where too long nothing was recorded: [gaps, 2] beginning and end [s]."""
@@ -69,13 +69,14 @@ class Motion:
     def half(self, first: int) -> Motion:
         """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
         heading, speed, yaw_rate = (
-            Group(each.time_s[first::2], each.levels[first::2], 2.0 * each.interval_s) for each in self.groups[1:]
+            Group(group.time_s[first::2], group.levels[first::2], 2.0 * group.interval_s)
+            for group in self.groups[1:]
         )
         return Motion(self.position, heading, speed, yaw_rate, self.step_s)
 
     @property
     def slowest_s(self) -> float:
-        return max(each.interval_s for each in self.groups)
+        return max(group.interval_s for group in self.groups)
 
     @property
     def groups(self) -> tuple[Group, ...]:
@@ -89,15 +90,15 @@ def motion_of(table: pd.DataFrame) -> Motion:
     """
     require(table, MOTION)
     raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
-    step_s = max(STEP_S, min(each.interval_s for each in raw.values()))
+    step_s = max(STEP_S, min(group.interval_s for group in raw.values()))
     speed, yaw_rate = (
-        _average(each.without(outliers(each.levels)), step_s) for each in (raw["surge_mps"], raw["yaw_rate_dps"])
+        _average(group.without(outliers(group.levels)), step_s) for group in (raw["surge_mps"], raw["yaw_rate_dps"])
     )
     heading = _average(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
     spikes = outliers(raw["north_m"].levels - path)
     position = _average(raw["north_m"].without(spikes), step_s)
-    return Motion(position, heading, speed, yaw_rate, step_s, tuple(each.interval_s for each in raw.values()))
+    return Motion(position, heading, speed, yaw_rate, step_s, tuple(group.interval_s for group in raw.values()))
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
@@ -105,11 +106,11 @@ def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     times = (times_ns(table) - times_ns(table).min()) / NANO
     columns = [table[name].to_numpy(dtype=float) for name in channels]
     if len(columns) > 1 and not (np.isfinite(columns[0]) & np.isfinite(columns[1])).any():
-        there = np.isfinite(columns[1])
-        columns[1] = np.interp(times, times[there], columns[1][there])
+        valid = np.isfinite(columns[1])
+        columns[1] = np.interp(times, times[valid], columns[1][valid])
     values = np.column_stack(columns)
-    there = np.isfinite(values).all(axis=1)
-    order = np.flatnonzero(there)[np.argsort(times[there], kind="stable")]
+    valid = np.isfinite(values).all(axis=1)
+    order = np.flatnonzero(valid)[np.argsort(times[valid], kind="stable")]
     if order.size < 8:
         raise DataShortageError(f"holds only {order.size} samples of {channels[0]}", fix="record for longer")
     scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
@@ -167,7 +168,7 @@ def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floa
     grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
     angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
     ahead, aside = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
-    travelled = (integrate(each, step_s) for each in to_earth(ahead, aside, angle))
+    travelled = (integrate(velocity, step_s) for velocity in to_earth(ahead, aside, angle))
     return np.column_stack([np.interp(time_s, grid, column) for column in travelled])
 
 
@@ -189,11 +190,11 @@ def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
     """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly."""
     turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
     turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
-    slow, off = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
-    wild = wild_headings(off, turned)
+    slow, deviation = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
+    wild = wild_headings(deviation, turned)
     if wild.mean() < _MOST_WILD:
-        off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
-    return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
+        deviation[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], deviation[~wild])
+    return Group(heading.time_s, (turned + slow + deviation)[:, np.newaxis], heading.interval_s)
 
 
 def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> tuple[Floats, Floats]:
@@ -201,9 +202,9 @@ def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> 
 
     The difference of heading and integrated yaw rate wanders slowly, by bias and scale of the gyro.
     """
-    apart = heading_rad - turned_rad
-    slow = _slow_angle(apart, interval_s)
-    return slow, np.angle(np.exp(1j * (apart - slow)))
+    deviation = heading_rad - turned_rad
+    slow = _slow_angle(deviation, interval_s)
+    return slow, np.angle(np.exp(1j * (deviation - slow)))
 
 
 def wild_headings(off_rad: Floats, turned_rad: Floats) -> Bools:
@@ -234,12 +235,12 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
 
 def block_starts(motion: Motion, grid_s: Floats, length: int) -> Ints:
     """First grid points of the blocks of ``length`` points over which every group was recorded."""
-    there = np.ones(grid_s.size, dtype=bool)
+    covered = np.ones(grid_s.size, dtype=bool)
     for group in motion.groups:
-        there &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
+        covered &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
         for begin, end in group.gaps():
-            there[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
-    starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(there), strict=True)]
+            covered[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
+    starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(covered), strict=True)]
     return np.concatenate([np.empty(0, dtype=np.int64), *starts])
 
 
@@ -267,14 +268,14 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, offset, _, heading_late_s, forward, starboard, heel, heel_lag = values
         times = np.clip(grid_s + heading_late_s, first + width, last - width)
-        before, now, after = (heading_at(times + shift) for shift in (-width, 0.0, width))
-        true = now[:, 0] - offset
+        before, centre, after = (heading_at(times + shift) for shift in (-width, 0.0, width))
+        true = centre[:, 0] - offset
         turning = (after - before) / (2.0 * width)
-        yaw_acceleration = (after - 2.0 * now + before) / width**2
+        yaw_acceleration = (after - 2.0 * centre + before) / width**2
         moving = rotate(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
-        heeled, heeling = (each * body[:, :1] * aside for each in (turning, yaw_acceleration))
+        heeled, heeling = (rate * body[:, :1] * aside for rate in (turning, yaw_acceleration))
         arm = forward * ahead + starboard * aside + heel * heeled + heel_lag * heeling
         swung = turning * _quarter_turn(arm)
         bent = integral(grid_s, turning * factor * _quarter_turn(moving))
