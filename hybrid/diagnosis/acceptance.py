@@ -260,7 +260,7 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
     inner = _inner(equations, np.concatenate([[0], free, columns]))
     number = 1 + len(free)
     if len(free):
-        inner = _given_effects(inner, number)
+        inner = _project_out_effects(inner, number)
     place = {int(column): number + i for i, column in enumerate(columns)}
     interactions = sum(group.depends in INTERACTIONS for group in tested)
     tests = len(tested) - interactions + 1
@@ -285,7 +285,7 @@ def _inner(equations: NormalEquations, kept: Ints) -> Floats:
     return marginalise(total, kept, equations.nuisance, equations.nuisance_scale)[0]
 
 
-def _given_effects(inner: Floats, number: int) -> Floats:
+def _project_out_effects(inner: Floats, number: int) -> Floats:
     """Inner products of what columns 1 to ``number`` leave of the others, zero where that is negligible."""
     residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
     gone = np.diag(residual) < _NOTHING * np.diag(inner)
@@ -355,7 +355,7 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
-    groups = [set(family) for family in many_of_a_family(evidence, names)]
+    groups = [set(family) for family in families_with_many_effects(evidence, names)]
     for first, second in combinations(names, 2):
         if not _related(catalogue[first], catalogue[second]) or _tried_together(evidence, first, second):
             continue
@@ -364,7 +364,7 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     return [tuple(name for name in names if name in group) for group in groups]
 
 
-def many_of_a_family(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def families_with_many_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The named effects of each family of which there are more than an ordinary model lacks."""
     catalogue = evidence.equations.model.catalogue
     alone = [name for name in names if not _often_together(catalogue[name])]
@@ -448,7 +448,7 @@ def accept(selection: Selection) -> Acceptance:
     Each named effect may then also vary with the operating point, as a related effect outside the catalogue
     would.
     """
-    accepted = _beside_rivals(accept_names(selection))
+    accepted = _compare_rivals(accept_names(selection))
     if accepted.names:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
@@ -456,7 +456,7 @@ def accept(selection: Selection) -> Acceptance:
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def _beside_rivals(accepted: Acceptance) -> Acceptance:
+def _compare_rivals(accepted: Acceptance) -> Acceptance:
     """The acceptance with rivals compared at their own linearisation; the most likely rival replaces the name.
 
     It has to pass all tests as well. No search is made from it: starting from a wrong set, a search adds more
@@ -480,7 +480,7 @@ def _lacks(accepted: Acceptance, swap: Swap) -> float:
     less = log_density(accepted.evidence, accepted.names) - log_density(swap.evidence, swap.names)
     gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(swap.evidence, swap.names)
     fit = accepted.evidence.fit(accepted.names)
-    return as_legs_agree(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
+    return penalise_by_leg_scatter(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
@@ -491,7 +491,7 @@ def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
     return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.alone])
 
 
-def as_legs_agree(less: float, gains: Floats, noncentrality: Floats) -> float:
+def penalise_by_leg_scatter(less: float, gains: Floats, noncentrality: Floats) -> float:
     """The log odds ``less`` of one set of effects against another, reduced where legs scatter beyond the noise.
 
     ``gains`` [L] are the legs' log odds, ``noncentrality`` [L] the information in each. For two sets that differ by

@@ -50,10 +50,10 @@ from hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Coordinates,
     Selection,
-    about_fit,
     fitted_coordinates,
     linear_about,
     possible_rivals,
+    relinearise_at_fit,
     search_on,
     select_effects,
 )
@@ -187,7 +187,7 @@ def _candidate_sets(
         choice = _Choice.of(evidence, windows)
         before, names = names, choice.best_set(names)
         yield evidence, names, choice.tracks
-        evidence = about_fit(evidence, names)
+        evidence = relinearise_at_fit(evidence, names)
         yield evidence, names, choice.tracks
         if set(names) == set(before):
             return
@@ -230,7 +230,7 @@ def _about_itself(evidence: Evidence, name: str, at: Coordinates) -> Evidence:
     """The evidence linearised about one effect, starting from a given size."""
     evidence = linear_about(evidence, at) if at else evidence
     for _ in range(_ABOUT_ITSELF):
-        evidence = about_fit(evidence, (name,))
+        evidence = relinearise_at_fit(evidence, (name,))
     return evidence
 
 

@@ -69,7 +69,7 @@ def diagnose(
         log = log_of(tables)
         model = model_of(vessel, with_recordings(effects, log))
         acceptance = accepted_of(linearise(log, model, tolerance), part(0.1, 0.6))
-        return reach_verdict(with_changes(acceptance), part(0.6, 1.0))
+        return reach_verdict(add_time_varying_effects(acceptance), part(0.6, 1.0))
 
 
 def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
@@ -119,7 +119,7 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     return log_density(evidence, search_effects(evidence)) - margin
 
 
-def with_changes(acceptance: Acceptance) -> Acceptance:
+def add_time_varying_effects(acceptance: Acceptance) -> Acceptance:
     """Add effects that vary over the trial, one after another, as long as they are accepted."""
     for _ in range(CHANGES):
         change = likeliest_change(acceptance) if may_change(acceptance) else None

@@ -26,7 +26,7 @@ from hybrid.diagnosis.linearise import Linearisation, signatures
 from hybrid.diagnosis.map import map_of, round_edges
 from hybrid.diagnosis.nuisance_basis import AXES, FEW
 from hybrid.diagnosis.result import Replication
-from hybrid.diagnosis.select_effects import about_fit
+from hybrid.diagnosis.select_effects import relinearise_at_fit
 from hybrid.effects import Effect
 from hybrid.effects.regime import Regime, quantities_along, regime_effect
 
@@ -225,7 +225,7 @@ class _Fitted:
     @classmethod
     def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
         """``names`` fitted, and the evidence linearised about them."""
-        linear = about_fit(evidence, names, FEW)
+        linear = relinearise_at_fit(evidence, names, FEW)
         return cls(names, linear, _off_m(windows, linear, names))
 
     def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:

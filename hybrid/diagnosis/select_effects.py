@@ -180,7 +180,7 @@ def linear_about(
     return evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 
-def about_fit(evidence: Evidence, names: Sequence[str], number: int | None = None) -> Evidence:
+def relinearise_at_fit(evidence: Evidence, names: Sequence[str], number: int | None = None) -> Evidence:
     """The evidence linearised about the fit of ``names``."""
     return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
 
@@ -265,7 +265,7 @@ def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[S
             alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
             start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, swapped)
             seen = linear_about(evidence, {member: start[member] for member in swapped})
-            seen = about_fit(seen, swapped)
+            seen = relinearise_at_fit(seen, swapped)
             if seen.possible(swapped):
                 swaps.append(Swap(name, rival, swapped, seen))
     return swaps

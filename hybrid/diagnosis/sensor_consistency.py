@@ -57,7 +57,7 @@ def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | No
     if not sensors:
         return None
     file_free = {name: free for name, free in model.given.items() if name in sensors}
-    evidence, names = _found(log, Model(model.base, sensors, given=file_free), noise)
+    evidence, names = _select_sensor_effects(log, Model(model.base, sensors, given=file_free), noise)
     names = _commoner(evidence, names)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     return Acceptance(names, tests, evidence) if names else None
@@ -95,7 +95,7 @@ def without_dynamics(noise: Noise, linear: LinearModel) -> Noise:
     return replace(noise, gust=(surge, sway, yaw))
 
 
-def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
+def _select_sensor_effects(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no

@@ -11,7 +11,13 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit, composite_effects, many_of_a_family
+from hybrid.diagnosis.acceptance import (
+    CREDIBLE,
+    Acceptance,
+    LackOfFit,
+    composite_effects,
+    families_with_many_effects,
+)
 from hybrid.diagnosis.coarse_model import (
     improves_prediction,
     is_coarse,
@@ -92,7 +98,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
-        accepted = named or that_predict(sensors, windows) or replace(first, names=(), tests={})
+        accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     accepted, gap, withdrawn = _judged(accepted, windows, lacks)
@@ -123,7 +129,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     )
 
 
-def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
+def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
     """The sensor faults each of which improves predictions of held-out legs; None if there are none.
 
     A contradiction between sensors does not tell which of them is wrong, nor that the error persists.
@@ -175,7 +181,7 @@ def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]
     """
     if not first.lack_of_fit:
         return composite_effects(accepted.evidence, accepted.names)
-    return [] if is_far_off(first) else many_of_a_family(accepted.evidence, accepted.names)
+    return [] if is_far_off(first) else families_with_many_effects(accepted.evidence, accepted.names)
 
 
 def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
