@@ -50,10 +50,10 @@ def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> C
     A class that is no :class:`Calibrator` is wrapped in an :class:`.OwnCalibrator`. Raises
     :class:`ConfigurationError`.
     """
-    made = load(method, "calibrators", _METHODS)
+    factory = load(method, "calibrators", _METHODS)
     if method in _METHODS:
-        calibrator: Calibrator = made(seed, plant)
+        calibrator: Calibrator = factory(seed, plant)
         return calibrator
     from hybrid.calibrators.own import own_calibrator
 
-    return own_calibrator(made, method, seed, plant)
+    return own_calibrator(factory, method, seed, plant)

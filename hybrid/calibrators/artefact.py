@@ -172,9 +172,9 @@ def read_sidecar(folder: Path, method: str | None = None) -> tuple[Sidecar, Plan
     path = folder / SIDECAR
     raw = read_bytes(path)
     try:
-        found = _HEAD.validate_json(raw).format
-        if found != FORMAT:
-            raise InputError(f"is of format {_short(found)}, and this version reads {FORMAT}",
+        version = _HEAD.validate_json(raw).format
+        if version != FORMAT:
+            raise InputError(f"is of format {_short(version)}, and this version reads {FORMAT}",
                              where=str(path), fix="train again")  # fmt: skip
         sidecar = _SIDECAR.validate_json(raw, strict=True)
     except ValidationError as error:
@@ -236,7 +236,7 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     for name, region in (("region_m", sidecar.region_m), ("reserve.region", sidecar.reserve.region)):
         if len(region) != sidecar.horizon_s:
             raise damage_error(path, f"{name} has {len(region)} values for {sidecar.horizon_s} s")
-    if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
+    if not all(0.0 <= source.part[0] < source.part[1] <= 100.0 for source in sidecar.data):
         raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
     if sidecar.calibrator.code_sha256:
         _check_code(sidecar.calibrator, path)
@@ -249,12 +249,12 @@ def _check(sidecar: Sidecar, path: Path) -> None:
 
 def _check_code(model: Model, path: Path) -> None:
     """Require the unchanged user file that made a calibrator. Raises :class:`InputError`."""
-    found = digest_of(model.method, "calibrators")
-    if not found:
+    digest = digest_of(model.method, "calibrators")
+    if not digest:
         raise InputError("was made by code that no longer exists", where=str(path),
                          why=f"there is no {model.method}",
                          fix="restore it, or give its new path with --method FILE.py:CLASS")  # fmt: skip
-    if found != model.code_sha256:
+    if digest != model.code_sha256:
         raise InputError("was made by another version of its code", where=str(path),
                          why=f"{model.method} has changed: it was the file of SHA-256 {model.code_sha256}",
                          fix="restore that version, or train again")  # fmt: skip
@@ -296,10 +296,10 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     """
     parts: dict[str, Calibrator | None] = {name: getattr(trained, name) for name in PARTS}
     tensors = {name: part.state_dict() for name, part in parts.items() if part is not None}
-    for name, each in tensors.items():
-        _refuse_not_numbers(each, folder / _file(name))
-    contents = {_file(name): safetensors.numpy.save(each) for name, each in tensors.items()}
-    sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
+    for name, arrays in tensors.items():
+        _refuse_not_numbers(arrays, folder / _file(name))
+    contents = {_file(name): safetensors.numpy.save(arrays) for name, arrays in tensors.items()}
+    sidecar = _sidecar(trained, tensors, {name: _digest(data) for name, data in contents.items()})
     left_out = {name for name in ("data_driven", "any_commands", "actuators") if not getattr(sidecar, name)}
     text = _SIDECAR.dump_json(sidecar, indent=2, exclude=left_out) + b"\n"
     make_folder(folder)
@@ -336,10 +336,10 @@ def load(folder: Path, method: str | None = None) -> TrainedCalibrator:
     Raises :class:`InputError` naming what is missing or wrong, and for code of a user's own without ``method``.
     """
     sidecar, plant = read_sidecar(folder, method)
-    beside = sidecar.data_driven
+    data_driven = sidecar.data_driven
     return TrainedCalibrator(
         calibrator=_restored(sidecar, sidecar.calibrator, "calibrator", plant, folder),
-        data_driven=_restored(sidecar, beside, "data_driven", plant, folder) if beside else None,
+        data_driven=_restored(sidecar, data_driven, "data_driven", plant, folder) if data_driven else None,
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
@@ -373,7 +373,7 @@ def _restored(sidecar: Sidecar, model: Model, part: str, plant: Plant, folder: P
     tensors = _tensors(folder / _file(part), sidecar.files)
     calibrator = make_calibrator(model.method, model.seed, plant)
     calibrator.any_commands = sidecar.any_commands
-    names = tuple(each.name for each in model.inputs)
+    names = tuple(feature.name for feature in model.inputs)
     if calibrator.inputs != names:
         differing = sorted(set(calibrator.inputs) ^ set(names))
         raise InputError(f"was trained on other inputs than this version has for {model.method}",

@@ -177,12 +177,12 @@ def predict_with_fallback(
     silent = no_number if calibrator.extrapolates else outside
     tracks[silent] = np.nan
     source = np.full(len(windows), "hybrid", dtype="<U20")
-    beside = calibrator.beside_baselines(windows, tracks)
-    asked = silent if beside is None else np.ones_like(silent)
+    candidate = calibrator.beside_baselines(windows, tracks)
+    asked = silent if candidate is None else np.ones_like(silent)
     if asked.any():
-        found = fallback.predict(windows.subset(asked), reference[asked], plant, beside)
-        own = found.weight[len(BASELINES) :].sum(axis=0)[:, None, None]
-        others_m = found.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
-        tracks[asked], source[silent] = found.tracks, found.source[silent[asked]]
-        regions_m[asked] = np.where(own > 0.0, own * regions_m[asked], 0.0) + (1.0 - own) * others_m
+        replacement = fallback.predict(windows.subset(asked), reference[asked], plant, candidate)
+        weight = replacement.weight[len(BASELINES) :].sum(axis=0)[:, None, None]
+        others_m = replacement.expected_error_m[:, None, None] * fallback.region[: windows.horizon_s]
+        tracks[asked], source[silent] = replacement.tracks, replacement.source[silent[asked]]
+        regions_m[asked] = np.where(weight > 0.0, weight * regions_m[asked], 0.0) + (1.0 - weight) * others_m
     return PredictedTracks(tracks, regions_m, outside, source)

@@ -218,7 +218,7 @@ def train_network(
     network.to(device)
     rows = [(torch.from_numpy(a).to(device), torch.from_numpy(b).to(device)) for a, b in (training, stopping)]
     fit_network(network, rows[0], rows[1], until, windows, seed, progress)
-    kept = [each.detach().cpu().numpy().copy() for each in network.parameters()]
+    kept = [parameter.detach().cpu().numpy().copy() for parameter in network.parameters()]
     return tuple(zip(kept[::2], kept[1::2], strict=True))
 
 

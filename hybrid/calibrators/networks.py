@@ -80,8 +80,8 @@ def _controls(values: Floats, angles: list[int]) -> list[Floats]:
     """Controls [..., controls] one by one, an angle as its sine and cosine."""
     return [
         part
-        for column, each in enumerate(np.moveaxis(values, -1, 0))
-        for part in ((np.sin(each), np.cos(each)) if column in angles else (each,))
+        for column, control in enumerate(np.moveaxis(values, -1, 0))
+        for part in ((np.sin(control), np.cos(control)) if column in angles else (control,))
     ]
 
 
@@ -193,7 +193,7 @@ class NetworkCalibrator(Calibrator):
         scaled, held_out = self._scaled(rows), self._scaled(self._rows(*stopping))
         self.layers_ = train_network(scaled, held_out, until, windows, self.seed, progress)
         errors_m = mean_distances(self.predict(*stopping), stopping[0].track), self._hindcast_m(stopping[0])
-        self.usual_error_m_ = np.array([mean_known(each) for each in errors_m])
+        self.usual_error_m_ = np.array([mean_known(error_m) for error_m in errors_m])
         return self
 
     def _hindcast_m(self, windows: PredictionWindows) -> Floats:

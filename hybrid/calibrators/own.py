@@ -72,14 +72,14 @@ class OwnMethod(Protocol):
         """The tracks [N, H+1, 3], or north and east alone [N, H+1, 2] with the reference's heading."""
 
 
-def own_calibrator(made: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
+def own_calibrator(factory: Any, name: str, seed: int, plant: Plant | None) -> Calibrator:
     """A user's class as a calibrator. Raises :class:`ConfigurationError` for one that cannot be one."""
-    if not isinstance(made, type):
+    if not isinstance(factory, type):
         raise ConfigurationError("is not a class", where=name, fix="write a class with fit and predict")
-    if issubclass(made, Calibrator):
-        calibrator: Calibrator = made(seed, plant)
+    if issubclass(factory, Calibrator):
+        calibrator: Calibrator = factory(seed, plant)
     else:
-        calibrator = OwnCalibrator(made, name, seed, plant)
+        calibrator = OwnCalibrator(factory, name, seed, plant)
     calibrator.method = name
     return calibrator
 
@@ -100,14 +100,14 @@ class OwnCalibrator(Calibrator):
 
     method = "own"
 
-    def __init__(self, made: type, name: str, seed: int = 0, plant: Plant | None = None) -> None:
+    def __init__(self, factory: type, name: str, seed: int = 0, plant: Plant | None = None) -> None:
         super().__init__(seed, plant)
-        require_call(made, name, "windows", "track", method="fit")
-        require_call(made, name, "windows", method="predict")
-        self._name, self._file = name, file_of(made)
-        takes_seed = "seed" in inspect.signature(made).parameters
+        require_call(factory, name, "windows", "track", method="fit")
+        require_call(factory, name, "windows", method="predict")
+        self._name, self._file = name, file_of(factory)
+        takes_seed = "seed" in inspect.signature(factory).parameters
         with own_code(name, self._file):
-            self.own: OwnMethod = made(seed=seed) if takes_seed else made()
+            self.own: OwnMethod = factory(seed=seed) if takes_seed else factory()
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return start_names(actuators)
@@ -116,38 +116,38 @@ class OwnCalibrator(Calibrator):
         windows, reference = training
         self.actuators, self.any_commands = windows.actuators, windows.commands is not None
         self.range_ = start_range(windows)
-        whole = windows.whole
-        known = known_windows(windows.subset(whole), reference[whole])
+        complete = windows.whole
+        complete_windows = known_windows(windows.subset(complete), reference[complete])
         with own_code(f"{self._name}.fit", self._file):
-            self.own.fit(known, windows.track[whole].copy())
+            self.own.fit(complete_windows, windows.track[complete].copy())
         progress(1.0)
         return self
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         with own_code(f"{self._name}.predict", self._file):
-            found = np.asarray(self.own.predict(known_windows(windows, reference)), dtype=np.float64)
+            tracks = np.asarray(self.own.predict(known_windows(windows, reference)), dtype=np.float64)
         count, seconds, _ = reference.shape
-        if found.shape not in ((count, seconds, 2), (count, seconds, 3)):
+        if tracks.shape not in ((count, seconds, 2), (count, seconds, 3)):
             raise OwnCodeError(
-                f"predict returned an array of {found.shape}", where=self._name,
+                f"predict returned an array of {tracks.shape}", where=self._name,
                 fix=f"return {(count, seconds, 3)}: windows, seconds 0 to {seconds - 1}, north, east, heading",
             )  # fmt: skip
-        return np.concatenate([found, reference[..., found.shape[2] :]], axis=2)
+        return np.concatenate([tracks, reference[..., tracks.shape[2] :]], axis=2)
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         return start_domain(windows, self.range_, DOMAIN_MARGIN)
 
     def state_dict(self) -> dict[str, Floats]:
-        own = self.own
+        user_method = self.own
         with own_code(f"{self._name}.__getstate__", self._file):
-            state: Any = own.__getstate__() if hasattr(own, "__setstate__") else vars(own)
+            state: Any = user_method.__getstate__() if hasattr(user_method, "__setstate__") else vars(user_method)
         arrays = {name: value for name, value in state.items() if _is_numeric(value)}
-        others = {name: value for name, value in state.items() if name not in arrays}
-        for name, value in others.items():
+        plain = {name: value for name, value in state.items() if name not in arrays}
+        for name, value in plain.items():
             self._refuse_unsaved(name, value)
-        text = np.frombuffer(json.dumps(others).encode(), np.uint8)
-        every = {"range": self.range_, "others": text} | {f"own.{name}": each for name, each in arrays.items()}
-        return {name: np.array(value) for name, value in every.items()}
+        text = np.frombuffer(json.dumps(plain).encode(), np.uint8)
+        tensors = {"range": self.range_, "others": text} | {f"own.{name}": array for name, array in arrays.items()}
+        return {name: np.array(value) for name, value in tensors.items()}
 
     def _refuse_unsaved(self, name: str, value: Any) -> None:
         try:
@@ -160,9 +160,9 @@ class OwnCalibrator(Calibrator):
             ) from error  # fmt: skip
 
     def load_state_dict(self, tensors: dict[str, Floats]) -> Self:
-        found = dict(tensors)
-        self.range_, others = found.pop("range"), parse_json(found.pop("others").tobytes())
-        state = {name.removeprefix("own."): value for name, value in found.items()} | others
+        arrays = dict(tensors)
+        self.range_, plain = arrays.pop("range"), parse_json(arrays.pop("others").tobytes())
+        state = {name.removeprefix("own."): value for name, value in arrays.items()} | plain
         with own_code(f"{self._name}.__setstate__", self._file):
             if hasattr(self.own, "__setstate__"):
                 self.own.__setstate__(state)

@@ -76,8 +76,8 @@ def predictor_of(
     seconds = horizon_s or trained.horizon_s
     trained.refuse_horizon(seconds)
     plant = plant_for(trained, None if vessel is None else str(vessel))
-    said, ship = _model_of(trained, trials)
-    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), said, ship)
+    remark, ship = _model_of(trained, trials)
+    return Predictor(trained.vessel, plant, seconds, trained, "" if loaded else str(calibrator), remark, ship)
 
 
 def _model_of(trained: TrainedCalibrator, trials: Trials) -> tuple[ChosenModel, Vessel | None]:
@@ -131,7 +131,7 @@ class Prediction(ModelResult):
         for second, (north, east, heading) in enumerate(self.track):
             row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
             row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
-            row.update({name: None if each is None else float(each[second]) for name, each in region.items()})
+            row.update({name: None if band is None else float(band[second]) for name, band in region.items()})
             if self.measured is not None:
                 row["measured_north_m"], row["measured_east_m"] = map(float, self.measured[second, :2])
             rows.append(row)
@@ -182,14 +182,14 @@ def window_at(recorded: SecondBySecond, at: pd.Timestamp, horizon_s: int) -> tup
     times_ns, actuators = times.as_unit("ns").asi8, table_actuators(table)
     start_ns = times_ns[[np.argmin(np.abs(times_ns - at.as_unit("ns").value))]]
     channels = rows_after(table, start_ns, np.arange(horizon_s + 1), actuators)
-    known = np.isfinite(channels[0])
-    missing = [name for name, there in zip(trial_names(actuators), known[0], strict=True) if not there]
+    finite = np.isfinite(channels[0])
+    missing = [name for name, there in zip(trial_names(actuators), finite[0], strict=True) if not there]
     if missing:
         start = pd.Timestamp(start_ns[0], tz="UTC").isoformat()
         raise InputError(f"{', '.join(missing)} has no value at {start}", fix="choose another time")
     name = np.array(["prediction"])
     windows = windows_of_channels(channels, actuators, name, name, start_ns, None, {"prediction": recorded})
-    return windows, bool(known[:, : HEADING + 1].all())
+    return windows, bool(finite[:, : HEADING + 1].all())
 
 
 def predict(
@@ -248,4 +248,4 @@ def _under_plan(
         return windows, {}
     controls = planned_commands(orders, windows.control[0], windows.actuators, windows.horizon_s)
     channels = zip(control_names(windows.actuators), (controls / control_units(windows.actuators)).T, strict=True)
-    return replace(windows, commands=controls[None]), {name: each for name, each in channels if name in orders}
+    return replace(windows, commands=controls[None]), {name: values for name, values in channels if name in orders}

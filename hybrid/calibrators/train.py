@@ -134,7 +134,7 @@ def train(
         plant=plant,
         region_m=calibrator.conformal_region(stopping),
         fallback=Fallback.fit(windows, tracks, plant),
-        sources=tuple(replace(each, path=each.path.resolve()) for each in dataset.sources),
+        sources=tuple(replace(source, path=source.path.resolve()) for source in dataset.sources),
         metrics=_metrics(windows, training, stopping, calibrator.out_of_sample_tracks(stopping)),
     )
 

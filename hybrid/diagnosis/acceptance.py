@@ -94,13 +94,13 @@ class AcceptanceTests:
 
 def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
     """Test one of the effects ``names``, given the others."""
-    others = tuple(each for each in names if each != name)
-    together, without = evidence.fit(names), evidence.fit(others)
+    remaining = tuple(candidate for candidate in names if candidate != name)
+    together, without = evidence.fit(names), evidence.fit(remaining)
     gain = together.gain - without.gain
     spread = score_spread(evidence, names, name)
     p_value = evidence.chance(gain / spread, len(evidence.columns([name])))
     noncentrality = _noncentrality(evidence, together, name)
-    gains, informative = unseen_gains(evidence, others, names), _informative_legs(noncentrality)
+    gains, informative = unseen_gains(evidence, remaining, names), _informative_legs(noncentrality)
     p_held_out = chance_of_gains(gains[informative] / np.sqrt(np.maximum(noncentrality[informative], 1e-300)))
     return AcceptanceTests(name, gain, p_value, spread, p_held_out, _large_enough(evidence, together, name))
 
@@ -139,31 +139,33 @@ def _large_enough(evidence: Evidence, fit: Fit, name: str) -> bool:
 
 def score_spread(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
     """The :func:`overdispersion` of the score of one of the effects ``names``, at least 1."""
-    rest = tuple(each for each in names if each != name)
-    own, others, every = (np.array(evidence.columns(some), dtype=int) for some in ([name], rest, names))
-    return max(1.0, float(overdispersion(evidence.equations, own, others, every).max()))
+    remaining = tuple(candidate for candidate in names if candidate != name)
+    tested, remaining_columns, all_columns = (
+        np.array(evidence.columns(group), dtype=int) for group in ([name], remaining, names)
+    )
+    return max(1.0, float(overdispersion(evidence.equations, tested, remaining_columns, all_columns).max()))
 
 
-def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, every: Ints) -> Floats:
+def overdispersion(equations: NormalEquations, columns: Ints, remaining: Ints, fitted: Ints) -> Floats:
     """The scatter of each column's score from leg to leg, over that expected from the noise model.
 
-    The score is the product of the residual of a fit of ``every`` column with the column itself, after removing
-    what ``others`` and the nuisances could explain (White 1980, clustered by leg).
+    The score is the product of the residual of a fit of the ``fitted`` columns with the column itself, after
+    removing what the ``remaining`` ones and the nuisances could explain (White 1980, clustered by leg).
     """
     gram = equations.gram
     count, total = len(gram), gram.sum(axis=0)
     if count < 4:
         return np.ones(len(columns))
     nuisance, scale = equations.nuisance, equations.nuisance_scale
-    own = np.zeros((len(total), len(columns)))
-    own[columns, np.arange(len(columns))] = 1.0
-    own = _residual_columns(total, own, others, nuisance, scale)
-    residual = _residual_columns(total, restored_data(equations)[:, None], every, nuisance, scale)[:, 0]
-    scores = np.stack([own.T @ (leg @ residual) for leg in gram])
-    information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in gram])
-    whole = np.maximum(information.sum(axis=0), 1e-300)  # some columns carry no information
-    centred = scores - information * scores.sum(axis=0) / whole
-    return np.asarray((centred**2).sum(axis=0) / whole * count / (count - 1))
+    direction = np.zeros((len(total), len(columns)))
+    direction[columns, np.arange(len(columns))] = 1.0
+    direction = _residual_columns(total, direction, remaining, nuisance, scale)
+    residual = _residual_columns(total, restored_data(equations)[:, None], fitted, nuisance, scale)[:, 0]
+    scores = np.stack([direction.T @ (leg @ residual) for leg in gram])
+    information = np.stack([np.einsum("ij,ij->j", direction, leg @ direction) for leg in gram])
+    total_information = np.maximum(information.sum(axis=0), 1e-300)  # some columns carry no information
+    centred = scores - information * scores.sum(axis=0) / total_information
+    return np.asarray((centred**2).sum(axis=0) / total_information * count / (count - 1))
 
 
 def _residual_columns(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
@@ -186,10 +188,10 @@ def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str,
     effect as well as the effect itself.
     """
 
-    def density(leg: int, some: tuple[str, ...]) -> float:
-        columns, own = np.array(evidence.columns(some), dtype=int), evidence.alone[leg]
-        values = fit_columns(evidence.left_out[leg], evidence.columns(some), evidence.prior(some)).values
-        return float(values @ own[columns, 0] - 0.5 * values @ own[np.ix_(columns, columns)] @ values)
+    def density(leg: int, subset: tuple[str, ...]) -> float:
+        columns, inner = np.array(evidence.columns(subset), dtype=int), evidence.alone[leg]
+        values = fit_columns(evidence.left_out[leg], evidence.columns(subset), evidence.prior(subset)).values
+        return float(values @ inner[columns, 0] - 0.5 * values @ inner[np.ix_(columns, columns)] @ values)
 
     return np.array([density(leg, names) - density(leg, without) for leg in range(len(evidence.alone))])
 
@@ -243,35 +245,35 @@ def families(equations: NormalEquations) -> list[Family]:
         for depends in dict.fromkeys(layout.depends)
     ]
     for label in dict.fromkeys(layout.varying):
-        some = np.flatnonzero([each == label for each in layout.varying])
+        indices = np.flatnonzero([varying_label == label for varying_label in layout.varying])
         what, depends = label.split("*")
-        result.append(Family(depends, what, some + layout.first_varying))
+        result.append(Family(depends, what, indices + layout.first_varying))
     return result
 
 
 def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
     """Every family, the most significant first; the effects ``names`` are fitted freely beside it."""
     equations = evidence.equations
-    every = families(equations)
-    columns = np.concatenate([each.columns for each in every])
+    tested = families(equations)
+    columns = np.concatenate([group.columns for group in tested])
     free = np.array(evidence.columns(names), dtype=int)
     inner = _inner(equations, np.concatenate([[0], free, columns]))
     number = 1 + len(free)
     if len(free):
-        inner = _given_effects(inner, number)
+        inner = _project_out_effects(inner, number)
     place = {int(column): number + i for i, column in enumerate(columns)}
-    interactions = sum(each.depends in INTERACTIONS for each in every)
-    tests = len(every) - interactions + 1
+    interactions = sum(group.depends in INTERACTIONS for group in tested)
+    tests = len(tested) - interactions + 1
     result = [_of_tolerance(equations, evidence, names, tests)]
-    for each in every:
-        chances = interactions if each.depends in INTERACTIONS else tests
-        places = [place[int(column)] for column in each.columns]
-        judged = _tested_family(equations, inner, places, each, chances, 1.0)
+    for candidate in tested:
+        chances = interactions if candidate.depends in INTERACTIONS else tests
+        places = [place[int(column)] for column in candidate.columns]
+        judged = _tested_family(equations, inner, places, candidate, chances, 1.0)
         if judged.found:  # overdispersed from leg to leg: counts for less
-            spread = float(np.median(overdispersion(equations, each.columns, free, free)))
-            judged = _tested_family(equations, inner, places, each, chances, max(spread, 1.0))
+            spread = float(np.median(overdispersion(equations, candidate.columns, free, free)))
+            judged = _tested_family(equations, inner, places, candidate, chances, max(spread, 1.0))
         result.append(judged)
-    return sorted(result, key=lambda each: each.p_value)
+    return sorted(result, key=lambda lack: lack.p_value)
 
 
 def _inner(equations: NormalEquations, kept: Ints) -> Floats:
@@ -283,12 +285,12 @@ def _inner(equations: NormalEquations, kept: Ints) -> Floats:
     return marginalise(total, kept, equations.nuisance, equations.nuisance_scale)[0]
 
 
-def _given_effects(inner: Floats, number: int) -> Floats:
+def _project_out_effects(inner: Floats, number: int) -> Floats:
     """Inner products of what columns 1 to ``number`` leave of the others, zero where that is negligible."""
-    left = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
-    gone = np.diag(left) < _NOTHING * np.diag(inner)
-    left[gone] = left[:, gone] = 0.0
-    return np.asarray(left)
+    residual = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
+    gone = np.diag(residual) < _NOTHING * np.diag(inner)
+    residual[gone] = residual[:, gone] = 0.0
+    return np.asarray(residual)
 
 
 def _tested_family(
@@ -321,9 +323,9 @@ def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequenc
         return -_log_density(evidence, names, scale * np.where(wider, np.exp(log_factor), 1.0))
 
     most = np.log(1.0 / equations.tolerance)  # the whole range
-    found = minimize_scalar(cost, bounds=(0.0, most), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})
-    gain = 2.0 * max(cost(0.0) - float(found.fun), 0.0)
-    factor = float(np.exp(found.x)) if gain > 0.0 else 1.0
+    optimum = minimize_scalar(cost, bounds=(0.0, most), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})
+    gain = 2.0 * max(cost(0.0) - float(optimum.fun), 0.0)
+    factor = float(np.exp(optimum.x)) if gain > 0.0 else 1.0
     return LackOfFit(
         OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
         factor * equations.tolerance, factor > 1.0,
@@ -334,12 +336,12 @@ def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> flo
     """Log density of the data given these nuisances, the effects ``names`` fitted freely; up to a constant."""
     inner, determinant = restored_gram(evidence.equations, evidence.equations.gram.sum(axis=0), scale)
     columns = np.array(evidence.columns(names), dtype=int)
-    left = inner[0, 0]
+    misfit = inner[0, 0]
     if columns.size:
         information = inner[np.ix_(columns, columns)]
-        left -= inner[0, columns] @ np.linalg.solve(information, inner[columns, 0])
+        misfit -= inner[0, columns] @ np.linalg.solve(information, inner[columns, 0])
         determinant += float(np.linalg.slogdet(information)[1])
-    return float(-0.5 * (left + determinant))
+    return float(-0.5 * (misfit + determinant))
 
 
 CREDIBLE = 3
@@ -353,29 +355,33 @@ def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[st
     """Groups of named effects each of which may be one effect outside the catalogue: related ones, or many of a
     family."""
     catalogue = evidence.equations.model.catalogue
-    found = [set(some) for some in many_of_a_family(evidence, names)]
-    for one, other in combinations(names, 2):
-        if not _related(catalogue[one], catalogue[other]) or _tried_together(evidence, one, other):
+    groups = [set(family) for family in families_with_many_effects(evidence, names)]
+    for first, second in combinations(names, 2):
+        if not _related(catalogue[first], catalogue[second]) or _tried_together(evidence, first, second):
             continue
-        joined = [group for group in found if group & {one, other}]
-        found = [group for group in found if group not in joined] + [{one, other}.union(*joined)]
-    return [tuple(name for name in names if name in group) for group in found]
+        joined = [group for group in groups if group & {first, second}]
+        groups = [group for group in groups if group not in joined] + [{first, second}.union(*joined)]
+    return [tuple(name for name in names if name in group) for group in groups]
 
 
-def many_of_a_family(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
+def families_with_many_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The named effects of each family of which there are more than an ordinary model lacks."""
     catalogue = evidence.equations.model.catalogue
     alone = [name for name in names if not _often_together(catalogue[name])]
-    every = dict.fromkeys(catalogue[name].family for name in alone)
-    families = (tuple(name for name in alone if catalogue[name].family == family) for family in every)
-    return [some for some in families if len(some) > CREDIBLE]
+    family_names = dict.fromkeys(catalogue[name].family for name in alone)
+    families = (tuple(name for name in alone if catalogue[name].family == family) for family in family_names)
+    return [members for members in families if len(members) > CREDIBLE]
 
 
-def _related(one: Effect, other: Effect) -> bool:
+def _related(first: Effect, second: Effect) -> bool:
     """Whether one cause may plausibly appear as both."""
-    if one.family != other.family or one.kind != other.kind or any(_often_together(each) for each in (one, other)):
+    if (
+        first.family != second.family
+        or first.kind != second.kind
+        or any(_often_together(effect) for effect in (first, second))
+    ):
         return False
-    return one.family == "clock" or other.base in one.confused_with or one.base in other.confused_with
+    return first.family == "clock" or second.base in first.confused_with or first.base in second.confused_with
 
 
 def _often_together(effect: Effect) -> bool:
@@ -387,15 +393,15 @@ def _often_together(effect: Effect) -> bool:
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
-def _tried_together(evidence: Evidence, one: str, other: str) -> bool:
+def _tried_together(evidence: Evidence, first: str, second: str) -> bool:
     """Whether the catalogue has an effect of their family that the two combine to, each contributing."""
     catalogue = evidence.equations.model.catalogue
     return any(
-        _explained(evidence, name, (one, other))
+        _explained(evidence, name, (first, second))
         > _SPANNED
-        > max(_explained(evidence, name, (each,)) for each in (one, other))
+        > max(_explained(evidence, name, (single,)) for single in (first, second))
         for name, effect in catalogue.items()
-        if effect.family == catalogue[one].family and name not in (one, other)
+        if effect.family == catalogue[first].family and name not in (first, second)
     )
 
 
@@ -405,15 +411,15 @@ def pairs_spanning(evidence: Evidence, names: Sequence[str], name: str) -> list[
     For example a skeg damps turning and reduces the moment of drift.
     """
     relatives = evidence.equations.model.catalogue[name].confused_with
-    known = [each for each in relatives if each in evidence.names and each not in names]
-    return [pair for pair in combinations(known, 2) if _explained(evidence, name, pair) > _SPANNED]
+    candidates = [relative for relative in relatives if relative in evidence.names and relative not in names]
+    return [pair for pair in combinations(candidates, 2) if _explained(evidence, name, pair) > _SPANNED]
 
 
 def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
-    own, others = np.array(evidence.columns([name])), np.array(evidence.columns(by))
-    size = np.sqrt(np.maximum(np.diag(evidence.inner)[own], 1e-300))
-    return float(np.linalg.eigvalsh(explained_by(evidence.inner, own, others) / np.outer(size, size))[0])
+    columns, explaining = np.array(evidence.columns([name])), np.array(evidence.columns(by))
+    size = np.sqrt(np.maximum(np.diag(evidence.inner)[columns], 1e-300))
+    return float(np.linalg.eigvalsh(explained_by(evidence.inner, columns, explaining) / np.outer(size, size))[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -442,7 +448,7 @@ def accept(selection: Selection) -> Acceptance:
     Each named effect may then also vary with the operating point, as a related effect outside the catalogue
     would.
     """
-    accepted = _beside_rivals(accept_names(selection))
+    accepted = _compare_rivals(accept_names(selection))
     if accepted.names:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
@@ -450,22 +456,22 @@ def accept(selection: Selection) -> Acceptance:
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
-def _beside_rivals(accepted: Acceptance) -> Acceptance:
+def _compare_rivals(accepted: Acceptance) -> Acceptance:
     """The acceptance with rivals compared at their own linearisation; the most likely rival replaces the name.
 
     It has to pass all tests as well. No search is made from it: starting from a wrong set, a search adds more
     imitations.
     """
     swaps = swaps_about_themselves(accepted.evidence, accepted.names)
-    best = max(swaps, key=lambda each: log_density(each.evidence, each.names), default=None)
+    best = max(swaps, key=lambda swap: log_density(swap.evidence, swap.names), default=None)
     if best is None:
         return accepted
     if log_density(best.evidence, best.names) > log_density(accepted.evidence, accepted.names):
         tests = {name: acceptance_tests(best.evidence, best.names, name) for name in best.names}
-        if all(each.accepted for each in tests.values()):
+        if all(test.accepted for test in tests.values()):
             accepted = Acceptance(best.names, tests, best.evidence)
             swaps = swaps_about_themselves(best.evidence, best.names)
-    less = {(each.name, each.rival): _lacks(accepted, each) for each in swaps}
+    less = {(swap.name, swap.rival): _lacks(accepted, swap) for swap in swaps}
     return replace(accepted, rival_deficits={**accepted.rival_deficits, **less})
 
 
@@ -474,7 +480,7 @@ def _lacks(accepted: Acceptance, swap: Swap) -> float:
     less = log_density(accepted.evidence, accepted.names) - log_density(swap.evidence, swap.names)
     gains = log_density_by_leg(accepted.evidence, accepted.names) - log_density_by_leg(swap.evidence, swap.names)
     fit = accepted.evidence.fit(accepted.names)
-    return as_legs_agree(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
+    return penalise_by_leg_scatter(less, gains, _noncentrality(accepted.evidence, fit, swap.name))
 
 
 def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
@@ -485,7 +491,7 @@ def log_density_by_leg(evidence: Evidence, names: tuple[str, ...]) -> Floats:
     return np.array([-0.5 * float(weights @ leg @ weights) for leg in evidence.alone])
 
 
-def as_legs_agree(less: float, gains: Floats, noncentrality: Floats) -> float:
+def penalise_by_leg_scatter(less: float, gains: Floats, noncentrality: Floats) -> float:
     """The log odds ``less`` of one set of effects against another, reduced where legs scatter beyond the noise.
 
     ``gains`` [L] are the legs' log odds, ``noncentrality`` [L] the information in each. For two sets that differ by
@@ -517,11 +523,11 @@ def _drop_failures(
     """The effects that pass all tests, their results, and the excluded ones; each failure makes room for others."""
     while True:
         tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        failed = [each for each in tests.values() if not each.accepted]
+        failed = [test for test in tests.values() if not test.accepted]
         if not failed:
             return names, tests, excluded
-        worst = max(failed, key=lambda each: each.p_value)
-        excluded |= {worst.name, *(each.name for each in failed if each.fails_alone)}
+        worst = max(failed, key=lambda test: test.p_value)
+        excluded |= {worst.name, *(test.name for test in failed if test.fails_alone)}
         names = search_effects(evidence, excluded)
 
 
@@ -530,12 +536,12 @@ def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
     evidence = accepted.evidence
     fit, catalogue = evidence.fit(accepted.names), evidence.equations.model.catalogue
 
-    def matters(each: LackOfFit) -> bool:
-        if named := [name for name in accepted.names if catalogue[name].base == each.what.split(",")[0]]:
+    def matters(lack: LackOfFit) -> bool:
+        if named := [name for name in accepted.names if catalogue[name].base == lack.what.split(",")[0]]:
             # relative variation of a named effect
-            whole = np.take(fit.values, evidence.places(fit, named[0]))
-            least = _OWN_FORM if each.depends in INTERACTIONS else _UNEVEN
-            return each.size > least * float(np.linalg.norm(whole))
-        return each.gain > _NEGLIGIBLE * fit.gain
+            coordinates = np.take(fit.values, evidence.places(fit, named[0]))
+            least = _OWN_FORM if lack.depends in INTERACTIONS else _UNEVEN
+            return lack.size > least * float(np.linalg.norm(coordinates))
+        return lack.gain > _NEGLIGIBLE * fit.gain
 
-    return tuple(each for each in lack_of_fit(evidence, accepted.names) if each.found and matters(each))
+    return tuple(lack for lack in lack_of_fit(evidence, accepted.names) if lack.found and matters(lack))

@@ -80,9 +80,11 @@ def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]
     fold, counts = fold_of(log), np.zeros((len(windows), FOLDS), dtype=np.int64)
     for number, trial in enumerate(trials):
         mine = np.flatnonzero(windows.trial == trial)
-        for each in range(FOLDS):
-            known = np.sort(log.time_s[(log.recording == number) & (fold == each)])
-            counts[mine, each] = np.searchsorted(known, last[mine], "right") - np.searchsorted(known, first[mine])
+        for test_fold in range(FOLDS):
+            seconds = np.sort(log.time_s[(log.recording == number) & (fold == test_fold)])
+            counts[mine, test_fold] = np.searchsorted(seconds, last[mine], "right") - np.searchsorted(
+                seconds, first[mine]
+            )
     return counts
 
 
@@ -124,9 +126,9 @@ def ladder(
     bases = {fold: {"reference": base} for fold in folds}
     for fold, at in (named or {}).items():
         bases[fold]["named"] = replace(model, at=at).plant()
-    plants = [plant for each in bases.values() for plant in each.values()]
-    known = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
-    windows, seconds = windows.subset(known), seconds[known]
+    plants = [plant for fold_plants in bases.values() for plant in fold_plants.values()]
+    finite = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
+    windows, seconds = windows.subset(finite), seconds[finite]
     draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
     rungs = [
         _rungs(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
@@ -166,7 +168,7 @@ def _together(
     """The means over all test windows, and the ladder's ratios, with intervals over legs."""
     result = pool_draws("leg", windows, draws, rungs)
     legs = LegBootstrap.of(windows.leg[result.held_out], seed)
-    mean_m = {name: each.distance_m.mean(axis=1) for name, each in result.errors.items()}
+    mean_m = {name: errors.distance_m.mean(axis=1) for name, errors in result.errors.items()}
     pairs = [("named", "reference"), ("reference_calibrated", "reference"), ("named_calibrated", "named"),
              ("named_calibrated", "reference_calibrated")]  # fmt: skip
     pairs = [pair for pair in pairs if pair[0] in mean_m]
@@ -175,6 +177,9 @@ def _together(
         method,
         int(result.held_out.sum()),
         legs.legs,
-        {name: legs.mean(each) for name, each in mean_m.items()},
-        tuple(Ratio(one, other, **asdict(legs.ratio(mean_m[one], mean_m[other]))) for one, other in pairs),
+        {name: legs.mean(distance_m) for name, distance_m in mean_m.items()},
+        tuple(
+            Ratio(numerator, denominator, **asdict(legs.ratio(mean_m[numerator], mean_m[denominator])))
+            for numerator, denominator in pairs
+        ),
     )

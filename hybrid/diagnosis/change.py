@@ -44,7 +44,7 @@ def may_change(accepted: Acceptance) -> bool:
     if time_varying_among(accepted.names, equations.model.catalogue) and not is_coarse(accepted):
         return True
     any_may = np.ptp(equations.log.recording) > 0
-    return any(any_may or each.depends == "time" for each in accepted.lack_of_fit)
+    return any(any_may or lack.depends == "time" for lack in accepted.lack_of_fit)
 
 
 def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
@@ -54,17 +54,17 @@ def likeliest_change(accepted: Acceptance) -> TimeVaryingEffect | None:
     """
     parts = _parts_of(accepted.evidence.equations)
     tried = [_best_profiles(parts, name, accepted.names) for name in _steady(parts)]
-    likely = sorted(tried, key=lambda each: -max(each))[:_LIKELIEST]
-    known = parts.evidence.names  # an effect that already varies in this way is not tried again
-    new = [change for each in likely for change in each.values() if change.name not in known]
+    likely = sorted(tried, key=lambda changes: -max(changes))[:_LIKELIEST]
+    existing = parts.evidence.names  # an effect that already varies in this way is not tried again
+    new = [change for changes in likely for change in changes.values() if change.name not in existing]
     odds = {change: _odds_with(parts, change) for change in new}
     if not odds:
         return None
     best = max(odds, key=odds.__getitem__)
     if odds[best] < _asked_of_a_change(parts.evidence, is_coarse(accepted)):
         return None
-    alike = [each for each in odds if each.base == best.base and odds[each] > odds[best] - CLOSE]
-    return min(alike, key=lambda each: (each.profile.pieces, -odds[each]))
+    alike = [change for change in odds if change.base == best.base and odds[change] > odds[best] - CLOSE]
+    return min(alike, key=lambda change: (change.profile.pieces, -odds[change]))
 
 
 def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
@@ -77,7 +77,7 @@ def _asked_of_a_change(evidence: Evidence, coarse: bool) -> float:
     if not coarse:
         return asked
     changing = frozenset(
-        each.name for each in time_varying_among(evidence.names, evidence.equations.model.catalogue)
+        effect.name for effect in time_varying_among(evidence.names, evidence.equations.model.catalogue)
     )
     return max(asked, (1.0 + _MUCH) * evidence.log_odds(search_effects(evidence, changing)))
 
@@ -94,15 +94,15 @@ def _odds_with(parts: _Parts, change: TimeVaryingEffect) -> float:
 class _Parts:
     """A trial in L short parts.
 
-    ``evidence`` is that of the whole; ``own`` [L, K, K] are the inner products of the data and all effects within
-    each part, ``half`` [L, n, K] the corrections for the nuisances and ``rest`` [n, K] their sum; ``part`` [T] is
-    the part of each second; ``profiles`` has every candidate profile with its shares.
+    ``evidence`` is that of the whole; ``part_inner`` [L, K, K] are the inner products of the data and all effects
+    within each part, ``half`` [L, n, K] the corrections for the nuisances and ``half_total`` [n, K] their sum;
+    ``part`` [T] is the part of each second; ``profiles`` has every candidate profile with its shares.
     """
 
     evidence: Evidence
-    own: Floats
+    part_inner: Floats
     half: Floats
-    rest: Floats
+    half_total: Floats
     part: Ints
     profiles: tuple[tuple[TimeProfile, Floats], ...]
 
@@ -111,11 +111,14 @@ class _Parts:
 
         ``shares`` [L, pieces] is the weight of each piece in each part.
         """
-        some = list(columns)
-        own, half = np.ascontiguousarray(self.own[:, :, some]), self.half[:, :, some]
-        taken = np.einsum("lp,lnc->npc", shares, half).reshape(len(self.rest), -1)
-        cross = np.einsum("lp,lkc->kpc", shares, own).reshape(own.shape[1], -1) - self.rest.T @ taken
-        among = np.einsum("lp,lq,lcd->pcqd", shares, shares, own[:, some]).reshape(taken.shape[1], -1)
+        chosen = list(columns)
+        chosen_inner, half = np.ascontiguousarray(self.part_inner[:, :, chosen]), self.half[:, :, chosen]
+        taken = np.einsum("lp,lnc->npc", shares, half).reshape(len(self.half_total), -1)
+        cross = (
+            np.einsum("lp,lkc->kpc", shares, chosen_inner).reshape(chosen_inner.shape[1], -1)
+            - self.half_total.T @ taken
+        )
+        among = np.einsum("lp,lq,lcd->pcqd", shares, shares, chosen_inner[:, chosen]).reshape(taken.shape[1], -1)
         return np.block([[self.evidence.inner, cross], [cross.T, among - taken.T @ taken]])
 
     def with_change(self, change: TimeVaryingEffect) -> Evidence:
@@ -145,20 +148,20 @@ def _parts_of(equations: NormalEquations) -> _Parts:
     granted[np.diag_indices_from(granted)] += 1.0
     lower = cho_factor(granted, lower=True, check_finite=False)[0]
     right = fine.gram @ back
-    own = back.T @ right
+    part_inner = back.T @ right
     cross = np.moveaxis(right[:, nuisance] * scale[:, None], 0, 1).reshape(len(nuisance), -1)
     half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, kept)
-    whole = half.sum(axis=1)
-    evidence = Evidence(own.sum(axis=0) - whole.T @ whole, replace(fine, log=log))
+    half_total = half.sum(axis=1)
+    evidence = Evidence(part_inner.sum(axis=0) - half_total.T @ half_total, replace(fine, log=log))
     profiles = tuple((profile, _shares(profile, log, part)) for profile in _profiles(log))
     half = np.ascontiguousarray(np.moveaxis(half, 0, 1))
-    return _Parts(evidence, own, half, whole, part, profiles)
+    return _Parts(evidence, part_inner, half, half_total, part, profiles)
 
 
 def _shares(profile: TimeProfile, log: Log, part: Ints) -> Floats:
     """The weight of each piece of a profile in each part of a trial [L, pieces]."""
     count = np.bincount(part)
-    return np.column_stack([np.bincount(part, weights=each) / count for each in profile.shares(log).T])
+    return np.column_stack([np.bincount(part, weights=share) / count for share in profile.shares(log).T])
 
 
 def _steady(parts: _Parts) -> list[str]:
@@ -169,25 +172,25 @@ def _steady(parts: _Parts) -> list[str]:
 def _best_profiles(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, TimeVaryingEffect]:
     """An effect with its most likely profile of each shape, by log evidence beside the other named effects."""
     evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
-    effect, own = catalogue[name], evidence.columns([name])
-    others = [each for each in names if catalogue[each].base != name]
-    fixed, prior, first = evidence.columns(others), evidence.prior(others), len(evidence.inner)
-    found: dict[Shape, list[tuple[float, TimeProfile]]] = {}
+    effect, effect_columns = catalogue[name], evidence.columns([name])
+    fixed_names = [candidate for candidate in names if catalogue[candidate].base != name]
+    fixed, prior, first = evidence.columns(fixed_names), evidence.prior(fixed_names), len(evidence.inner)
+    by_shape: dict[Shape, list[tuple[float, TimeProfile]]] = {}
     for profile, shares in parts.profiles:
-        inner, width = parts.inner(own, shares), len(effect.free_scale)
+        inner, width = parts.inner(effect_columns, shares), len(effect.free_scale)
         for pieces, shape in _SHAPES.get(profile.shape, ((slice(None), profile.shape),)):
             columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
             sizes = np.append(prior, effect.free_scale * (len(columns) // width))
             odds = log_evidence(inner, (*fixed, *columns), sizes)
-            found.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
-    return dict(_likeliest(effect, each) for each in found.values())
+            by_shape.setdefault(shape, []).append((odds, replace(profile, shape=shape)))
+    return dict(_likeliest(effect, candidates) for candidates in by_shape.values())
 
 
-def _likeliest(effect: Effect, found: Sequence[tuple[float, TimeProfile]]) -> tuple[float, TimeVaryingEffect]:
+def _likeliest(effect: Effect, candidates: Sequence[tuple[float, TimeProfile]]) -> tuple[float, TimeVaryingEffect]:
     """The most likely profile of one shape, with the interval of its time if it has one."""
-    best, profile = max(found, key=lambda each: each[0])
+    best, profile = max(candidates, key=lambda candidate: candidate[0])
     if profile.shape in ("until", "since", "step"):
-        times = [each.times_s[0] for odds, each in found if odds > best - _INTERVAL]
+        times = [rival.times_s[0] for odds, rival in candidates if odds > best - _INTERVAL]
         profile = replace(profile, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
     return best, time_varying(effect, profile)
 

@@ -50,10 +50,10 @@ from hybrid.diagnosis.select_effects import (
     MAX_LINEARISATIONS,
     Coordinates,
     Selection,
-    about_fit,
     fitted_coordinates,
     linear_about,
     possible_rivals,
+    relinearise_at_fit,
     search_on,
     select_effects,
 )
@@ -98,7 +98,7 @@ def is_far_off(accepted: Acceptance) -> bool:
 
 
 def _surest(accepted: Acceptance) -> LackOfFit | None:
-    return max(accepted.lack_of_fit, key=lambda each: each.gain, default=None)
+    return max(accepted.lack_of_fit, key=lambda lack: lack.gain, default=None)
 
 
 def selected(
@@ -109,7 +109,7 @@ def selected(
     ``preliminary`` is the selection after these two, if it is known.
     """
     preliminary = preliminary or preliminary_selection(evidence)
-    surest = max(lack_of_fit(preliminary.evidence, preliminary.names), key=lambda each: each.gain)
+    surest = max(lack_of_fit(preliminary.evidence, preliminary.names), key=lambda lack: lack.gain)
     far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
     if surest.found and surest.depends == OPERATION and surest.size > far_off:
         return preliminary
@@ -123,8 +123,8 @@ def preliminary_selection(evidence: Evidence) -> Selection:
 
 def untested_if_coarse(selection: Selection) -> Acceptance | None:
     """An empty acceptance for a model so poor that tests against its noise would be meaningless, else None."""
-    found = tuple(each for each in lack_of_fit(selection.evidence, selection.names) if each.found)
-    nothing = Acceptance((), {}, selection.evidence, lack_of_fit=found)
+    significant = tuple(lack for lack in lack_of_fit(selection.evidence, selection.names) if lack.found)
+    nothing = Acceptance((), {}, selection.evidence, lack_of_fit=significant)
     return nothing if is_coarse(nothing) else None
 
 
@@ -146,21 +146,25 @@ def name_of_coarse_model(
         return None
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     catalogue = evidence.equations.model.catalogue
-    rivals = {name: [(each,) for each in possible_rivals(evidence, names, name)] for name in names}
-    known = {name: [some for some in rivals[name] if some[0] in catalogue[name].confused_with] for name in names}
-    close = substitutes_of(of_set, names, known)
+    rivals = {name: [(rival,) for rival in possible_rivals(evidence, names, name)] for name in names}
+    confused = {
+        name: [rival for rival in rivals[name] if rival[0] in catalogue[name].confused_with] for name in names
+    }
+    close = substitutes_of(of_set, names, confused)
     tied = dict.fromkeys(
-        [(one, other) for one, other in [*close, *substitutes_of(tracks.by_leg_m, names, rivals)]], 0.0
+        [(name, rival) for name, rival in [*close, *substitutes_of(tracks.by_leg_m, names, rivals)]], 0.0
     )
     pairs = {
         name: [
             pair
             for pair in pairs_spanning(evidence, names, name)
-            if not any((name, each) in close for each in pair)
+            if not any((name, member) in close for member in pair)
         ]
         for name in names
     }
-    substitute_pairs = tuple((name, one, other) for name, one, other in substitutes_of(of_set, names, pairs))
+    substitute_pairs = tuple(
+        (name, member, partner) for name, member, partner in substitutes_of(of_set, names, pairs)
+    )
     accepted = Acceptance(
         names, tests, evidence, rival_deficits=tied, substitute_pairs=substitute_pairs, beside_remainder=True
     )
@@ -183,7 +187,7 @@ def _candidate_sets(
         choice = _Choice.of(evidence, windows)
         before, names = names, choice.best_set(names)
         yield evidence, names, choice.tracks
-        evidence = about_fit(evidence, names)
+        evidence = relinearise_at_fit(evidence, names)
         yield evidence, names, choice.tracks
         if set(names) == set(before):
             return
@@ -217,8 +221,8 @@ def _alone(evidence: Evidence, windows: UnseenWindows) -> tuple[Evidence, tuple[
         return float(unseen_m(windows, evidence_without(windows, views[names]), names).mean())
 
     names = min(views, key=off_m)
-    found = replications(views[names], names, evidence_within(windows, views[names]).values())
-    kept = tuple(name for name in names if found[name].found >= MOST_PARTS * found[name].parts)
+    agreement = replications(views[names], names, evidence_within(windows, views[names]).values())
+    kept = tuple(name for name in names if agreement[name].found >= MOST_PARTS * agreement[name].parts)
     return views[names], kept, linear_tracks(windows, views[names])
 
 
@@ -226,7 +230,7 @@ def _about_itself(evidence: Evidence, name: str, at: Coordinates) -> Evidence:
     """The evidence linearised about one effect, starting from a given size."""
     evidence = linear_about(evidence, at) if at else evidence
     for _ in range(_ABOUT_ITSELF):
-        evidence = about_fit(evidence, (name,))
+        evidence = relinearise_at_fit(evidence, (name,))
     return evidence
 
 
@@ -244,7 +248,7 @@ def _expecting_few(evidence: Evidence) -> Evidence:
 
 def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
     """The sizes of ``names`` fitted to all legs but those of each fold."""
-    return {fold: fitted_coordinates(rest, names) for fold, rest in rests.items()}
+    return {fold: fitted_coordinates(evidence, names) for fold, evidence in rests.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +273,10 @@ class _Choice:
         excluded = frozenset[str]()
         while True:
             names = self.tracks.best_set(names, WORTH, MAX_EFFECTS, excluded)
-            sets = {name: tuple(each for each in names if each != name) for name in self._unconfirmed(names)}
+            sets = {
+                name: tuple(candidate for candidate in names if candidate != name)
+                for name in self._unconfirmed(names)
+            }
             if not sets:
                 return names
             least = min(sets, key=lambda name: self.tracks.by_leg_m(sets[name]).mean())
@@ -281,12 +288,14 @@ class _Choice:
         Significance is by the scatter from leg to leg, which reflects model errors, not noise; it does not
         overrule effects that predictions have confirmed.
         """
-        found = replications(self.evidence, names, self.parts)
-        unconfirmed = [name for name, each in found.items() if each.found < MOST_PARTS * each.parts]
+        agreement = replications(self.evidence, names, self.parts)
+        unconfirmed = [
+            name for name, replication in agreement.items() if replication.found < MOST_PARTS * replication.parts
+        ]
         chance = {
             name: acceptance_tests(self.evidence, names, name).p_value for name in names if name not in unconfirmed
         }
-        return [*unconfirmed, *(name for name, each in chance.items() if each >= _AS_LIKELY_AS_NOT)]
+        return [*unconfirmed, *(name for name, p_value in chance.items() if p_value >= _AS_LIKELY_AS_NOT)]
 
 
 def unseen_m(windows: UnseenWindows, rests: Mapping[int, Evidence], names: Sequence[str]) -> Floats:
@@ -306,12 +315,14 @@ def substitutes_of(
 
     A substitute is one other effect or several together; ``off_m`` gives a set's distances.
     """
-    whole_m, found = off_m(names), []
-    for name in (each for each in names if substitutes[each]):
-        others = tuple(each for each in names if each != name)
-        lacking_m, swapped_m = off_m(others), {some: off_m((*others, *some)) for some in substitutes[name]}
-        found += [(name, *some) for some, off in swapped_m.items() if is_substitute(lacking_m, off, whole_m)]
-    return found
+    whole_m, substituted = off_m(names), []
+    for name in (candidate for candidate in names if substitutes[candidate]):
+        remaining = tuple(candidate for candidate in names if candidate != name)
+        lacking_m, swapped_m = off_m(remaining), {group: off_m((*remaining, *group)) for group in substitutes[name]}
+        substituted += [
+            (name, *group) for group, rival_m in swapped_m.items() if is_substitute(lacking_m, rival_m, whole_m)
+        ]
+    return substituted
 
 
 def is_substitute(lacking_m: Floats, swapped_m: Floats, whole_m: Floats) -> bool:
@@ -343,16 +354,20 @@ def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evi
 
     Only informative parts count, and there have to be two: a run ahead says nothing about astern thrust.
     """
-    whole = fitted_coordinates(evidence, names)
+    fitted = fitted_coordinates(evidence, names)
     fits = [(part, part.fit(names, prior=True)) for part in parts]
 
     def judged(name: str) -> Replication:
-        size = max(float(np.linalg.norm(whole[name])), 1e-300)
-        seen = [_size_along(part, fit, name, np.array(whole[name]) / size) for part, fit in fits]
-        informative = [own for own, error in seen if size > _DETECTABLE * error or abs(own) > _ONE_SIDED_95 * error]
+        size = max(float(np.linalg.norm(fitted[name])), 1e-300)
+        seen = [_size_along(part, fit, name, np.array(fitted[name]) / size) for part, fit in fits]
+        informative = [
+            projected
+            for projected, error in seen
+            if size > _DETECTABLE * error or abs(projected) > _ONE_SIDED_95 * error
+        ]
         if len(informative) < _FEWEST_PARTS:
-            informative = [own for own, _ in seen]
-        return Replication(len(informative), sum(own > _ONE_SIDED_95 * error for own, error in seen))
+            informative = [projected for projected, _ in seen]
+        return Replication(len(informative), sum(projected > _ONE_SIDED_95 * error for projected, error in seen))
 
     return {name: judged(name) for name in names}
 
@@ -370,10 +385,10 @@ _ENOUGH = 1.0  # gain in log posterior density below which the search has conver
 
 def compatible_effects(evidence: Evidence) -> tuple[str, ...]:
     """The effects that can be present together, the more likely of two that cannot."""
-    found = tuple[str, ...]()
+    compatible = tuple[str, ...]()
     for name in sorted(evidence.names, key=lambda name: -evidence.log_odds([name])):
-        found = (*found, name) if evidence.compatible((*found, name)) else found
-    return found
+        compatible = (*compatible, name) if evidence.compatible((*compatible, name)) else compatible
+    return compatible
 
 
 def about_likeliest(evidence: Evidence, names: Sequence[str]) -> Evidence:
@@ -405,8 +420,8 @@ def _step(evidence: Evidence, target: Coordinates, cost: float) -> tuple[float, 
 def _between(start: Coordinates, end: Coordinates, share: float) -> dict[str, tuple[float, ...]]:
     """The point at ``share`` of the way between two sets of coordinates; missing ones are zero."""
 
-    def of(some: Coordinates, name: str) -> np.ndarray:
-        return np.array(some.get(name, 0.0))
+    def of(coordinates: Coordinates, name: str) -> np.ndarray:
+        return np.array(coordinates.get(name, 0.0))
 
     names = dict.fromkeys([*end, *start])
     return {name: tuple(np.atleast_1d((1.0 - share) * of(start, name) + share * of(end, name))) for name in names}
@@ -416,6 +431,6 @@ def _cost(evidence: Evidence) -> float:
     """The negative log posterior density at the linearisation, up to a constant."""
     equations = evidence.equations
     gram, data = equations.gram.sum(axis=0), np.array([0])
-    left = marginalise(gram, data, equations.nuisance, equations.nuisance_scale)[0][0, 0]
+    misfit = marginalise(gram, data, equations.nuisance, equations.nuisance_scale)[0][0, 0]
     prior = [(np.array(free) / evidence.prior([name])) ** 2 for name, free in equations.model.at.items()]
-    return 0.5 * float(left + sum(each.sum() for each in prior))
+    return 0.5 * float(misfit + sum(term.sum() for term in prior))

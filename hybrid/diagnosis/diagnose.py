@@ -65,11 +65,11 @@ def diagnose(
         return lambda share: progress(first + (last - first) * share)
 
     with threadpool_limits(1, user_api="blas"):  # nested in the filter's own threads they would only wait
-        every = catalogue_of(vessel) if catalogue is None else catalogue
+        effects = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
-        model = model_of(vessel, with_recordings(every, log))
+        model = model_of(vessel, with_recordings(effects, log))
         acceptance = accepted_of(linearise(log, model, tolerance), part(0.1, 0.6))
-        return reach_verdict(with_changes(acceptance), part(0.6, 1.0))
+        return reach_verdict(add_time_varying_effects(acceptance), part(0.6, 1.0))
 
 
 def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
@@ -82,14 +82,16 @@ def accepted_of(linearisation: Linearisation, progress: Progress = lambda share:
 
 def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
     """The estimate with the input hold that fits the motion best; for steps the noise is estimated anew."""
-    known, best, most = estimate.linearisation, INPUT_HOLDS[0], -np.inf
+    linearisation, best, most = estimate.linearisation, INPUT_HOLDS[0], -np.inf
     for hold in INPUT_HOLDS:  # of equals the first: linear
         density = _log_evidence(estimate, hold, most)
         if density > most:
             best, most = hold, density
-    if best == known.log.input_hold:
+    if best == linearisation.log.input_hold:
         return estimate
-    return estimate_noise(linearise(known.log.with_input_hold(best), known.model, known.tolerance), progress)
+    return estimate_noise(
+        linearise(linearisation.log.with_input_hold(best), linearisation.model, linearisation.tolerance), progress
+    )
 
 
 def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> float:
@@ -101,10 +103,10 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
     model none converges: the evidence changes by hundreds from one linearisation to the next, and that linearised
     about no effect is compared.
     """
-    known = estimate.linearisation
-    margin = 0.0 if hold == known.log.input_hold else _PLAIN
-    log = known.log.with_input_hold(hold) if margin else known.log
-    part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), known.model, known.tolerance)
+    linearisation = estimate.linearisation
+    margin = 0.0 if hold == linearisation.log.input_hold else _PLAIN
+    log = linearisation.log.with_input_hold(hold) if margin else linearisation.log
+    part = linearise(log.subset(log.spread_blocks(_ENOUGH_S)), linearisation.model, linearisation.tolerance)
     evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
     if log.setting_step_s > SELDOM_S:
         preliminary = preliminary_selection(evidence)
@@ -112,20 +114,20 @@ def _log_evidence(estimate: NoiseEstimate, hold: InputHold, least: float) -> flo
         if density + margin < least and not untested_if_coarse(preliminary):
             return density
         if not untested_if_coarse(selection := selected(evidence, preliminary=preliminary)):
-            found = accept_names(selection)
-            return log_density(found.evidence, found.names) - margin
+            accepted = accept_names(selection)
+            return log_density(accepted.evidence, accepted.names) - margin
     return log_density(evidence, search_effects(evidence)) - margin
 
 
-def with_changes(acceptance: Acceptance) -> Acceptance:
+def add_time_varying_effects(acceptance: Acceptance) -> Acceptance:
     """Add effects that vary over the trial, one after another, as long as they are accepted."""
     for _ in range(CHANGES):
         change = likeliest_change(acceptance) if may_change(acceptance) else None
         if change is None:
             break
-        known = acceptance.evidence.equations
-        model = replace(known.model, at={}, catalogue={**known.model.catalogue, change.name: change})
-        again = accepted_of(linearise(known.log, model, known.tolerance))
+        equations = acceptance.evidence.equations
+        model = replace(equations.model, at={}, catalogue={**equations.model.catalogue, change.name: change})
+        again = accepted_of(linearise(equations.log, model, equations.tolerance))
         if change.name not in again.names:
             break
         acceptance = again

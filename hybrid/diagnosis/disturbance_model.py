@@ -76,19 +76,19 @@ class Noise:
     @property
     def has_waves(self) -> bool:
         """Whether there is wave motion."""
-        return any(each > 0.0 for each in self.waves)
+        return any(level > 0.0 for level in self.waves)
 
     @property
     def has_drift(self) -> bool:
         """Whether any sensor drifts."""
-        return any(each > 0.0 for each in self.drift)
+        return any(level > 0.0 for level in self.drift)
 
     def as_array(self) -> Floats:
         """For the filter: sensors 6, gusts 3, slow forces 3 and their time constant; of the waves correlation,
         3 levels, frequency, damping, direction; sensor drift 6 and its time constant; wave drift, its time
         constant and the arm of its yaw moment."""
         sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
-        gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
+        gust, slow = (np.array(force) / FORCE_UNITS for force in (self.gust, self.slow))
         swing = [self.wave_frequency_radps, self.wave_damping, self.wave_towards_rad]
         drift = [self.drift[0], *self.drift, self.drift_s]
         arm = self.length_m * FORCE_UNITS[0] / FORCE_UNITS[2]
@@ -213,8 +213,8 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
         F[6 + d, 6 + d] = kept
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
     if has_wave_drift(noise):
-        push, away, kept = wave_drift_state(noise), noise[19] - origin[2], _decay(1.0, noise[28])
-        force = wave_drift_at(1.0, noise[29], cos(away), sin(away))
+        push, relative_rad, kept = wave_drift_state(noise), noise[19] - origin[2], _decay(1.0, noise[28])
+        force = wave_drift_at(1.0, noise[29], cos(relative_rad), sin(relative_rad))
         F[push, push], Q[push, push] = kept, (1.0 - kept * kept) * noise[27] ** 2
         for i in range(6):
             F[i, push] = B[i, 0] * force[0] + B[i, 1] * force[1] + B[i, 2] * force[2]
@@ -302,8 +302,8 @@ class Columns:
 
 def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floats | None = None) -> Columns:
     """The data, then the signatures of effects and force features, signed so that they remove an effect."""
-    drive = np.stack([linear.defect, *(-each.D for each in effects)], axis=2)
-    seen = np.stack([linear.observed, *(each.E for each in effects)], axis=2)
+    drive = np.stack([linear.defect, *(-signature.D for signature in effects)], axis=2)
+    seen = np.stack([linear.observed, *(signature.E for signature in effects)], axis=2)
     none = np.zeros((len(linear.defect), 0))
     return Columns(drive, seen, none if features is None else features)
 
@@ -336,8 +336,8 @@ def smooth_state(
 
 def wave_push(noise: Noise, origin: Floats) -> Floats:
     """The force along, across and in yaw of a unit of wave drift, at headings of ``origin`` [N, 6]: [N, 3]."""
-    away = noise.wave_towards_rad - origin[:, 2]
-    force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(away), np.sin(away))
+    relative_rad = noise.wave_towards_rad - origin[:, 2]
+    force = wave_drift_at.py_func(1.0, noise.length_m, np.cos(relative_rad), np.sin(relative_rad))
     return np.asarray(np.column_stack(force) * FORCE_UNITS[0] / FORCE_UNITS)
 
 

@@ -84,12 +84,12 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
         design = design_matrix(linearisation, FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
-        rest, sensors = _without_effects(design, noise, seed=None)
-        moved = design.linear.origin + smooth_state(design.linear, rest, noise, log.edges)[0][:, :6]
+        residual, sensors = _without_effects(design, noise, seed=None)
+        moved = design.linear.origin + smooth_state(design.linear, residual, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
         # the trajectory changes so little that the signatures still hold well enough for a draw
-        known = None if round_ else linearisation.effects
-        linearisation = linearise(log, model, linearisation.tolerance, known)
+        known_effects = None if round_ else linearisation.effects
+        linearisation = linearise(log, model, linearisation.tolerance, known_effects)
         progress(0.5 + 0.5 * round_)
     assert noise is not None
     return NoiseEstimate(linearisation, noise)
@@ -99,36 +99,36 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
     """Noise levels from blocks spread over the log, after removing a draw of everything that may be missing."""
     chosen = design.log.spread_blocks(_NOISE_S)
     linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
-    some = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
+    selected = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
     noise = start or _first_guess(part, design.model)
     for round_ in range(1 if start else _ROUNDS):
-        rest, _ = _without_effects(some, noise, seed=round_)
+        residual, _ = _without_effects(selected, noise, seed=round_)
         starts = _both_ways(noise, design.model.scale) if round_ == 0 and start is None else [noise]
-        tried = [fit_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
-        noise, cost = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)
+        tried = [fit_noise(linear, residual, part.edges, guess, _STEPS[min(round_, 1)]) for guess in starts]
+        noise, cost = min(tried, key=lambda fit: fit[1] + _PRICE_OF_WAVES * fit[0].has_waves)
     if start is not None:
         return noise
-    known = _fit_if_better(
-        linear, rest, part.edges, (noise, cost), start_of_wave_drift(noise), _PRICE_OF_WAVE_DRIFT
+    best = _fit_if_better(
+        linear, residual, part.edges, (noise, cost), start_of_wave_drift(noise), _PRICE_OF_WAVE_DRIFT
     )
-    begin = start_of_drift(linear, rest, part.edges, known[0])
-    return _fit_if_better(linear, rest, part.edges, known, begin, _PRICE_OF_DRIFT)[0]
+    begin = start_of_drift(linear, residual, part.edges, best[0])
+    return _fit_if_better(linear, residual, part.edges, best, begin, _PRICE_OF_DRIFT)[0]
 
 
 def _fit_if_better(
-    linear: LinearModel, data: Columns, edges: Ints, known: tuple[Noise, float], begin: Noise, price: float
+    linear: LinearModel, data: Columns, edges: Ints, simpler: tuple[Noise, float], begin: Noise, price: float
 ) -> tuple[Noise, float]:
     """The levels from ``begin``, which has more parameters, and their cost, if that is lower by their ``price``."""
-    if begin is known[0]:
-        return known
-    found = fit_noise(linear, data, edges, begin, _STEPS[1])
-    return found if found[1] < known[1] - price else known
+    if begin is simpler[0]:
+        return simpler
+    extended = fit_noise(linear, data, edges, begin, _STEPS[1])
+    return extended if extended[1] < simpler[1] - price else simpler
 
 
 def _first_guess(log: Log, model: Model) -> Noise:
     """The start of the search: the smoother's estimates, or levels typical of a ship of this scale."""
     grown, usual = np.array([growth(unit, model.scale) for unit in ("N", "N", "N m")]), Noise()
-    gust, slow = ((grown * each).tolist() for each in (usual.gust, usual.slow))
+    gust, slow = ((grown * level).tolist() for level in (usual.gust, usual.slow))
     usual = replace(usual, gust=tuple(gust), slow=tuple(slow), length_m=model.base.length_overall_m)
     if (levels := log.levels) is None:
         return usual
@@ -145,7 +145,7 @@ def _first_guess(log: Log, model: Model) -> Noise:
         surge_mps=levels.speed_mps,
         sway_mps=levels.speed_mps,
         yaw_rate_radps=levels.yaw_rate_radps,
-        waves=tuple(max(each, 1e-3 * any(waves)) for each in waves),  # type: ignore[arg-type]
+        waves=tuple(max(amplitude, 1e-3 * any(waves)) for amplitude in waves),  # type: ignore[arg-type]
         wave_frequency_radps=float(np.clip(levels.wave_frequency_radps, 0.6, 2.0)),
         wave_damping=float(np.clip(levels.wave_damping, 0.05, 0.5)),
         wave_towards_rad=axis,
@@ -175,8 +175,12 @@ def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tu
     for axis, force in enumerate(tolerated_forces(design)):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
-    every = range(1, columns.count)
-    fit = fit_columns(gram, every, prior[1:]).values if seed is None else draw_columns(gram, every, prior[1:], seed)
+    indices = range(1, columns.count)
+    fit = (
+        fit_columns(gram, indices, prior[1:]).values
+        if seed is None
+        else draw_columns(gram, indices, prior[1:], seed)
+    )
     few = layout.first_feature - 1
     plain, forces = fit[:few], fit[few:].reshape(3, features)
     drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain
@@ -198,8 +202,8 @@ def fit_noise(linear: LinearModel, data: Columns, edges: Ints, start: Noise, ste
         return _innovations(linear, data, edges, _noise(start, at))
 
     how = replace(_SCORING, most_steps=steps)
-    found, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
-    return _noise(start, found), 0.5 * cost
+    optimum, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
+    return _noise(start, optimum), 0.5 * cost
 
 
 def _innovations(linear: LinearModel, data: Columns, edges: Ints, noise: Noise) -> tuple[Floats, Floats]:
@@ -219,7 +223,7 @@ def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
     value = data.readings[:, :, 0] + linear.origin
     read = (column[np.isfinite(column)] for column in value.T)
     third = (np.abs(np.diff(column, 3)) / np.sqrt(20.0) for column in read)
-    level = np.array([1.4826 * np.median(each) if each.size else 0.0 for each in third])
+    level = np.array([1.4826 * np.median(differences) if differences.size else 0.0 for differences in third])
     level[0] = max(level[:2])
     return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
 
@@ -237,12 +241,12 @@ def _parameters(noise: Noise) -> Floats:
 
 def _noise(start: Noise, parameters: Floats) -> Noise:
     """The noise of search parameters; the inverse of :func:`_parameters`."""
-    found, names = dict[str, Any](), _searched(start)
+    levels, names = dict[str, Any](), _searched(start)
     ends = np.cumsum([np.size(getattr(start, name)) for name in names])
     for name, part in zip(names, np.split(parameters, ends[:-1]), strict=True):
         values = _SEARCHED_AS.get(name, _LEVEL)[1](part).tolist()
-        found[name] = tuple(values) if isinstance(getattr(start, name), tuple) else values[0]
-    return replace(start, **found)
+        levels[name] = tuple(values) if isinstance(getattr(start, name), tuple) else values[0]
+    return replace(start, **levels)
 
 
 def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
@@ -264,7 +268,7 @@ def start_of_wave_drift(noise: Noise) -> Noise:
     level = min(max(noise.slow[:2]), _largest_wave_drift_n(noise))
     if level < _STILL_SLOW * max(noise.slow[:2]):
         return noise
-    surge, sway, yaw = (_STILL_SLOW * each for each in noise.slow)
+    surge, sway, yaw = (_STILL_SLOW * force for force in noise.slow)
     return replace(noise, slow=(surge, sway, yaw), wave_drift_n=level, wave_drift_s=noise.slow_s)
 
 
@@ -286,11 +290,13 @@ def start_of_drift(linear: LinearModel, data: Columns, edges: Ints, noise: Noise
     plain, drift = cost(noise), [0.0] * len(_SENSORS)
     for number, name in enumerate(_SENSORS):
         level = getattr(noise, name)
-        alone = [level if each == number else 0.0 for each in range(len(_SENSORS))]
-        tried = replace(noise, drift=tuple(alone), **{name: _STILL_WHITE * level})  # type: ignore[arg-type]
+        single = [level if sensor == number else 0.0 for sensor in range(len(_SENSORS))]
+        tried = replace(noise, drift=tuple(single), **{name: _STILL_WHITE * level})  # type: ignore[arg-type]
         if cost(tried) < plain:
             drift[number] = level
     if not any(drift):
         return noise
-    start = [max(each, _TRACE * getattr(noise, name)) for each, name in zip(drift, _SENSORS, strict=True)]
+    start = [
+        max(drift_level, _TRACE * getattr(noise, name)) for drift_level, name in zip(drift, _SENSORS, strict=True)
+    ]
     return replace(noise, drift=tuple(start))

@@ -58,12 +58,12 @@ def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tupl
     return gram[np.ix_(kept, kept)] - half.T @ half, determinant
 
 
-def explained_by(inner: Floats, own: Ints, others: Ints) -> Floats:
-    """The part of the inner products of columns ``own`` [d, d] that columns ``others`` explain at best."""
-    scale = np.sqrt(np.maximum(np.diag(inner)[others], 1e-300))
-    cross = inner[np.ix_(others, own)] / scale[:, None]
-    among = inner[np.ix_(others, others)] / np.outer(scale, scale)
-    return np.asarray(cross.T @ np.linalg.solve(among + 1e-9 * np.eye(len(others)), cross))
+def explained_by(inner: Floats, columns: Ints, explaining: Ints) -> Floats:
+    """The part of the inner products of ``columns`` [d, d] that the ``explaining`` ones explain at best."""
+    scale = np.sqrt(np.maximum(np.diag(inner)[explaining], 1e-300))
+    cross = inner[np.ix_(explaining, columns)] / scale[:, None]
+    among = inner[np.ix_(explaining, explaining)] / np.outer(scale, scale)
+    return np.asarray(cross.T @ np.linalg.solve(among + 1e-9 * np.eye(len(explaining)), cross))
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,16 +126,16 @@ def _log_evidence(inner, index, prior):  # type: ignore[no-untyped-def]
     count = index.size
     factor, half, odds = np.empty((count, count)), np.empty(count), 0.0
     for row in range(count):
-        rest = inner[index[row], 0] * prior[row]
+        remainder = inner[index[row], 0] * prior[row]
         for column in range(row + 1):
             value = inner[index[row], index[column]] * prior[row] * prior[column]
             for k in range(column):
                 value -= factor[row, k] * factor[column, k]
             if column < row:
                 factor[row, column] = value / factor[column, column]
-                rest -= factor[row, column] * half[column]
+                remainder -= factor[row, column] * half[column]
         factor[row, row] = np.sqrt(1.0 + value)
-        half[row] = rest / factor[row, row]
+        half[row] = remainder / factor[row, row]
         odds += 0.5 * half[row] ** 2 - np.log(factor[row, row])
     return odds
 
@@ -203,7 +203,7 @@ class ColumnLayout:
 
     def family(self, axis: int, depends: str) -> Ints:
         """Those of :meth:`nuisance_forces` with one dependence."""
-        return self.nuisance_forces(axis)[[each == depends for each in self.depends]]
+        return self.nuisance_forces(axis)[[dependence == depends for dependence in self.depends]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,22 +269,24 @@ def design_matrix(
     effects = linearisation.effects
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
-    known = features(log, linear.origin, number)
+    force_features = features(log, linear.origin, number)
     basis = nuisance_basis(log, linear.origin, effects, interactions)
-    varying = tuple(each.effect for each in basis.varying)
+    varying = tuple(signature.effect for signature in basis.varying)
     of = [model.catalogue[label.split("*")[0]] for label in varying]
     layout = ColumnLayout(
-        effect=tuple(each.effect for each in effects),
-        prior=np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
+        effect=tuple(signature.effect for signature in effects),
+        prior=np.array(
+            [model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects]
+        ),
         tolerated=tolerances(log, model.catalogue, effects),
         wind=len(wind),
-        features=known.shape[1],
+        features=force_features.shape[1],
         varying=varying,
-        varying_prior=np.array([each.free_scale[0] for each in of]),
-        varying_tolerated=np.array([_tolerated_size(*each) for each in zip(varying, of, strict=True)]),
+        varying_prior=np.array([effect.free_scale[0] for effect in of]),
+        varying_tolerated=np.array([_tolerated_size(*pair) for pair in zip(varying, of, strict=True)]),
         depends=basis.depends,
     )
-    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([known, basis.features]))
+    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([force_features, basis.features]))
     return DesignMatrix(log, model, linearisation.tolerance, linear, effects, columns, layout, extent)
 
 
@@ -301,16 +303,17 @@ def tolerated_forces(design: DesignMatrix) -> Floats:
 def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
     """The nuisance columns and the standard deviation of each."""
     layout = design.layout
-    some = np.flatnonzero(layout.tolerated > 0.0)
+    tolerated = np.flatnonzero(layout.tolerated > 0.0)
     wind = np.arange(layout.wind) + layout.first_wind
-    columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, wind_error_mps(design.model))]
+    columns = [1 + tolerated, wind]
+    scale = [layout.tolerated[tolerated], np.full(layout.wind, wind_error_mps(design.model))]
     for axis, force in enumerate(tolerated_forces(design)):
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
-            own = layout.family(axis, depends)
-            columns.append(own)
-            scale.append(np.full(len(own), TOLERATED_SHARE[depends] * force / np.sqrt(len(own))))
+            family = layout.family(axis, depends)
+            columns.append(family)
+            scale.append(np.full(len(family), TOLERATED_SHARE[depends] * force / np.sqrt(len(family))))
     uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
     columns.append(uneven + layout.first_varying)
     scale.append(layout.varying_tolerated[uneven])
@@ -335,7 +338,7 @@ def gram_matrices(
 
 def subset_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
     """Some seconds of a linear model, or of columns."""
-    return type(arrays)(*(getattr(arrays, each.name)[rows] for each in fields(arrays)))
+    return type(arrays)(*(getattr(arrays, attribute.name)[rows] for attribute in fields(arrays)))
 
 
 # Clocks that may be wrong at once: where all records are late by the same none is, and three are as the fourth.
@@ -358,12 +361,12 @@ class Evidence:
     def left_out(self) -> Floats:
         """The inner products with each leg left out [L, 1+P, 1+P]."""
         legs = self.equations.gram
-        return np.array([_restored(self.equations, each) for each in legs.sum(axis=0) - legs])
+        return np.array([_restored(self.equations, gram) for gram in legs.sum(axis=0) - legs])
 
     @cached_property
     def alone(self) -> Floats:
         """The inner products of each leg by itself [L, 1+P, 1+P]."""
-        return np.array([_restored(self.equations, each) for each in self.equations.gram])
+        return np.array([_restored(self.equations, gram) for gram in self.equations.gram])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -372,8 +375,8 @@ class Evidence:
 
     def columns(self, names: Sequence[str]) -> tuple[int, ...]:
         """The columns of some effects, in their order."""
-        known = _columns_by_effect(self.equations.layout.effect)
-        return tuple(column for name in names for column in known.get(name, ()))
+        by_effect = _columns_by_effect(self.equations.layout.effect)
+        return tuple(column for name in names for column in by_effect.get(name, ()))
 
     def prior(self, names: Sequence[str]) -> Floats:
         """The standard deviations of their priors."""
@@ -408,8 +411,8 @@ class Evidence:
         No effect can be both constant over the trial and different in a part of it.
         """
         effects = [self.equations.model.catalogue[name] for name in names]
-        late = sum(each.family == "clock" for each in effects)
-        return late <= _CLOCKS and len({each.base for each in effects}) == len(effects)
+        late = sum(effect.family == "clock" for effect in effects)
+        return late <= _CLOCKS and len({effect.base for effect in effects}) == len(effects)
 
     def beside(self, at: Mapping[str, tuple[float, ...]]) -> Evidence:
         """The evidence of the other effects, given the free coordinates of those in ``at``."""

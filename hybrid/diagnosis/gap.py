@@ -125,10 +125,10 @@ class UnseenWindows:
         starts = self.starts if mine is None else self.starts[mine]
         origin = by_stage(log, model, true_states)
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
-        for rows, each in model.stages(log):
-            own = rows[starts]
-            if own.any():  # a short recording may have no window here
-                tracks[own] = predicted_tracks(log, each.plant(), origin, starts[own])
+        for rows, stage_model in model.stages(log):
+            in_stage = rows[starts]
+            if in_stage.any():  # a short recording may have no window here
+                tracks[in_stage] = predicted_tracks(log, stage_model.plant(), origin, starts[in_stage])
         return tracks
 
     def legs_of(self, fold: int) -> NDArray[np.bool_]:
@@ -145,10 +145,14 @@ class UnseenWindows:
 
     def by_leg_m(self, track: Floats) -> Floats:
         """The mean distance of ``track`` [legs with windows] in m, or of ``before`` where it is NaN."""
-        off, usual = distances(track, self.measured), distances(self.before, self.measured)
-        off = np.where(np.isfinite(off), off, usual)
+        distance_m, usual = distances(track, self.measured), distances(self.before, self.measured)
+        distance_m = np.where(np.isfinite(distance_m), distance_m, usual)
         legs = self.log.leg[self.starts]
-        means = [np.nanmean(off[legs == leg]) for leg in np.unique(legs) if np.isfinite(off[legs == leg]).any()]
+        means = [
+            np.nanmean(distance_m[legs == leg])
+            for leg in np.unique(legs)
+            if np.isfinite(distance_m[legs == leg]).any()
+        ]
         return np.array(means)
 
 
@@ -157,7 +161,7 @@ def unseen_windows(log: Log, model: Model) -> UnseenWindows:
     starts, bare = window_starts(log), replace(model, at={})
     plant = bare.plant()
     origin = true_states(log, plant)
-    tracks = [each(log, plant, origin, starts) for each in (measured_tracks, predicted_tracks)]
+    tracks = [tracks_of(log, plant, origin, starts) for tracks_of in (measured_tracks, predicted_tracks)]
     return UnseenWindows(log, bare, starts, fold_of(log)[starts], tracks[0], tracks[1])
 
 
@@ -172,12 +176,12 @@ def gap_on_unseen_legs(
     ]
     log, starts = windows.log, windows.starts
     present = present_motion_held(log.nominal[starts], HORIZON_S)
-    every = (windows.before, after, best, present, *lacking)
-    off_m = np.array([distances(each, windows.measured) for each in every])
-    known = np.isfinite(off_m[:3]).all(axis=0)
-    mean_m = np.nanmean(off_m[:, known], axis=1).tolist() if known.any() else [0.0] * len(off_m)
+    predictions = (windows.before, after, best, present, *lacking)
+    off_m = np.array([distances(track, windows.measured) for track in predictions])
+    complete = np.isfinite(off_m[:3]).all(axis=0)
+    mean_m = np.nanmean(off_m[:, complete], axis=1).tolist() if complete.any() else [0.0] * len(off_m)
     floor = best if mean_m[2] < mean_m[1] else after
-    gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), mean_m[3], int(known.any(axis=1).sum()), HORIZON_S)
+    gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), mean_m[3], int(complete.any(axis=1).sum()), HORIZON_S)
     shares = _shares(gap, dict(zip(names, mean_m[4:], strict=True)))
     when = log.leg[starts], log.time_s[starts], _controls(log, starts)
     tracks = Tracks(windows.measured, windows.before, after, floor, present, *when)
@@ -196,7 +200,8 @@ def named_without(
 ) -> dict[int, Coordinates]:
     """The effects, with sizes, selected on all legs but those of each fold; none that is ``excluded``."""
     return {
-        fold: _significant_effects(rest, excluded) for fold, rest in evidence_without(windows, evidence).items()
+        fold: _significant_effects(fold_evidence, excluded)
+        for fold, fold_evidence in evidence_without(windows, evidence).items()
     }
 
 
@@ -219,8 +224,8 @@ def _evidence_of_legs(equations: NormalEquations, legs: NDArray[np.bool_]) -> Ev
 def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
     """Each effect's share of the reduction of the gap, from the errors of predictions without it [m]."""
     shares = {name: max(off_m - gap.after_m, 0.0) for name, off_m in lacking_m.items()}
-    whole, closed = sum(shares.values()), max(gap.closed, 0.0)
-    return {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
+    total, closed = sum(shares.values()), max(gap.closed, 0.0)
+    return {name: closed * share / total if total > 0.0 else 0.0 for name, share in shares.items()}
 
 
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
@@ -231,17 +236,19 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
     return replace(held, gap=gap, shares={name: ratio * share for name, share in held.shares.items()})
 
 
-def _significant_effects(rest: Evidence, excluded: frozenset[str]) -> Coordinates:
+def _significant_effects(evidence: Evidence, excluded: frozenset[str]) -> Coordinates:
     """The effects selected on some legs, with their sizes."""
-    names = search_effects(rest, excluded)
+    names = search_effects(evidence, excluded)
     while names:
-        gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}
-        chance = {name: rest.chance(gain[name], len(rest.columns([name]))) for name in names}
+        gain = {
+            name: evidence.fit(names).gain - evidence.fit([n for n in names if n != name]).gain for name in names
+        }
+        chance = {name: evidence.chance(gain[name], len(evidence.columns([name]))) for name in names}
         worst = max(names, key=lambda name: chance[name])
         if chance[worst] < FALSE_ALARM:
             break
         names = tuple(name for name in names if name != worst)
-    return fitted_coordinates(rest, names)
+    return fitted_coordinates(evidence, names)
 
 
 def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
@@ -291,13 +298,13 @@ _FAR = 1e9  # outside any bounds, in any unit
 class _Fold:
     """n windows of some legs, and the evidence of the others.
 
-    ``inner`` [1+P, 1+P] are the inner products (:class:`.Evidence`) of the other legs; ``off`` [n, 2, H] is the
+    ``inner`` [1+P, 1+P] are the inner products (:class:`.Evidence`) of the other legs; ``error`` [n, 2, H] is the
     predicted minus measured track without effects [m], ``slope`` [P, n, 2, H] its derivative with respect to each
     free coordinate, both as the linearisation has them; ``leg`` [n] numbers the legs that have windows.
     """
 
     inner: Floats
-    off: Floats
+    error: Floats
     slope: Floats
     leg: Ints
 
@@ -322,7 +329,7 @@ class LinearTracks:
         off_m, legs = [], np.concatenate([fold.leg for fold in self.folds])
         for fold in self.folds:
             sizes = within_bounds(fold.inner, columns, precision, low, high)
-            off_m.append(_off_m(fold.off, fold.slope, columns - 1, sizes))
+            off_m.append(_off_m(fold.error, fold.slope, columns - 1, sizes))
         return np.bincount(legs, np.concatenate(off_m)) / np.bincount(legs)
 
     def best_set(
@@ -333,19 +340,19 @@ class LinearTracks:
         A step drops one of ``names``, or adds one that is not ``excluded``.
         """
 
-        def price(some: tuple[str, ...]) -> float:
-            return float(np.log(self.by_leg_m(some).mean())) + worth * len(some)
+        def price(candidate: tuple[str, ...]) -> float:
+            return float(np.log(self.by_leg_m(candidate).mean())) + worth * len(candidate)
 
         best = price(names)
         while True:
-            steps = [tuple(other for other in names if other != name) for name in names]
+            steps = [tuple(remaining for remaining in names if remaining != name) for name in names]
             if len(names) < most:
                 more = [(*names, name) for name in self.evidence.names if name not in (*names, *excluded)]
                 steps += filter(self.evidence.compatible, more)
-            found = min(((price(some), some) for some in steps), default=(np.inf, names))
-            if found[0] >= best and len(names) <= most:
+            closest = min(((price(step), step) for step in steps), default=(np.inf, names))
+            if closest[0] >= best and len(names) <= most:
                 return names
-            best, names = found
+            best, names = closest
 
 
 @njit(cache=True, error_model="numpy")
@@ -378,17 +385,17 @@ def within_bounds(inner: Floats, columns: Ints, precision: Floats, low: Floats, 
 
 
 @njit(cache=True)
-def _off_m(off: Floats, slope: Floats, places: Ints, sizes: Floats) -> Floats:
+def _off_m(error: Floats, slope: Floats, places: Ints, sizes: Floats) -> Floats:
     """The mean distance of each window [n] with the coordinates ``places`` at these sizes."""
-    result: Floats = np.zeros(len(off))
-    for window in range(len(off)):
-        for second in range(off.shape[2]):
-            north, east = off[window, 0, second], off[window, 1, second]
+    result: Floats = np.zeros(len(error))
+    for window in range(len(error)):
+        for second in range(error.shape[2]):
+            north, east = error[window, 0, second], error[window, 1, second]
             for place, size in zip(places, sizes):  # noqa: B905 - numba knows no strict
                 north += size * slope[place, window, 0, second]
                 east += size * slope[place, window, 1, second]
             result[window] += np.hypot(north, east)
-    result /= off.shape[2]
+    result /= error.shape[2]
     return result
 
 
@@ -396,31 +403,35 @@ def linear_tracks(windows: UnseenWindows, evidence: Evidence) -> LinearTracks:
     """The tracks over ``windows`` at the linearisation of ``evidence``."""
     equations = evidence.equations
     track, steps = windows.predicted(equations.model.at), _coordinates(evidence)
-    slope = np.stack([_slope(windows, evidence, track, *each) for each in steps])
+    slope = np.stack([_slope(windows, evidence, track, *coordinate) for coordinate in steps])
     at = restored_data(equations)[1 : 1 + len(steps)]
-    off = (track - windows.measured)[:, 1:, :2] - np.tensordot(at, slope, axes=1)
-    known = np.asarray(np.isfinite(off).all(axis=(1, 2)))
-    off, slope = np.swapaxes(off, -1, -2), np.swapaxes(slope, -1, -2)
-    number = np.full(len(known), -1)
-    number[known] = np.unique(windows.log.leg[windows.starts[known]], return_inverse=True)[1]
-    ends = [_moved(evidence, *each, side * _FAR)[each[0]][each[1]] for side in (-1.0, 1.0) for each in steps]
+    error = (track - windows.measured)[:, 1:, :2] - np.tensordot(at, slope, axes=1)
+    complete = np.asarray(np.isfinite(error).all(axis=(1, 2)))
+    error, slope = np.swapaxes(error, -1, -2), np.swapaxes(slope, -1, -2)
+    number = np.full(len(complete), -1)
+    number[complete] = np.unique(windows.log.leg[windows.starts[complete]], return_inverse=True)[1]
+    ends = [
+        _moved(evidence, *coordinate, side * _FAR)[coordinate[0]][coordinate[1]]
+        for side in (-1.0, 1.0)
+        for coordinate in steps
+    ]
     low, high = np.sort(np.array(ends).reshape(2, -1), axis=0)
 
     def folds() -> Iterator[_Fold]:
         for fold in (fold_of(windows.log, count) for count in FOLD_COUNTS):
-            for each in np.unique(fold):
-                others = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == each])
-                inner = _evidence_of_legs(equations, others).inner
-                mine = known & (fold[windows.starts] == each)
-                own = np.ascontiguousarray(off[mine]), np.ascontiguousarray(slope[:, mine])
-                yield _Fold(inner, *own, number[mine])
+            for index in np.unique(fold):
+                other_legs = ~np.isin(np.arange(windows.log.legs), windows.log.leg[fold == index])
+                inner = _evidence_of_legs(equations, other_legs).inner
+                mine = complete & (fold[windows.starts] == index)
+                arrays = np.ascontiguousarray(error[mine]), np.ascontiguousarray(slope[:, mine])
+                yield _Fold(inner, *arrays, number[mine])
 
     return LinearTracks(evidence, low, high, tuple(folds()))
 
 
 def _coordinates(evidence: Evidence) -> list[tuple[str, int]]:
     """Each free coordinate of each effect, in the order of the columns."""
-    return [(each.effect, each.coordinate) for each in evidence.equations.effects]
+    return [(signature.effect, signature.coordinate) for signature in evidence.equations.effects]
 
 
 def _moved(evidence: Evidence, name: str, number: int, by: float) -> Coordinates:

@@ -110,19 +110,19 @@ class Model:
         changing = time_varying_among(self.at, self.catalogue)
         if not changing:
             return [(np.ones(len(log), dtype=np.bool_), self)]
-        shares = [each.profile.levels(log) for each in changing]
+        shares = [change.profile.levels(log) for change in changing]
         kinds, which = np.unique(np.hstack(shares), axis=0, return_inverse=True)
         if len(kinds) > most:
             kinds, which = np.hstack(shares).mean(axis=0)[None], np.zeros(len(log), dtype=np.int64)
-        found = []
+        stages = []
         for number, kind in enumerate(kinds):
             at, first = {name: free for name, free in self.at.items() if name not in {c.name for c in changing}}, 0
-            for each in changing:
-                part = kind[first : first + each.profile.pieces]
-                at[each.base] = tuple((part @ np.array(each.pieces(self.at[each.name]))).tolist())
-                first += each.profile.pieces
-            found.append((which.reshape(-1) == number, replace(self, at=at)))
-        return found
+            for effect in changing:
+                part = kind[first : first + effect.profile.pieces]
+                at[effect.base] = tuple((part @ np.array(effect.pieces(self.at[effect.name]))).tolist())
+                first += effect.profile.pieces
+            stages.append((which.reshape(-1) == number, replace(self, at=at)))
+        return stages
 
     def plant(self) -> Plant:
         """The plant with the effects; if some of them change with time, use it on the models of :meth:`stages`."""
@@ -141,23 +141,23 @@ class Model:
         """The same for each part of the trial in which the effect has its own size."""
         effect = self.catalogue[name]
         pieces = effect.pieces(added or (0.0,) * len(effect.free_scale))
-        given = self.given.get(effect.base, (0.0,) * len(pieces[0]))
-        found = []
+        file_free = self.given.get(effect.base, (0.0,) * len(pieces[0]))
+        sizes = []
         for piece in pieces:
-            free = [a + b for a, b in zip(given, piece, strict=True)]
+            free = [a + b for a, b in zip(file_free, piece, strict=True)]
             if effect.chart == "inverse_square" and free[0] < 0.0:
                 raise ConfigurationError(f"effect {effect.base} is not defined below zero")
-            found.append(effect.checked(effect.values(free)))
-        return found
+            sizes.append(effect.checked(effect.values(free)))
+        return sizes
 
     def bounded(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
         """The free coordinates closest to ``at`` that, with those in the vessel file, are within bounds."""
         result = {}
         for name, added in at.items():
             pieces = self.catalogue[name].pieces(added)
-            given = self.given.get(self.catalogue[name].base, (0.0,) * len(pieces[0])) * len(pieces)
-            whole = self.catalogue[name].bounded([a + b for a, b in zip(given, added, strict=True)])
-            result[name] = tuple(a - b for a, b in zip(whole, given, strict=True))
+            file_free = self.given.get(self.catalogue[name].base, (0.0,) * len(pieces[0])) * len(pieces)
+            bounded = self.catalogue[name].bounded([a + b for a, b in zip(file_free, added, strict=True)])
+            result[name] = tuple(a - b for a, b in zip(bounded, file_free, strict=True))
         return result
 
     def plant_with_step(self, name: str, coordinate: int, by: float) -> Plant | None:
@@ -176,11 +176,11 @@ Stage = tuple[NDArray[np.bool_], Model]
 
 def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
     """The model of a vessel file; the file's own effects may change as well."""
-    given = {
+    file_free = {
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
     }
-    rest = {name: values for name, values in vessel.effects.items() if name not in catalogue}
-    return Model(apply_effects(bare_plant(vessel), rest), catalogue, given=given, vessel=vessel)
+    fixed = {name: values for name, values in vessel.effects.items() if name not in catalogue}
+    return Model(apply_effects(bare_plant(vessel), fixed), catalogue, given=file_free, vessel=vessel)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,28 +209,37 @@ def linearise(
     :class:`InputError` if the log and the model have different actuators.
     """
     check_ship(log.actuators, model.base)
-    parts = attrgetter(*(each.name for each in fields(LinearModel)))
+    parts = attrgetter(*(attribute.name for attribute in fields(LinearModel)))
     stages = model.stages(log)
-    linear = LinearModel(*_in_stages(log, stages, lambda log, each: parts(linear_model(log, each.plant()))))
-    known = effects or signatures(log, model, linear.origin, list(model.catalogue))
-    return Linearisation(log, model, tolerance, _between_levels(log, model, linear, known), tuple(known))
+    linear = LinearModel(
+        *_in_stages(log, stages, lambda log, stage_model: parts(linear_model(log, stage_model.plant())))
+    )
+    sensitivities = effects or signatures(log, model, linear.origin, list(model.catalogue))
+    return Linearisation(
+        log, model, tolerance, _between_levels(log, model, linear, sensitivities), tuple(sensitivities)
+    )
 
 
-def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence[Signature]) -> LinearModel:
+def _between_levels(log: Log, model: Model, linear: LinearModel, sensitivities: Sequence[Signature]) -> LinearModel:
     """The linear model, to first order with the part of changing effects that :meth:`Model.stages` leaves out."""
     defect, observed = linear.defect, linear.observed
-    for each in time_varying_among(model.at, model.catalogue):
-        beside = each.profile.shares(log) - each.profile.levels(log)
-        off = beside @ np.array(each.pieces(model.at[each.name]))
-        own = [signature for signature in known if signature.effect == each.base]
-        for signature, size in zip(own, off.T[:, :, None], strict=True):
+    for effect in time_varying_among(model.at, model.catalogue):
+        deviation = effect.profile.shares(log) - effect.profile.levels(log)
+        offsets = deviation @ np.array(effect.pieces(model.at[effect.name]))
+        matching = [signature for signature in sensitivities if signature.effect == effect.base]
+        for signature, size in zip(matching, offsets.T[:, :, None], strict=True):
             defect, observed = defect + size * signature.D, observed - size * signature.E
     return replace(linear, defect=defect, observed=observed)
 
 
 def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
     """``of(log, plant, *arrays)`` evaluated in each stage of a model; arrays and result [T, ...]."""
-    return _in_stages(log, model.stages(log), lambda log, each, *own: (of(log, each.plant(), *own),), *arrays)[0]
+    return _in_stages(
+        log,
+        model.stages(log),
+        lambda log, stage_model, *stage_arrays: (of(log, stage_model.plant(), *stage_arrays),),
+        *arrays,
+    )[0]
 
 
 def _in_stages(
@@ -240,11 +249,13 @@ def _in_stages(
     if len(stages) == 1:
         return of(log, stages[0][1], *arrays)
     with threads_for(0):  # the batches of a stage are too short for threads to pay
-        parts = [of(log.subset(rows), each, *(some[rows] for some in arrays)) for rows, each in stages]
+        parts = [
+            of(log.subset(rows), stage_model, *(array[rows] for array in arrays)) for rows, stage_model in stages
+        ]
     results = tuple(np.empty((len(log), *first.shape[1:])) for first in parts[0])
     for (rows, _), part in zip(stages, parts, strict=True):
-        for result, own in zip(results, part, strict=True):
-            result[rows] = own
+        for result, values in zip(results, part, strict=True):
+            result[rows] = values
     return results
 
 
@@ -299,25 +310,30 @@ def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> 
     Drifting effects are held at their mean: the change of the other sensitivities is of second order.
     """
     stages, names, catalogue = model.stages(log, _MOST_STAGES), list(names), model.catalogue
-    (ways,) = _in_stages(log, stages, lambda log, each, own: (one_second_paths(log, each.plant(), own),), origin)
-    known = [
+    (ways,) = _in_stages(
+        log,
+        stages,
+        lambda log, stage_model, stage_origin: (one_second_paths(log, stage_model.plant(), stage_origin),),
+        origin,
+    )
+    constant = [
         Signature(name, coordinate, *_in_stages(log, stages, partial(_sensitivity, name, coordinate), origin, ways))
         for name in names if not isinstance(catalogue[name], TimeVaryingEffect)
         for coordinate in range(len(catalogue[name].free_scale))
     ]  # fmt: skip
-    return [*known, *time_varying_signatures(log, time_varying_among(names, catalogue), known)]
+    return [*constant, *time_varying_signatures(log, time_varying_among(names, catalogue), constant)]
 
 
 def time_varying_signatures(
-    log: Log, changing: Sequence[TimeVaryingEffect], known: Sequence[Signature]
+    log: Log, changing: Sequence[TimeVaryingEffect], constant: Sequence[Signature]
 ) -> list[Signature]:
-    """The signatures of effects that vary with time, from the ``known`` ones of the constant effects."""
+    """The signatures of effects that vary with time, from those of the ``constant`` effects."""
     result = []
-    for each in changing:
-        own = [signature for signature in known if signature.effect == each.base]
-        for number, share in enumerate(each.profile.shares(log).T[:, :, None]):
-            first = number * len(own)
-            result += [Signature(each.name, first + s.coordinate, s.D * share, s.E * share) for s in own]
+    for effect in changing:
+        matching = [signature for signature in constant if signature.effect == effect.base]
+        for number, share in enumerate(effect.profile.shares(log).T[:, :, None]):
+            first = number * len(matching)
+            result += [Signature(effect.name, first + s.coordinate, s.D * share, s.E * share) for s in matching]
     return result
 
 
@@ -362,9 +378,9 @@ def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
         plants = [(model.plant_with_step(name, coordinate, step * size), step * size) for step in steps]
-        known = [(plant, by) for plant, by in plants if plant is not None]
-        if len(known) == len(plants):
-            return known
+        within = [(plant, by) for plant, by in plants if plant is not None]
+        if len(within) == len(plants):
+            return within
     raise ConfigurationError(f"effect {name} has bounds too narrow for its ordinary size of {size:g}")
 
 
@@ -399,8 +415,8 @@ def _acting(
     if delay_s == 0.0 and not any(lags_s) and not any(plays_rad):
         return log.controls, log.controls[:, 0]
     if log.cut_from is not None:
-        whole, rows = log.cut_from
-        controls, acting = _acting(whole, delay_s, lags_s, plays_rad)
+        parent, rows = log.cut_from
+        controls, acting = _acting(parent, delay_s, lags_s, plays_rad)
         return controls[rows], acting[rows]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
     angles = angle_columns(log.actuators)
@@ -422,7 +438,7 @@ def _delays_of(plant: Plant) -> tuple[float, tuple[float, ...], tuple[float, ...
 
 def prompt(plant: Plant) -> Plant:
     """The plant for the controls of :func:`acting_settings`: without delay and play."""
-    tight = {f"{each.name}_{PLAY}": 0.0 for each in plant.layout if PLAY in KINDS[each.kind].numbers}
+    tight = {f"{actuator.name}_{PLAY}": 0.0 for actuator in plant.layout if PLAY in KINDS[actuator.kind].numbers}
     still = plant.replaced(command_delay_s=0.0)
     return still.replaced(**tight) if any(plays_of(plant)) else still
 
@@ -433,8 +449,8 @@ def _lost_motion(motor: Floats, play_rad: float, step_s: float) -> Floats:
     Feedback noise would drag the output to its extremes, so movements within the usual range of the noise are
     ignored.
     """
-    every = max(1, round(step_s * STEPS_PER_SECOND))
-    noise_rad = robust_spread(np.diff(motor[::every], 2)) / sqrt(6.0)
+    interval = max(1, round(step_s * STEPS_PER_SECOND))
+    noise_rad = robust_spread(np.diff(motor[::interval], 2)) / sqrt(6.0)
     moved = behind_play(motor, _RANGE * noise_rad)
     return np.asarray(behind_play(moved, play_rad) - moved)
 
@@ -448,20 +464,20 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
 def lags_of(plant: Plant) -> tuple[float, ...]:
     """The time constant [s] with which each control acts after it is reported [controls]."""
     lags_s = []
-    for each in plant.layout:
-        kind = KINDS[each.kind]
-        own = plant.number(f"{each.name}_{kind.lag}") if kind.lag else 0.0
-        lags_s += [plant.thruster_lag_s + own] * len(kind.units)
+    for actuator in plant.layout:
+        kind = KINDS[actuator.kind]
+        lag_s = plant.number(f"{actuator.name}_{kind.lag}") if kind.lag else 0.0
+        lags_s += [plant.thruster_lag_s + lag_s] * len(kind.units)
     return tuple(lags_s)
 
 
 def plays_of(plant: Plant) -> tuple[float, ...]:
     """The play [rad] of each control between its feedback and its action [controls]."""
     plays_rad = []
-    for each in plant.layout:
-        kind = KINDS[each.kind]
-        own = plant.number(f"{each.name}_{PLAY}") if PLAY in kind.numbers else 0.0
-        plays_rad += [own if angle else 0.0 for angle in kind.angles]
+    for actuator in plant.layout:
+        kind = KINDS[actuator.kind]
+        play_rad = plant.number(f"{actuator.name}_{PLAY}") if PLAY in kind.numbers else 0.0
+        plays_rad += [play_rad if angle else 0.0 for angle in kind.angles]
     return tuple(plays_rad)
 
 
@@ -469,10 +485,10 @@ def _lagged(series: Floats, lags_s: Floats) -> Floats:
     """Each control of a series [K, controls] after its first-order lag, at the start of each step."""
     result = series.copy()
     for column in np.flatnonzero(lags_s > 0.0):
-        own = series[:, column]
+        values = series[:, column]
         kept = np.exp(-DT_S / lags_s[column])
-        before = np.append(own[:1], own[:-1])
-        result[:, column] = lfilter([1.0 - kept], [1.0, -kept], before, zi=kept * own[:1])[0]
+        before = np.append(values[:1], values[:-1])
+        result[:, column] = lfilter([1.0 - kept], [1.0, -kept], before, zi=kept * values[:1])[0]
     return result
 
 
@@ -497,12 +513,12 @@ def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = rang
     result, half = np.empty((len(ways), len(quarters), 6)), STEPS_PER_SECOND // 2
     delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
     for first, last in _stretches(log):
-        some, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
-        seen = measure(_track(some), plant, DT_S)
+        stretch, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
+        seen = measure(_track(stretch), plant, DT_S)
         seen = np.concatenate([2.0 * seen[:1] - seen[half:0:-1], seen])
-        jumps = np.concatenate([np.zeros((1, 6)), some[1:, 0] - some[:-1, -1]]).cumsum(axis=0)
+        jumps = np.concatenate([np.zeros((1, 6)), stretch[1:, 0] - stretch[:-1, -1]]).cumsum(axis=0)
         for place, quarter in enumerate(quarters):
-            result[first:last, place] = seen[quarter::STEPS_PER_SECOND][: len(some)]
+            result[first:last, place] = seen[quarter::STEPS_PER_SECOND][: len(stretch)]
             for column, delay_s in enumerate(delays_s):
                 times = seconds + (quarter - half) * DT_S - delay_s
                 missed = jumps[:, column] - np.interp(times, seconds, jumps[:, column])
@@ -521,8 +537,8 @@ def true_states(log: Log, plant: Plant) -> Floats:
     """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
     states = log.nominal.copy()
     for _ in range(_ROUNDS):
-        off = log.nominal - sensor_readings(log, plant, states)
-        states += off
-        if np.abs(off[:, HEADING:]).max(initial=0.0) < _SAME:  # no reading but its own depends on a position
+        error = log.nominal - sensor_readings(log, plant, states)
+        states += error
+        if np.abs(error[:, HEADING:]).max(initial=0.0) < _SAME:  # no reading but its own depends on a position
             break
     return states

@@ -96,8 +96,8 @@ class Log:
         for name in ("block", "leg"):
             chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
         held = {name: controls[rows] for name, controls in self.held.items()}
-        whole, places = self.cut_from or (self, np.arange(len(self)))
-        return replace(self, held=held, cut_from=(whole, places[rows]), **chosen)
+        parent, places = self.cut_from or (self, np.arange(len(self)))
+        return replace(self, held=held, cut_from=(parent, places[rows]), **chosen)
 
     def spread_blocks(self, seconds: float) -> NDArray[np.bool_]:
         """A mask of whole blocks, spread evenly over the log, ``seconds`` in all."""
@@ -138,13 +138,13 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
             fix="check what is missing with `seatrial check`",
         )
-    held = {hold: np.concatenate([each.held[hold] for each in logs]) for hold in INPUT_HOLDS[1:]}
-    together: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in logs]) for name in _ARRAYS}
+    held = {hold: np.concatenate([log.held[hold] for log in logs]) for hold in INPUT_HOLDS[1:]}
+    together: dict[str, Any] = {name: np.concatenate([getattr(log, name) for log in logs]) for name in _ARRAYS}
     return Log(
         **together,
         held=held,
-        refused=sum(each.refused for each in logs),
-        setting_step_s=max(each.setting_step_s for each in logs),
+        refused=sum(log.refused for log in logs),
+        setting_step_s=max(log.setting_step_s for log in logs),
         levels=logs[0].levels,
         actuators=logs[0].actuators,
         names=tuple(recordings),
@@ -156,7 +156,7 @@ def tables_by_recording(tables: Sequence[pd.DataFrame]) -> dict[str, pd.DataFram
     parts = dict[str, list[pd.DataFrame]]()
     for name, table in zip(_recordings(tables), tables, strict=True):
         parts.setdefault(name, []).append(table)
-    return {name: joined(some) for name, some in parts.items()}
+    return {name: joined(pieces) for name, pieces in parts.items()}
 
 
 def joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
@@ -183,8 +183,8 @@ def _one(table: pd.DataFrame) -> Log:
     block = _blocks(usable)
     leg = np.where(block >= 0, _legs(block, seconds), -1)
     rows = block >= 0
-    others = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
-    held = {hold: np.where(np.isfinite(each), each, controls)[rows] for hold, each in others.items()}
+    settings = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
+    held = {hold: np.where(np.isfinite(values), values, controls)[rows] for hold, values in settings.items()}
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows], leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), actuators, refused,
@@ -270,24 +270,24 @@ def averaged_motion(
     nodes = (seconds - seconds[0]).astype(float)
     measured, refused = np.full_like(motion, np.nan), 0
     weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
-    known = np.isfinite(motion).all(axis=1)
-    if known.sum() < 2:
+    finite = np.isfinite(motion).all(axis=1)
+    if finite.sum() < 2:
         return measured, weight, 0
     stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
-    path = CubicHermiteSpline(nodes[known], motion[known], slopes[known])
+    path = CubicHermiteSpline(nodes[finite], motion[finite], slopes[finite])
     for column, name in enumerate(POSE_AND_VELOCITY):
         values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
         rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
         if not rows.any():
             continue
         times, expected = stamps[rows], path(stamps[rows])[:, column]
-        off = values[rows] - expected
+        deviation = values[rows] - expected
         if is_circular(name):
-            off = (off + np.pi) % (2.0 * np.pi) - np.pi
-        away = np.abs(off - _near(off, times))
-        good = away <= _OUTLIER * robust_spread(away) + 1e-9
+            deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
+        distance = np.abs(deviation - _near(deviation, times))
+        good = distance <= _OUTLIER * robust_spread(distance) + 1e-9
         refused += int((~good).sum())
-        measured[:, column], weight[:, column] = _binned(times[good], (expected + off)[good], len(nodes))
+        measured[:, column], weight[:, column] = _binned(times[good], (expected + deviation)[good], len(nodes))
     return measured, weight, refused
 
 
@@ -346,16 +346,16 @@ def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
     direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
     # Components, not speeds, are averaged, so that the vane's noise adds no wind.
     towards = speed * np.cos(np.deg2rad(direction)), speed * np.sin(np.deg2rad(direction))
-    north, east = (_filled(_means(times_ns(table) / NANO, each, edges)) for each in towards)
+    north, east = (_filled(_means(times_ns(table) / NANO, component, edges)) for component in towards)
     return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
 
 
 def _filled(values: Floats) -> Floats:
     """Missing values interpolated; unchanged where all are missing."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not known.size:
+    finite = np.flatnonzero(np.isfinite(values))
+    if not finite.size:
         return np.zeros(len(values))
-    return np.interp(np.arange(len(values)), known, values[known])
+    return np.interp(np.arange(len(values)), finite, values[finite])
 
 
 def _means(
@@ -419,8 +419,8 @@ def _without_blips(times_s: Floats, values: Floats) -> Floats:
     """The values with single-sample outliers replaced by interpolation."""
     if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # at lower rates a jump may be real
         return values
-    away = np.abs(values - median_filter(values, 5, mode="nearest"))
+    distance = np.abs(values - median_filter(values, 5, mode="nearest"))
     # A reversing drive also differs from its neighbours, by its movement in a step.
     moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
-    good = away <= _OUTLIER * robust_spread(away) + 3.0 * moves + 1e-9
+    good = distance <= _OUTLIER * robust_spread(distance) + 3.0 * moves + 1e-9
     return np.asarray(np.interp(times_s, times_s[good], values[good]))

@@ -77,42 +77,44 @@ def _settings(log: Log, along: Mapping[str, Floats]) -> dict[str, Floats]:
     mean angle of each kind that has one (of propulsors while they run), each tunnel thruster's shaft speed."""
     controls = log.controls.mean(axis=1) / control_units(log.actuators)
     mean, drives = dict(zip(control_names(log.actuators), controls.T, strict=True)), drives_in(log.actuators)
-    found = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
-    for one, other in itertools.pairwise(drives):
-        found[f"{one}_less_{other}_rpm"] = mean[f"{one}_rpm"] - mean[f"{other}_rpm"]
+    settings = {"rpm": along["rpm"]} if drives else {}  # signed: thrust astern differs from thrust ahead
+    for first, second in itertools.pairwise(drives):
+        settings[f"{first}_less_{second}_rpm"] = mean[f"{first}_rpm"] - mean[f"{second}_rpm"]
     pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
-    found |= {"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}
+    settings |= {"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}
     for quantity, names in steering_angles(log.actuators).items():
         shafts = [np.abs(mean[f"{name}_rpm"]) for name in names if name in drives]
         running = np.max(shafts, axis=0) > _RUNNING_RPM if len(shafts) == len(names) else True
-        found[quantity] = np.where(running, along[quantity], np.nan)
-    return found | {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
+        settings[quantity] = np.where(running, along[quantity], np.nan)
+    return settings | {f"{name}_rpm": along[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
 
 
 def cells_of(log: Log, origin: Floats) -> list[Cell]:
     """All cells with enough seconds, by quantity; a quantity with a single cell is left out."""
-    found = [
+    cells = [
         Cell(name, {name: span}, _inside(values, span))
         for name, values in quantities(log, origin).items()
         for span in _spans(name, values)
     ]
-    found += _places(origin)
-    large = [each for each in found if each.rows.sum() >= LEAST_S]
-    several = {each.quantity for each in large if sum(other.quantity == each.quantity for other in large) > 1}
-    return [each for each in large if each.quantity in several]
+    cells += _places(origin)
+    large = [cell for cell in cells if cell.rows.sum() >= LEAST_S]
+    several = {
+        cell.quantity for cell in large if sum(candidate.quantity == cell.quantity for candidate in large) > 1
+    }
+    return [cell for cell in large if cell.quantity in several]
 
 
 def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
     if name in ("heading_deg", "relative_wind_deg"):  # north, or ahead, in the middle of the first
-        return [(45.0 * each - 22.5, 45.0 * each + 22.5) for each in range(8)]
-    known = values[np.isfinite(values)]
-    if not known.size:
+        return [(45.0 * sector - 22.5, 45.0 * sector + 22.5) for sector in range(8)]
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return []
     if name == "time_s":
-        return itertools.pairwise(np.linspace(0.0, known.max() + 1.0, _QUARTERS + 1).tolist())
-    low, high = (float(each) for each in np.quantile(known, (0.01, 0.99)))
+        return itertools.pairwise(np.linspace(0.0, finite.max() + 1.0, _QUARTERS + 1).tolist())
+    low, high = (float(quantile) for quantile in np.quantile(finite, (0.01, 0.99)))
     inner = round_edges(low, high, _finest(name)).tolist()
-    return itertools.pairwise([float(known.min()), *inner, _above(known.max())])
+    return itertools.pairwise([float(finite.min()), *inner, _above(finite.max())])
 
 
 def _finest(name: str) -> float:
@@ -128,7 +130,7 @@ def round_edges(low: float, high: float, finest: float) -> Floats:
     """
     raw = max((high - low) / _WANTED, finest)
     power = 10.0 ** np.floor(np.log10(raw))
-    step = power * next(each for each in _ROUND if each >= raw / power - 1e-9)
+    step = power * next(multiple for multiple in _ROUND if multiple >= raw / power - 1e-9)
     shift = 0.5 if low < 0.0 < high else 0.0
     edges = (np.arange(np.floor(low / step), np.ceil(high / step) + 1) + shift) * step
     return np.asarray(edges[(edges > low + 0.5 * step) & (edges < high - 0.5 * step)])
@@ -148,12 +150,15 @@ def _inside(values: Floats, span: tuple[float, float]) -> NDArray[np.bool_]:
 
 def _places(origin: Floats) -> list[Cell]:
     """A grid over the trial's area."""
-    found = []
-    edges = [np.linspace(each.min(), _above(each.max()), _GRID + 1).tolist() for each in origin[:, :2].T]
+    cells = []
+    edges = [
+        np.linspace(coordinate.min(), _above(coordinate.max()), _GRID + 1).tolist()
+        for coordinate in origin[:, :2].T
+    ]
     for north, east in itertools.product(*map(itertools.pairwise, edges)):
         rows = _inside(origin[:, 0], north) & _inside(origin[:, 1], east)
-        found.append(Cell("place", {"north_m": north, "east_m": east}, rows))
-    return found
+        cells.append(Cell("place", {"north_m": north, "east_m": east}, rows))
+    return cells
 
 
 SIGNIFICANT = 0.05
@@ -168,9 +173,9 @@ _WIDE = 10.0  # prior standard deviation of a cell's force, in force ranges
 
 def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:
     """The significant places, corrected for the number of cells, forty at most; at least the ten largest."""
-    ranked = sorted(places, key=lambda each: -abs(each.z))
+    ranked = sorted(places, key=lambda place: -abs(place.z))
     limit = float(norm.isf(0.5 * SIGNIFICANT / max(len(ranked), 1)))
-    sure = sum(abs(each.z) > limit for each in ranked)
+    sure = sum(abs(place.z) > limit for place in ranked)
     return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
 
 
@@ -193,20 +198,22 @@ def _without_effects(equations: NormalEquations) -> Columns:
     added = [
         (value, signature)
         for name, free in equations.model.at.items()
-        for value, signature in zip(free, (each for each in equations.effects if each.effect == name), strict=True)
+        for value, signature in zip(
+            free, (candidate for candidate in equations.effects if candidate.effect == name), strict=True
+        )
     ]
-    drive = data.drive - sum(value * each.D[:, :, None] for value, each in added)
-    seen = data.readings + sum(value * each.E[:, :, None] for value, each in added)
+    drive = data.drive - sum(value * signature.D[:, :, None] for value, signature in added)
+    seen = data.readings + sum(value * signature.E[:, :, None] for value, signature in added)
     return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(seen), data.features)
 
 
 def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
     """The tolerated errors of sensors, drives and wind, with their standard deviations."""
     layout = equations.layout
-    some = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
+    indices = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
     winds = wind_errors(equations.log, equations.model, equations.linear.origin)
-    scale = np.append(layout.tolerated[some], np.full(len(winds), wind_error_mps(equations.model)))
-    return [*(equations.effects[number] for number in some), *winds], scale
+    scale = np.append(layout.tolerated[indices], np.full(len(winds), wind_error_mps(equations.model)))
+    return [*(equations.effects[number] for number in indices), *winds], scale
 
 
 def _forces(
@@ -217,13 +224,13 @@ def _forces(
     columns = Columns(
         np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
         np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
-        np.column_stack([each.rows.astype(float) for each in cells]),
+        np.column_stack([cell.rows.astype(float) for cell in cells]),
     )
     gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
     nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
     result: list[Place] = []
-    for quantity in dict.fromkeys(each.quantity for each in cells):
-        mine = [number for number, each in enumerate(cells) if each.quantity == quantity]
+    for quantity in dict.fromkeys(cell.quantity for cell in cells):
+        mine = [number for number, cell in enumerate(cells) if cell.quantity == quantity]
         kept = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
         inner, _ = marginalise(gram, np.append(0, kept), nuisance, scale)
         force, error = _fitted_forces(inner, equations, len(mine))
@@ -275,9 +282,9 @@ def _allowance(equations: NormalEquations, tolerated: list[Signature], scale: Fl
     linear = equations.linear
     force = linear.B * (equations.tolerance * equations.force_range)
     parts = [force]
-    for each, size in zip(tolerated, scale, strict=True):
-        later = np.vstack([each.E[1:], each.E[-1:]])
-        parts.append((size * (each.D + later - np.einsum("tij,tj->ti", linear.A, each.E)))[:, :, None])
+    for signature, size in zip(tolerated, scale, strict=True):
+        later = np.vstack([signature.E[1:], signature.E[-1:]])
+        parts.append((size * (signature.D + later - np.einsum("tij,tj->ti", linear.A, signature.E)))[:, :, None])
     return np.concatenate(parts, axis=2)
 
 

@@ -88,7 +88,9 @@ def nuisance_basis(
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
     before = np.maximum(np.arange(len(log)) - _BEFORE_S, log.edges[log.block])
-    now, earlier = ({}, {}) if not interactions else (_interactions(log, each) for each in (origin, origin[before]))
+    now, earlier = (
+        ({}, {}) if not interactions else (_interactions(log, states) for states in (origin, origin[before]))
+    )
     shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2))}
 
     def shapes_of(effect: str) -> dict[str, Floats]:
@@ -96,10 +98,10 @@ def nuisance_basis(
         return {name: shapes[name] for name in _variations(effect)} | (forms if effect in interactions else {})
 
     varying = [
-        Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
-        for each in effects
-        for name, some in shapes_of(each.effect).items()
-        for number, shape in enumerate(some.T)
+        Signature(f"{signature.effect}*{name}", number, signature.D * shape[:, None], signature.E * shape[:, None])
+        for signature in effects
+        for name, family in shapes_of(signature.effect).items()
+        for number, shape in enumerate(family.T)
     ]
     return NuisanceBasis(forces, depends, tuple(varying))
 
@@ -117,9 +119,9 @@ def _even(shapes: Floats) -> Floats:
     """
     if not shapes.shape[1]:
         return shapes
-    left, size, _ = np.linalg.svd(shapes, full_matrices=False)
+    vectors, size, _ = np.linalg.svd(shapes, full_matrices=False)
     kept = size > _FAINT * max(float(size[0]), 1e-9)
-    return np.asarray(left[:, kept] * np.sqrt(len(shapes)))
+    return np.asarray(vectors[:, kept] * np.sqrt(len(shapes)))
 
 
 def _harmonics(angle_rad: Floats, number: int) -> Floats:
@@ -137,14 +139,14 @@ def _times(time_s: Ints) -> Floats:
 
 def _places(position_m: Floats) -> Floats:
     """Smooth functions of position [T, 24]: long and short waves over the area."""
-    away = position_m - position_m.mean(axis=0)
-    extent = max(float(np.sqrt((away**2).sum(axis=1).mean())), 1.0)
+    offset = position_m - position_m.mean(axis=0)
+    extent = max(float(np.sqrt((offset**2).sum(axis=1).mean())), 1.0)
     generator = np.random.default_rng(_SEED)
     shapes = []
     for pace, number in _PLACES.items():
         wave = generator.standard_normal((2, number)) * pace
         phase = generator.uniform(0.0, 2.0 * np.pi, number)
-        shapes.append(np.sqrt(2.0) * np.cos(away / extent @ wave + phase))
+        shapes.append(np.sqrt(2.0) * np.cos(offset / extent @ wave + phase))
     together = np.hstack(shapes)
     return np.asarray(together - together.mean(axis=0))
 
@@ -157,10 +159,10 @@ def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
         parts = [pushes.pop(0) for _ in turns]
         if len(parts) == 2:  # turnable actuators push in surge and sway; the others are left out
             ahead, aside = ahead + parts[0], aside + parts[1]
-    every = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(aside))
+    quantities = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(aside))
     return {
         name: ((values - values.mean()) / values.std())[:, None]
-        for name, values in zip(INTERACTIONS, every, strict=True)
+        for name, values in zip(INTERACTIONS, quantities, strict=True)
         if values.std() > _STAYS
     }
 
@@ -173,7 +175,9 @@ def _hinges(log: Log) -> Floats:
     angles = angle_columns(log.actuators)
     if not angles:
         return np.zeros((len(log), 0))
-    to_port = [-CHANNEL_KINDS[each.kind].turns for each in log.actuators if any(KINDS[each.kind].angles)]
+    to_port = [
+        -CHANNEL_KINDS[actuator.kind].turns for actuator in log.actuators if any(KINDS[actuator.kind].angles)
+    ]
     angle = (log.controls[:, :, angles] * to_port).mean(axis=(1, 2))
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
     largest = float(np.quantile(np.abs(angle), 0.99))
@@ -200,7 +204,7 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
     """
     forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
-    lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.layout)
+    lever = max(abs(plant.number(f"{actuator.name}_x_m")) for actuator in plant.layout)
     sway = max(sway, _LEAST_SHARE * surge)
     return np.array([surge, sway, max(yaw, _LEAST_SHARE * surge * lever)])
 
@@ -216,14 +220,14 @@ def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
 
 def thrusts(log: Log) -> dict[str, tuple[Floats, ...]]:
     """Each actuator's thrust [T] by name, as square-law magnitude: surge, and sway if it can be turned."""
-    found, first, mean = dict[str, tuple[Floats, ...]](), 0, log.controls.mean(axis=1).T
-    for each in log.actuators:
-        angles = KINDS[each.kind].angles
+    by_name, first, mean = dict[str, tuple[Floats, ...]](), 0, log.controls.mean(axis=1).T
+    for actuator in log.actuators:
+        angles = KINDS[actuator.kind].angles
         push = mean[first] * np.abs(mean[first])
         angle = mean[first + angles.index(True)] if any(angles) else None
-        found[each.name] = (push,) if angle is None else (push * np.cos(angle), push * np.sin(angle))
+        by_name[actuator.name] = (push,) if angle is None else (push * np.cos(angle), push * np.sin(angle))
         first += len(angles)
-    return found
+    return by_name
 
 
 def operating_point(log: Log, origin: Floats) -> Floats:
@@ -261,9 +265,9 @@ _WIND_MPS = 0.3
 def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
     """The tolerated standard deviation of each signature's free coordinate [P], 0 for none."""
     result = []
-    for each in signatures:
-        effect = catalogue[each.effect]
-        size = effect.parameters[each.coordinate % len(effect.parameters)].tolerance
+    for signature in signatures:
+        effect = catalogue[signature.effect]
+        size = effect.parameters[signature.coordinate % len(effect.parameters)].tolerance
         of_setting = effect.family == "clock" and effect.kind == "actuator"
         if of_setting and log.input_hold == "line":  # it may have changed at any time between two records
             size = max(size, 0.5 * log.setting_step_s)
@@ -281,8 +285,8 @@ def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
     none, step_mps = np.zeros_like(origin), wind_error_mps(model)
     north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])
     cosine, sine = np.cos(origin[:, 2]), np.sin(origin[:, 2])
-    one, nil = np.ones(len(log)), np.zeros(len(log))
-    ways = ((one, nil), (nil, one), (cosine, sine), (-sine, cosine))
+    unit, nil = np.ones(len(log)), np.zeros(len(log))
+    ways = ((unit, nil), (nil, unit), (cosine, sine), (-sine, cosine))
     result = []
     for number, (to_north, to_east) in enumerate(ways):
         ends = []
@@ -294,4 +298,8 @@ def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
     recordings = np.unique(log.recording).tolist()
     if len(recordings) == 1:
         return result
-    return [replace(each, D=each.D * (log.recording == one)[:, None]) for one in recordings for each in result]
+    return [
+        replace(signature, D=signature.D * (log.recording == recording)[:, None])
+        for recording in recordings
+        for signature in result
+    ]

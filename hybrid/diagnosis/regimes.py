@@ -26,7 +26,7 @@ from hybrid.diagnosis.linearise import Linearisation, signatures
 from hybrid.diagnosis.map import map_of, round_edges
 from hybrid.diagnosis.nuisance_basis import AXES, FEW
 from hybrid.diagnosis.result import Replication
-from hybrid.diagnosis.select_effects import about_fit
+from hybrid.diagnosis.select_effects import relinearise_at_fit
 from hybrid.effects import Effect
 from hybrid.effects.regime import Regime, quantities_along, regime_effect
 
@@ -85,21 +85,27 @@ def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) ->
     that were not used for the size. No regime for an axis where none explains a fifth.
     """
     tried = list(_candidates(quantities))
-    best = [_narrowed(each, tried, quantities, force, fold) for each in _best(tried, quantities, force, fold)]
-    return sorted(best, key=lambda each: -each.share)
+    best = [
+        _narrowed(candidate, tried, quantities, force, fold) for candidate in _best(tried, quantities, force, fold)
+    ]
+    return sorted(best, key=lambda regime: -regime.share)
 
 
 def _narrowed(
-    found: TriedRegime, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
+    widest: TriedRegime, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
 ) -> TriedRegime:
     """A regime restricted by a second span, where that explains enough more."""
     more = [
-        (replace(found.regime, within={**found.regime.within, **other.within}), found.price + _SECOND)
-        for other, _ in tried
-        if other.grows_with is None and found.regime.within and not {*other.within} & {*found.regime.within}
+        (replace(widest.regime, within={**widest.regime.within, **second.within}), widest.price + _SECOND)
+        for second, _ in tried
+        if second.grows_with is None and widest.regime.within and not {*second.within} & {*widest.regime.within}
     ]
-    same = [each for each in _best(more, quantities, force, fold) if each.regime.axis == found.regime.axis]
-    return max([found, *same], key=lambda each: each.worth)
+    same = [
+        candidate
+        for candidate in _best(more, quantities, force, fold)
+        if candidate.regime.axis == widest.regime.axis
+    ]
+    return max([widest, *same], key=lambda candidate: candidate.worth)
 
 
 def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
@@ -119,15 +125,18 @@ def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
 
 def _spans(name: str, values: Floats) -> Iterator[tuple[tuple[float, float], float]]:
     """Spans on either side of zero, on either side of each round edge, and between two edges."""
-    known = values[np.isfinite(values)]
-    if len(known) < _LEAST_S:
+    finite = values[np.isfinite(values)]
+    if len(finite) < _LEAST_S:
         return
     if name == "relative_wind_deg":
         yield from ((arc, _PLAIN) for arc in itertools.combinations(np.arange(-180.0, 181.0, 45.0).tolist(), 2))
         return
-    low, high = (float(each) for each in np.quantile(known, (0.02, 0.98)))
+    low, high = (float(quantile) for quantile in np.quantile(finite, (0.02, 0.98)))
     edges = round_edges(low, high, _FINEST.get(name, _FINEST_RPM)).tolist()
-    for edge, price in [*([(0.0, 0.0)] if low < 0.0 < high else []), *((each, _PLAIN) for each in edges)]:
+    for edge, price in [
+        *([(0.0, 0.0)] if low < 0.0 < high else []),
+        *((inner_edge, _PLAIN) for inner_edge in edges),
+    ]:
         yield (-inf, edge), price
         yield (edge, inf), price
     for pair in itertools.pairwise(edges):
@@ -159,7 +168,7 @@ def _best(
     if not tried:
         return []
     shapes = np.column_stack([shape_of(regime, quantities) for regime, _ in tried])
-    price = np.array([each for _, each in tried])
+    price = np.array([cost for _, cost in tried])
     size, share, alike = explained(shapes, force, fold)
     enough = alike & (np.count_nonzero(shapes, axis=0) >= _LEAST_S)[:, None] & (share > _LEAST_SHARE)
     worth = np.where(enough, share - price[:, None], -inf)
@@ -177,15 +186,15 @@ def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats
     The share is that of the squares in each part with the size fitted to all others; consistent
     means that most parts agree in sign.
     """
-    parts = [fold == each for each in np.unique(fold)]
+    parts = [fold == index for index in np.unique(fold)]
     products = np.array([shapes[part].T @ force[part] for part in parts])
     squares = np.array([(shapes[part] ** 2).sum(axis=0) for part in parts])[:, :, None]
-    whole, norm = products.sum(axis=0), np.maximum(squares.sum(axis=0), 1e-12)
-    others = (whole - products) / np.maximum(norm - squares, 1e-12)
-    taken = (2.0 * others * products - others**2 * squares).sum(axis=0)
+    total, norm = products.sum(axis=0), np.maximum(squares.sum(axis=0), 1e-12)
+    other_sizes = (total - products) / np.maximum(norm - squares, 1e-12)
+    taken = (2.0 * other_sizes * products - other_sizes**2 * squares).sum(axis=0)
     share = taken / np.maximum((force**2).sum(axis=0), 1e-12)
-    agree = (np.sign(products) == np.sign(whole)).mean(axis=0) >= MOST_PARTS
-    return whole / norm, share, agree
+    agree = (np.sign(products) == np.sign(total)).mean(axis=0) >= MOST_PARTS
+    return total / norm, share, agree
 
 
 def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
@@ -195,14 +204,14 @@ def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime
     the other as long as each explains a fifth of an axis' remaining force and brings predictions of held-out
     legs closer.
     """
-    found, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
-    while len(found) < _FEW:
-        better = next(filter(None, (_added(now, windows, each) for each in _lacking(now.evidence))), None)
+    regimes, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
+    while len(regimes) < _FEW:
+        better = next(filter(None, (_added(now, windows, candidate) for candidate in _lacking(now.evidence))), None)
         if better is None:
             break
-        found.append(better[0])
+        regimes.append(better[0])
         now = _Fitted.of(better[1].evidence, better[1].names, windows)
-    return tuple(found)
+    return tuple(regimes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,15 +225,15 @@ class _Fitted:
     @classmethod
     def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
         """``names`` fitted, and the evidence linearised about them."""
-        linear = about_fit(evidence, names, FEW)
+        linear = relinearise_at_fit(evidence, names, FEW)
         return cls(names, linear, _off_m(windows, linear, names))
 
     def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:
         """The same with one more effect; only its signature is new."""
         equations, names = self.evidence.equations, (*self.names, effect.name)
         model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
-        own = signatures(equations.log, model, equations.linear.origin, [effect.name])
-        effects = (*equations.effects, *own)
+        added = signatures(equations.log, model, equations.linear.origin, [effect.name])
+        effects = (*equations.effects, *added)
         wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
         evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
         return _Fitted(names, evidence, _off_m(windows, evidence, names))
@@ -243,8 +252,8 @@ def _added(now: _Fitted, windows: UnseenWindows, tried: TriedRegime) -> tuple[Fo
         return None
     value, error = _size(fitted, effect.name)
     after_m = float(fitted.off_m.mean())
-    found = FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m)
-    return found, fitted
+    result = FoundRegime(effect.name, regime, value, error, tried.share, replicated, after_m)
+    return result, fitted
 
 
 def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
@@ -266,20 +275,20 @@ def _lacking(evidence: Evidence) -> list[TriedRegime]:
 def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
     """The mean distance by leg with ``names`` at the sizes fitted to the other folds [legs with windows]."""
     catalogue = evidence.equations.model.catalogue
-    known = replace(windows, model=replace(windows.model, catalogue=catalogue))
-    return unseen_m(known, evidence_without(known, evidence), names)
+    extended = replace(windows, model=replace(windows.model, catalogue=catalogue))
+    return unseen_m(extended, evidence_without(extended, evidence), names)
 
 
 def _name_of(regime: Regime) -> str:
     """A name from the axis and the regime: ``surge_force_rpm_below_0``."""
-    spans = [_span_name(each, *span) for each, span in regime.within.items()]
+    spans = [_span_name(quantity, *span) for quantity, span in regime.within.items()]
     growth = [] if regime.grows_with is None or spans else [f"with_{_bare(regime.grows_with)}"]
     return "_".join([regime.axis, "moment" if regime.axis == "yaw" else "force", *(spans or growth)])
 
 
 def _span_name(quantity: str, low: float, high: float) -> str:
     name = _bare(quantity)
-    begin, end = (f"{each:g}".replace("-", "minus_").replace(".", "p") for each in (low, high))
+    begin, end = (f"{edge:g}".replace("-", "minus_").replace(".", "p") for edge in (low, high))
     if low == -inf:
         return f"{name}_below_{end}"
     return f"{name}_above_{begin}" if high == inf else f"{name}_{begin}_to_{end}"

@@ -250,7 +250,7 @@ class Ladder:
 
     def ratio(self, of: str, to: str) -> Ratio:
         """The ratio of two rungs. Raises :class:`StopIteration` if it is none of :attr:`ratios`."""
-        return next(each for each in self.ratios if (each.of, each.to) == (of, to))
+        return next(ratio for ratio in self.ratios if (ratio.of, ratio.to) == (of, to))
 
 
 @dataclass(frozen=True, slots=True)
@@ -328,9 +328,15 @@ class Diagnosis:
         """The verdict, the effects with their 95 % intervals and the gap, as a short table."""
         lines = [f"{self.verdict.replace('_', ' ')}, {100.0 * self.tolerance:g} % of the force range tolerated"]
         rows = [
-            (f"{each.name}{each.part}", name, f"{size.value:.4g}", f"{size.low:.4g} to {size.high:.4g}", size.unit)
-            for each in self.effects
-            for name, size in each.parameters.items()
+            (
+                f"{effect.name}{effect.part}",
+                name,
+                f"{size.value:.4g}",
+                f"{size.low:.4g} to {size.high:.4g}",
+                size.unit,
+            )
+            for effect in self.effects
+            for name, size in effect.parameters.items()
         ]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines += ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

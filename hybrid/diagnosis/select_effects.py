@@ -58,7 +58,10 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
     while True:
         steps = _steps(names, allowed)
         judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
-        better = next((each for each in judged if each[0] > best + 1e-9 and evidence.possible(each[1])), None)
+        better = next(
+            (candidate for candidate in judged if candidate[0] > best + 1e-9 and evidence.possible(candidate[1])),
+            None,
+        )
         if better is None:
             return names
         best, names = better
@@ -67,23 +70,28 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
 def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ...]]:
     outside = [name for name in allowed if name not in names]
     added = [(*names, name) for name in outside] if len(names) < MAX_EFFECTS else []
-    dropped = [tuple(other for other in names if other != name) for name in names]
-    swapped = [(*rest, name) for rest in dropped for name in outside]
+    dropped = [tuple(candidate for candidate in names if candidate != name) for name in names]
+    swapped = [(*remaining, name) for remaining in dropped for name in outside]
     return added + dropped + swapped
 
 
 def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
     """Effects that could replace ``name``, other than itself over the same or another part of the trial."""
-    others, catalogue = tuple(each for each in names if each != name), evidence.equations.model.catalogue
-    every = [each for each in evidence.names if each not in names and catalogue[each].base != catalogue[name].base]
-    return [each for each in every if evidence.possible((*others, each))]
+    remaining = tuple(candidate for candidate in names if candidate != name)
+    catalogue = evidence.equations.model.catalogue
+    candidates = [
+        rival for rival in evidence.names if rival not in names and catalogue[rival].base != catalogue[name].base
+    ]
+    return [rival for rival in candidates if evidence.possible((*remaining, rival))]
 
 
 def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
     """Effects that would explain almost as much in the place of ``name``, with the log evidence that they lack."""
-    others = tuple(each for each in names if each != name)
+    remaining = tuple(candidate for candidate in names if candidate != name)
     mine = evidence.log_odds(names)
-    return {rival: mine - evidence.log_odds((*others, rival)) for rival in possible_rivals(evidence, names, name)}
+    return {
+        rival: mine - evidence.log_odds((*remaining, rival)) for rival in possible_rivals(evidence, names, name)
+    }
 
 
 def log_density(evidence: Evidence, names: Sequence[str]) -> float:
@@ -97,9 +105,9 @@ def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
     """The free coordinates for the next linearisation; with some at their bounds, the others are refitted."""
     model, held = evidence.equations.model, dict[str, tuple[float, ...]]()
     while True:
-        rest, free = evidence.beside(held), [name for name in names if name not in held]
-        fit = rest.fit(free, prior=True)
-        values = {name: tuple(fit.values[rest.places(fit, name)].tolist()) for name in free}
+        conditional, free = evidence.beside(held), [name for name in names if name not in held]
+        fit = conditional.fit(free, prior=True)
+        values = {name: tuple(fit.values[conditional.places(fit, name)].tolist()) for name in free}
         within = model.bounded(values)
         beyond = [name for name in free if not np.allclose(within[name], values[name], rtol=_EXACT, atol=0.0)]
         if not beyond:
@@ -118,7 +126,7 @@ def has_converged(
         return False
     slack = errors * np.sqrt(np.diag(evidence.fit(names).covariance))
     now = fitted_coordinates(evidence, names)
-    new, old = (np.array([each for name in names for each in some[name]]) for some in (now, at))
+    new, old = (np.array([value for name in names for value in coordinates[name]]) for coordinates in (now, at))
     return bool((np.abs(new - old) <= slack + share * np.abs(old)).all())
 
 
@@ -159,20 +167,20 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
 
 
 def linear_about(
-    evidence: Evidence, at: Coordinates, known: Sequence[Signature] | None = None, number: int | None = None
+    evidence: Evidence, at: Coordinates, known_effects: Sequence[Signature] | None = None, number: int | None = None
 ) -> Evidence:
     """The evidence of the same data, linearised about effects ``at`` these free coordinates.
 
-    ``known`` are signatures that are already computed; the tolerance has ``number`` features, by default as
+    ``known_effects`` are signatures that are already computed; the tolerance has ``number`` features, by default as
     before.
     """
     before = evidence.equations
-    linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known)
+    linearisation = linearise(before.log, replace(before.model, at=at), before.tolerance, known_effects)
     equations = normal_equations(linearisation, before.noise, number=number or before.layout.features)
     return evidence_of(replace(equations, layout=replace(equations.layout, prior=before.layout.prior)))
 
 
-def about_fit(evidence: Evidence, names: Sequence[str], number: int | None = None) -> Evidence:
+def relinearise_at_fit(evidence: Evidence, names: Sequence[str], number: int | None = None) -> Evidence:
     """The evidence linearised about the fit of ``names``."""
     return linear_about(evidence, fitted_coordinates(evidence, names), number=number)
 
@@ -195,7 +203,7 @@ def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ..
         if seen.possible(start):
             densities[start] = log_density(seen, start)
         places.append((log_density(seen, search_effects(seen)), at))
-    return max(places, key=lambda each: each[0])[1], densities
+    return max(places, key=lambda place: place[0])[1], densities
 
 
 def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Coordinates, Evidence]:
@@ -219,14 +227,14 @@ def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str
 
 def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The same effects with one replaced by a close rival, to be compared at their own linearisation."""
-    found = []
+    swaps = []
     for name in names:
-        others = tuple(each for each in names if each != name)
-        whole = evidence.log_odds(names) - evidence.log_odds(others)
+        remaining = tuple(candidate for candidate in names if candidate != name)
+        gain = evidence.log_odds(names) - evidence.log_odds(remaining)
         for rival, less in rivals_of(evidence, names, name).items():
-            if CLOSE < less < _DOUBT * whole:
-                found.append((less, (*others, rival)))
-    return [swapped for _, swapped in sorted(found)[:_SWAPS]]
+            if CLOSE < less < _DOUBT * gain:
+                swaps.append((less, (*remaining, rival)))
+    return [swapped for _, swapped in sorted(swaps)[:_SWAPS]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,30 +253,34 @@ def swaps_about_themselves(evidence: Evidence, names: tuple[str, ...]) -> list[S
     These are the same lag or play on other drives, and the closest of the rivals that seem to lack little:
     linearised about another effect, a rival looks different.
     """
-    at, found = fitted_coordinates(evidence, names), list[Swap]()
+    at, swaps = fitted_coordinates(evidence, names), list[Swap]()
     for name in names:
-        others = tuple(each for each in names if each != name)
+        remaining = tuple(candidate for candidate in names if candidate != name)
         less = rivals_of(evidence, names, name)
-        close = sorted((each for each in less if CLOSE < less[each] < SEEN * CLOSE), key=less.__getitem__)
-        for rival in dict.fromkeys([*_on_other_drives(evidence, name, others), *close[:_SWAPS]]):
-            some = (*others, rival)
+        close = sorted(
+            (candidate for candidate in less if CLOSE < less[candidate] < SEEN * CLOSE), key=less.__getitem__
+        )
+        for rival in dict.fromkeys([*_on_other_drives(evidence, name, remaining), *close[:_SWAPS]]):
+            swapped = (*remaining, rival)
             alike = len(evidence.columns([rival])) == len(at[name]) and rival not in close
-            start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, some)
-            seen = linear_about(evidence, {each: start[each] for each in some})
-            seen = about_fit(seen, some)
-            if seen.possible(some):
-                found.append(Swap(name, rival, some, seen))
-    return found
+            start = {**at, rival: at[name]} if alike else fitted_coordinates(evidence, swapped)
+            seen = linear_about(evidence, {member: start[member] for member in swapped})
+            seen = relinearise_at_fit(seen, swapped)
+            if seen.possible(swapped):
+                swaps.append(Swap(name, rival, swapped, seen))
+    return swaps
 
 
-def _on_other_drives(evidence: Evidence, name: str, others: Sequence[str]) -> list[str]:
+def _on_other_drives(evidence: Evidence, name: str, remaining: Sequence[str]) -> list[str]:
     """A lag or a play on other drives than ``name``'s."""
     catalogue = evidence.equations.model.catalogue
     effect = catalogue[name]
     if effect.kind != "actuator" or effect.parameters[0].neutral != effect.parameters[0].low:
         return []
-    known = [each for each in effect.confused_with if each in evidence.names and each not in others]
-    return [each for each in known if catalogue[each].parameters == effect.parameters]
+    relatives = [
+        relative for relative in effect.confused_with if relative in evidence.names and relative not in remaining
+    ]
+    return [relative for relative in relatives if catalogue[relative].parameters == effect.parameters]
 
 
 def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
@@ -277,9 +289,13 @@ def _elsewhere(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ..
     They are one-sided, and large ones act differently from small ones, so one drive is easily mistaken for
     another.
     """
-    rest = {name: tuple(each for each in names if each != name) for name in names}
-    found = [(*rest[name], each) for name in names for each in _on_other_drives(evidence, name, rest[name])]
-    return [some for some in found if evidence.possible(some)]
+    remaining = {name: tuple(candidate for candidate in names if candidate != name) for name in names}
+    moved = [
+        (*remaining[name], substitute)
+        for name in names
+        for substitute in _on_other_drives(evidence, name, remaining[name])
+    ]
+    return [candidate for candidate in moved if evidence.possible(candidate)]
 
 
 def rival_deficits(
@@ -287,8 +303,8 @@ def rival_deficits(
 ) -> dict[tuple[str, str], float]:
     """The log evidence that rivals of ``names`` lack, where they were tried."""
     mine, result = log_density(evidence, names), {}
-    for some, density in tried.items():
-        out, put = set(names) - set(some), set(some) - set(names)
+    for candidate, density in tried.items():
+        out, put = set(names) - set(candidate), set(candidate) - set(names)
         if len(out) == len(put) == 1:
             result[out.pop(), put.pop()] = mine - density
     return result

@@ -56,8 +56,8 @@ def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | No
     sensors = motion_sensors(log, model)
     if not sensors:
         return None
-    given = {name: free for name, free in model.given.items() if name in sensors}
-    evidence, names = _found(log, Model(model.base, sensors, given=given), noise)
+    file_free = {name: free for name, free in model.given.items() if name in sensors}
+    evidence, names = _select_sensor_effects(log, Model(model.base, sensors, given=file_free), noise)
     names = _commoner(evidence, names)
     tests = {name: acceptance_tests(evidence, names, name) for name in names}
     return Acceptance(names, tests, evidence) if names else None
@@ -69,7 +69,7 @@ def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
     for name in names:
         less = rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
-            swapped = tuple(rival if each == name else each for each in names)
+            swapped = tuple(rival if effect == name else effect for effect in names)
             if less.get(rival, np.inf) < CLOSE and acceptance_tests(evidence, swapped, rival).accepted:
                 names = swapped
                 break
@@ -80,18 +80,22 @@ def motion_sensors(log: Log, model: Model) -> Catalogue:
     """The sensor effects on the reported motion, not those of the wind sensor."""
     sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
     plain = replace(model, at={})
-    seen = {each.effect for each in signatures(log, plain, log.nominal, sensors) if np.abs(each.E).max() > 0.0}
+    seen = {
+        signature.effect
+        for signature in signatures(log, plain, log.nominal, sensors)
+        if np.abs(signature.E).max() > 0.0
+    }
     return {name: model.catalogue[name] for name in sensors if name in seen}
 
 
 def without_dynamics(noise: Noise, linear: LinearModel) -> Noise:
     """``noise`` with process noise so large that the speed of one second says nothing about the next."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
-    surge, sway, yaw = (float(each) for each in _UNKNOWN / np.maximum(answer, 1e-12))
+    surge, sway, yaw = (float(level) for level in _UNKNOWN / np.maximum(answer, 1e-12))
     return replace(noise, gust=(surge, sway, yaw))
 
 
-def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
+def _select_sensor_effects(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
     """The effects that pass their tests, at the linearisation that explains the data best.
 
     Linearising about the result usually helps; but a long delay, made by interpolation between seconds, is no
@@ -103,9 +107,9 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, .
     for _ in range(_MAX_LINEARISATIONS):
         evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise))
         names = search_effects(evidence, excluded)
-        failed = [each for each in (acceptance_tests(evidence, names, name) for name in names) if not each.accepted]
+        failed = [test for test in (acceptance_tests(evidence, names, name) for name in names) if not test.accepted]
         if failed:
-            excluded |= {max(failed, key=lambda each: each.p_value).name}
+            excluded |= {max(failed, key=lambda test: test.p_value).name}
         else:
             score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
             if best is None or score > best[0]:
@@ -129,34 +133,34 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     linear = replace(linear, observed=log.measured - seen)
     effects, shared = _signatures(log, model, linear.origin)
     tolerated = tolerances(log, model.catalogue, effects)
-    scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
-    layout = ColumnLayout(tuple(each.effect for each in effects), scales, tolerated, wind=len(shared))
+    scales = np.array([model.catalogue[signature.effect].free_scale[signature.coordinate] for signature in effects])
+    layout = ColumnLayout(tuple(signature.effect for signature in effects), scales, tolerated, wind=len(shared))
     loose = without_dynamics(noise, linear)
     gram = gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
-    some = np.flatnonzero(tolerated > 0.0)
-    nuisance = np.concatenate([1 + some, layout.first_wind + np.arange(len(shared))])
+    indices = np.flatnonzero(tolerated > 0.0)
+    nuisance = np.concatenate([1 + indices, layout.first_wind + np.arange(len(shared))])
     return NormalEquations(
         log, model, 0.0, linear, tuple(effects), layout, np.zeros(3), loose, gram,
-        nuisance, np.concatenate([tolerated[some], _SHARED]),
+        nuisance, np.concatenate([tolerated[indices], _SHARED]),
     )  # fmt: skip
 
 
 def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], list[Signature]]:
     """The signatures of sensor effects and of errors shared by all sensors, by kinematics where these suffice."""
-    none, known = np.zeros_like(origin), _by_kinematics(log, origin)
+    none, kinematic = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
     steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, TimeVaryingEffect)]
-    for each in signatures(log, model, origin, steady):
-        own = known.get((each.effect, each.coordinate))
-        effects.append(each if own is None else replace(each, D=none, E=own))
+    for signature in signatures(log, model, origin, steady):
+        readings = kinematic.get((signature.effect, signature.coordinate))
+        effects.append(signature if readings is None else replace(signature, D=none, E=readings))
     effects += time_varying_signatures(log, time_varying_among(model.catalogue, model.catalogue), effects)
     shared = [
-        ("all_late", np.sum([known[name, 0] for name in _DELAYS], axis=0)),
-        ("all_ahead", known["position_antenna_offset", 0] + known["speed_sensor_offset", 0]),
-        ("all_to_starboard", known["position_antenna_offset", 1] + known["speed_sensor_offset", 1]),
-        ("all_turned", known["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
+        ("all_late", np.sum([kinematic[name, 0] for name in _DELAYS], axis=0)),
+        ("all_ahead", kinematic["position_antenna_offset", 0] + kinematic["speed_sensor_offset", 0]),
+        ("all_to_starboard", kinematic["position_antenna_offset", 1] + kinematic["speed_sensor_offset", 1]),
+        ("all_turned", kinematic["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
     ]
-    return effects, [Signature(name, 0, none, each) for name, each in shared]
+    return effects, [Signature(name, 0, none, shift) for name, shift in shared]
 
 
 def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
@@ -164,7 +168,7 @@ def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
     late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
     psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
     nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
-    result = {(name, 0): np.where(np.isin(np.arange(6), some), late, 0.0) for name, some in _DELAYS.items()}
+    result = {(name, 0): np.where(np.isin(np.arange(6), indices), late, 0.0) for name, indices in _DELAYS.items()}
     for name, coordinate, columns in (
         ("position_antenna_offset", 0, (cosine, sine, nil, nil, nil, nil)),
         ("position_antenna_offset", 1, (-sine, cosine, nil, nil, nil, nil)),

@@ -75,10 +75,10 @@ def write_figure_data(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Non
     after = diagnosis.next_manoeuvre
     shown = FigureData(
         horizon_s=diagnosis.gap.horizon_s,
-        evidence={each.name: each.evidence for each in diagnosis.effects},
+        evidence={effect.name: effect.evidence for effect in diagnosis.effects},
         minutes=None if after is None else after.minutes,
         suspects=diagnosis.suspects,
-        cells={name: None if each is None else each.places for name, each in extras.maps.items()},
+        cells={name: None if force_map is None else force_map.places for name, force_map in extras.maps.items()},
         consistency=extras.consistency,
         correlation=extras.correlation,
         remainder_looks_like="" if diagnosis.remainder is None else diagnosis.remainder.looks_like,
@@ -104,18 +104,18 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
     Raises :class:`InputError` for a folder without one, or with one of another version.
     """
     folder = Path(folder)
-    said, shown = read_json(folder / DIAGNOSIS), read_json(folder / SHOWN)
+    stored, shown = read_json(folder / DIAGNOSIS), read_json(folder / SHOWN)
     try:
         data = from_json(FigureData, shown)
-        for each in said["effects"]:
-            each["evidence"] = data.evidence[each["name"]]
-        said["gap"]["horizon_s"] = data.horizon_s
-        if said["next_manoeuvre"] is not None:
-            said["next_manoeuvre"]["minutes"] = data.minutes
-        if said["remainder"] is not None:
-            said["remainder"]["looks_like"] = data.remainder_looks_like
+        for effect in stored["effects"]:
+            effect["evidence"] = data.evidence[effect["name"]]
+        stored["gap"]["horizon_s"] = data.horizon_s
+        if stored["next_manoeuvre"] is not None:
+            stored["next_manoeuvre"]["minutes"] = data.minutes
+        if stored["remainder"] is not None:
+            stored["remainder"]["looks_like"] = data.remainder_looks_like
         tracks = _tracks_of(read_parquet(folder / TRACKS)[0]) if (folder / TRACKS).is_file() else None
-        diagnosis = replace(from_json(Diagnosis, said), suspects=data.suspects, tracks=tracks)
+        diagnosis = replace(from_json(Diagnosis, stored), suspects=data.suspects, tracks=tracks)
         ladder = from_json(Ladder, read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
         before, after = _maps_of(folder, data.cells)
         return diagnosis, Extras(before, after, data.consistency, ladder, data.correlation)
@@ -127,8 +127,8 @@ def read_diagnosis(folder: Path | str) -> tuple[Diagnosis, Extras]:
 def _map_table(extras: Extras) -> pd.DataFrame | None:
     """One row for each second and map: the missing force, and the quantities of the cells."""
     parts = [
-        pd.DataFrame({"map": name, **dict(zip(FORCES, each.force.T, strict=True)), **each.quantities})
-        for name, each in extras.maps.items() if each is not None
+        pd.DataFrame({"map": name, **dict(zip(FORCES, force_map.force.T, strict=True)), **force_map.quantities})
+        for name, force_map in extras.maps.items() if force_map is not None
     ]  # fmt: skip
     return pd.concat(parts, ignore_index=True) if parts else None
 
@@ -140,7 +140,7 @@ def _maps_of(folder: Path, cells: Mapping[str, tuple[Place, ...] | None]) -> lis
     maps: list[Map | None] = []
     for name in ("before", "after"):
         rows, places = table[table["map"] == name].drop(columns="map"), cells[name]
-        quantities = {str(each): rows[each].to_numpy(dtype=float) for each in rows if each not in FORCES}
+        quantities = {str(column): rows[column].to_numpy(dtype=float) for column in rows if column not in FORCES}
         force = rows[list(FORCES)].to_numpy(dtype=float)
         maps.append(None if places is None else Map(places, force, quantities))
     return maps

@@ -58,7 +58,7 @@ class TimeProfile:
 
     def levels(self, log: Log) -> Floats:
         """The weights rounded to a few levels, each constant within a block."""
-        mean = [np.bincount(log.block, weights=each) / np.bincount(log.block) for each in self.shares(log).T]
+        mean = [np.bincount(log.block, weights=share) / np.bincount(log.block) for share in self.shares(log).T]
         levels = _LEVELS if self.shape == "drift" else 1
         return np.asarray(np.round(np.column_stack(mean)[log.block] * levels) / levels)
 
@@ -82,7 +82,11 @@ class TimeVaryingEffect(Effect):
 
     def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
         """The closest free coordinates within bounds, piece by piece."""
-        return tuple(each for piece in self.pieces(free) for each in super(TimeVaryingEffect, self).bounded(piece))
+        return tuple(
+            coordinate
+            for piece in self.pieces(free)
+            for coordinate in super(TimeVaryingEffect, self).bounded(piece)
+        )
 
     @property
     def free_scale(self) -> tuple[float, ...]:
@@ -97,9 +101,9 @@ class TimeVaryingEffect(Effect):
 
 def time_varying(effect: Effect, profile: TimeProfile) -> TimeVaryingEffect:
     """An effect with a profile, under a name of its own."""
-    known = {each.name: getattr(effect, each.name) for each in fields(Effect)}
+    values = {attribute.name: getattr(effect, attribute.name) for attribute in fields(Effect)}
     return TimeVaryingEffect(
-        **{**known, "name": f"{effect.name}, {profile.shape}"}, of=effect.name, profile=profile
+        **{**values, "name": f"{effect.name}, {profile.shape}"}, of=effect.name, profile=profile
     )
 
 
@@ -110,18 +114,18 @@ def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
     there is no other leg to test such a size on.
     """
     recordings = tuple(np.unique(log.recording).tolist())
-    legs = {each: np.unique(log.leg[log.recording == each]).size for each in recordings}
-    judged = np.isin(log.recording, [each for each in recordings if legs[each] > 1])
+    legs = {recording: np.unique(log.leg[log.recording == recording]).size for recording in recordings}
+    judged = np.isin(log.recording, [recording for recording in recordings if legs[recording] > 1])
     if len(recordings) < 2 or judged.mean() < _MOST:
         return catalogue
     profile = TimeProfile("recordings", recordings)
-    own = [time_varying(each, profile) for each in catalogue.values() if each.scope != "ship"]
-    return {**catalogue, **{each.name: each for each in own}}
+    varying = [time_varying(effect, profile) for effect in catalogue.values() if effect.scope != "ship"]
+    return {**catalogue, **{effect.name: effect for effect in varying}}
 
 
 def time_varying_among(names: Iterable[str], catalogue: Catalogue) -> list[TimeVaryingEffect]:
     """Those of ``names`` that have a profile."""
-    return [each for each in map(catalogue.__getitem__, names) if isinstance(each, TimeVaryingEffect)]
+    return [effect for effect in map(catalogue.__getitem__, names) if isinstance(effect, TimeVaryingEffect)]
 
 
 def base_names(names: Iterable[str], catalogue: Catalogue) -> tuple[str, ...]:

@@ -11,7 +11,13 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.acceptance import CREDIBLE, Acceptance, LackOfFit, composite_effects, many_of_a_family
+from hybrid.diagnosis.acceptance import (
+    CREDIBLE,
+    Acceptance,
+    LackOfFit,
+    composite_effects,
+    families_with_many_effects,
+)
 from hybrid.diagnosis.coarse_model import (
     improves_prediction,
     is_coarse,
@@ -86,22 +92,22 @@ class Conclusion:
 
 def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) -> Conclusion:
     """The sixth stage: the effects that stay named, how far they close the gap, and what could replace them."""
-    equations, found = first.evidence.equations, first.lack_of_fit
+    equations, lacks = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
     windows = unseen_windows(equations.log, equations.model)
     accepted, regimes = first, tuple[FoundRegime, ...]()
-    if found:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
+    if lacks:  # it may resemble any force, so forces are doubtful; sensor faults show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
-        accepted = named or that_predict(sensors, windows) or replace(first, names=(), tests={})
+        accepted = named or drop_non_predictive(sensors, windows) or replace(first, names=(), tests={})
         regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
-    accepted, gap, withdrawn = _judged(accepted, windows, found)
-    if found:
+    accepted, gap, withdrawn = _judged(accepted, windows, lacks)
+    if lacks:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     parts = evidence_within(windows, accepted.evidence).values() if accepted.names else []
     replicated = replications(accepted.evidence, accepted.names, parts)
-    unknown = bool(withdrawn) or _is_unknown(accepted, found, replicated)
+    unknown = bool(withdrawn) or _is_unknown(accepted, lacks, replicated)
     composites = [] if unknown else _composites(accepted, first)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites, *accepted.substitute_pairs]
     progress(0.6)
@@ -117,13 +123,13 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         replicated=replicated,
         regimes=regimes,
         withdrawn=withdrawn,
-        next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
+        next_manoeuvre=None if lacks else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(_final_equations(accepted, first), with_effects=True)),
     )
 
 
-def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
+def drop_non_predictive(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
     """The sensor faults each of which improves predictions of held-out legs; None if there are none.
 
     A contradiction between sensors does not tell which of them is wrong, nor that the error persists.
@@ -133,7 +139,7 @@ def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptan
     names, off_m = sensors.names, partial(unseen_m, windows, evidence_without(windows, sensors.evidence))
     while names:
         whole_m = off_m(names)
-        lacking = {name: off_m([each for each in names if each != name]) for name in names}
+        lacking = {name: off_m([candidate for candidate in names if candidate != name]) for name in names}
         unconfirmed = [name for name in names if not improves_prediction(lacking[name], whole_m)]
         if not unconfirmed:
             return replace(sensors, names=names, tests={name: sensors.tests[name] for name in names})
@@ -143,14 +149,14 @@ def that_predict(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptan
 
 
 def _judged(
-    accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]
+    accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]
 ) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
     """The effects that stay named, the gap, and those withdrawn as they make held-out predictions worse."""
-    gap = _gap(accepted, windows, found)
+    gap = _gap(accepted, windows, lacks)
     if not accepted.names or not makes_worse(windows, gap.without):
         return accepted, gap, ()
     bare = replace(accepted, names=(), tests={})
-    return bare, _gap(bare, windows, found), accepted.names
+    return bare, _gap(bare, windows, lacks), accepted.names
 
 
 def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
@@ -158,11 +164,13 @@ def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> b
     return improves_prediction(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
 
 
-def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
+def _is_unknown(accepted: Acceptance, lacks: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
     """Whether something is missing that the named effects may only imitate."""
-    if found:
+    if lacks:
         return not accepted.beside_remainder
-    return len(accepted.names) > CREDIBLE and any(each.found < each.parts for each in replicated.values())
+    return len(accepted.names) > CREDIBLE and any(
+        replication.found < replication.parts for replication in replicated.values()
+    )
 
 
 def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]]:
@@ -173,21 +181,21 @@ def _composites(accepted: Acceptance, first: Acceptance) -> list[tuple[str, ...]
     """
     if not first.lack_of_fit:
         return composite_effects(accepted.evidence, accepted.names)
-    return [] if is_far_off(first) else many_of_a_family(accepted.evidence, accepted.names)
+    return [] if is_far_off(first) else families_with_many_effects(accepted.evidence, accepted.names)
 
 
 def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
     """The parameters of a named effect with their 95 % intervals, for each part of the trial with its own size."""
     evidence, model = accepted.evidence, accepted.evidence.equations.model
     effect, fit = model.catalogue[name], evidence.fit(accepted.names, prior=True)
-    found = []
+    sizes = []
     for piece in effect.pieces(evidence.places(fit, name)):
-        places = [int(each) for each in piece]
+        places = [int(place) for place in piece]
         covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
-        given = model.given.get(effect.base, (0.0,) * len(places))
-        bounded = Effect.bounded(effect, fit.values[places] + np.array(given))
-        found.append(intervals(effect, np.array(bounded), covariance))
-    return found
+        file_free = model.given.get(effect.base, (0.0,) * len(places))
+        bounded = Effect.bounded(effect, fit.values[places] + np.array(file_free))
+        sizes.append(intervals(effect, np.array(bounded), covariance))
+    return sizes
 
 
 def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
@@ -197,9 +205,9 @@ def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Est
         return _polar(effect, free, covariance)
     result = {}
     values, *ends = (effect.values(list(free + side * _WIDTH * deviation)) for side in (0.0, -1.0, 1.0))
-    for each in effect.parameters:
-        low, high = sorted(min(max(end[each.name], each.low), each.high) for end in ends)
-        result[each.name] = Estimate(values[each.name], low, high, each.unit)
+    for parameter in effect.parameters:
+        low, high = sorted(min(max(end[parameter.name], parameter.low), parameter.high) for end in ends)
+        result[parameter.name] = Estimate(values[parameter.name], low, high, parameter.unit)
     return result
 
 
@@ -222,8 +230,10 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
 def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     deficits = {name: _deficits(accepted, name) for name in accepted.names}
-    every = [Rival(name, rival, float(less)) for name, each in deficits.items() for rival, less in each.items()]
-    return sorted((each for each in every if each.evidence < SEEN * CLOSE), key=lambda each: each.evidence)
+    rivals = [
+        Rival(name, rival, float(less)) for name, lacking in deficits.items() for rival, less in lacking.items()
+    ]
+    return sorted((rival for rival in rivals if rival.evidence < SEEN * CLOSE), key=lambda rival: rival.evidence)
 
 
 def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
@@ -232,16 +242,16 @@ def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
     A rival out of bounds at one linearisation may be possible at its own. Beside a remainder only rivals that
     predict as well count: the search has left out effects that explain something but are no rivals.
     """
-    found = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
-    closer = {rival: less for (one, rival), less in accepted.rival_deficits.items() if one == name}
-    return found | {rival: min(less, found.get(rival, less)) for rival, less in closer.items()}
+    deficits = {} if accepted.beside_remainder else rivals_of(accepted.evidence, accepted.names, name)
+    closer = {rival: less for (named, rival), less in accepted.rival_deficits.items() if named == name}
+    return deficits | {rival: min(less, deficits.get(rival, less)) for rival, less in closer.items()}
 
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:
     """Groups that these data cannot distinguish: each named effect with its close rivals."""
-    close = [each for each in rivals if each.evidence < CLOSE]
-    tied = {name: [each.name for each in close if each.instead_of == name] for name in names}
-    return [(name, *some) for name, some in tied.items() if some]
+    close = [rival for rival in rivals if rival.evidence < CLOSE]
+    tied = {name: [rival.name for rival in close if rival.instead_of == name] for name in names}
+    return [(name, *alternatives) for name, alternatives in tied.items() if alternatives]
 
 
 def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
@@ -261,7 +271,7 @@ def _final_equations(accepted: Acceptance, first: Acceptance) -> NormalEquations
     return linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
 
 
-def _gap(accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]) -> HeldOutGap:
+def _gap(accepted: Acceptance, windows: UnseenWindows, lacks: Sequence[LackOfFit]) -> HeldOutGap:
     """The gap on held-out legs.
 
     The other legs choose among the effects named in the end, or all effects where nothing is missing or
@@ -271,8 +281,8 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit
     if accepted.beside_remainder:
         without = sizes_without(evidence_without(windows, evidence), names)
     else:
-        others = frozenset(evidence.names) - set(names)
-        without = named_without(windows, evidence, others if found or not names else frozenset())
+        excluded = frozenset(evidence.names) - set(names)
+        without = named_without(windows, evidence, excluded if lacks or not names else frozenset())
     return gap_on_unseen_legs(windows, names, fitted_coordinates(evidence, names), without)
 
 
@@ -282,23 +292,23 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
     vessel, catalogue = accepted.evidence.equations.model.vessel, accepted.evidence.equations.model.catalogue
     if not pairs or vessel is None or time_varying_among(accepted.names, catalogue):
         return None
-    values = {name: each for name, each in accepted.evidence.values(accepted.names).items() if each is not None}
+    values = {name: size for name, size in accepted.evidence.values(accepted.names).items() if size is not None}
     return next_manoeuvre(accepted.evidence.equations, vessel, values, pairs, progress)
 
 
 def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pair]:
     """A named effect and its closest rivals in pairs, weighted by their probability."""
-    others = tuple(each for each in accepted.names if each != name)
+    remaining = tuple(candidate for candidate in accepted.names if candidate != name)
     steady = set(base_names(accepted.evidence.names, accepted.evidence.equations.model.catalogue))
-    mine = [each for each in rivals if each.instead_of == name and each.name in steady]
-    close = {each.name: each.evidence for each in mine if each.evidence < WEAK}
+    mine = [rival for rival in rivals if rival.instead_of == name and rival.name in steady]
+    close = {rival.name: rival.evidence for rival in mine if rival.evidence < WEAK}
     group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
-    found = {each: accepted.evidence.values((*others, each))[each] for each in group}
+    by_name = {candidate: accepted.evidence.values((*remaining, candidate))[candidate] for candidate in group}
     return [
-        Pair(one, rival, values, others, exp(-group[one]))
-        for one, values in found.items()
+        Pair(member, rival, values, remaining, exp(-group[member]))
+        for member, values in by_name.items()
         for rival in group
-        if rival != one and values is not None
+        if rival != member and values is not None
     ]
 
 
@@ -310,4 +320,4 @@ def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
         fit = evidence.fit([name], prior=True)  # on some effects the data carry no information
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
         result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
-    return tuple(sorted(result, key=lambda each: -each.evidence))
+    return tuple(sorted(result, key=lambda suspect: -suspect.evidence))

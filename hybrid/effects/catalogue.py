@@ -32,9 +32,9 @@ VERSION = "6"
 
 def _actuator_effects(actuators: Actuators) -> list[Effect]:
     """The effects of a ship's actuators, those on their forces first and those on their directions then."""
-    names = {kind: tuple(each.name for each in actuators if each.kind == kind) for kind in KINDS}
-    each = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
-    return sorted(each, key=lambda effect: FAMILIES.index(effect.family))
+    names = {kind: tuple(actuator.name for actuator in actuators if actuator.kind == kind) for kind in KINDS}
+    effects = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
+    return sorted(effects, key=lambda effect: FAMILIES.index(effect.family))
 
 
 def _sized(effect: Effect, scale: float) -> Effect:
@@ -50,20 +50,20 @@ def _sized(effect: Effect, scale: float) -> Effect:
 
 @lru_cache(maxsize=32)
 def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
-    own = _actuator_effects(actuators)
-    unsized = (*hull.EFFECTS, *own, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
-    every = [_sized(effect, scale) for effect in unsized]
-    catalogue = {effect.name: effect for effect in every}
-    if twice := sorted({each.name for each in every if catalogue[each.name] is not each}):
+    actuator_effects = _actuator_effects(actuators)
+    unsized = (*hull.EFFECTS, *actuator_effects, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
+    sized = [_sized(effect, scale) for effect in unsized]
+    catalogue = {effect.name: effect for effect in sized}
+    if twice := sorted({effect.name for effect in sized if catalogue[effect.name] is not effect}):
         raise ConfigurationError(
             f"two effects of this ship are called {', '.join(twice)}", fix="rename an actuator in the vessel file"
         )
     # With more wake a propeller's race is slower, and the rudder behind it weaker: in trials of turns and zigzags
     # either explains 60 to 90 % of what the other does.
-    losses = [each.name for each in own if each.name.startswith("rudder_loss_")]
-    for name in [each.name for each in own if losses and each.name.startswith("wake_")]:
-        known = {*catalogue[name].confused_with, *losses}
-        catalogue[name] = replace(catalogue[name], confused_with=tuple(sorted(known)))
+    losses = [effect.name for effect in actuator_effects if effect.name.startswith("rudder_loss_")]
+    for name in [effect.name for effect in actuator_effects if losses and effect.name.startswith("wake_")]:
+        rivals = {*catalogue[name].confused_with, *losses}
+        catalogue[name] = replace(catalogue[name], confused_with=tuple(sorted(rivals)))
     for effect in tuple(catalogue.values()):
         _confuse_both_ways(catalogue, effect)
     return catalogue
@@ -73,12 +73,12 @@ def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: b
     """Make ``confused_with`` symmetric; the new name is sorted in, or comes last."""
     for rival in effect.confused_with:
         try:
-            other = effect_named(rival, catalogue)
+            rival_effect = effect_named(rival, catalogue)
         except ConfigurationError as error:
             raise error.at(f"effect {effect.name}, confused_with") from error
-        if effect.name not in other.confused_with:
-            names = (*other.confused_with, effect.name)
-            catalogue[rival] = replace(other, confused_with=tuple(sorted(names)) if in_order else names)
+        if effect.name not in rival_effect.confused_with:
+            names = (*rival_effect.confused_with, effect.name)
+            catalogue[rival] = replace(rival_effect, confused_with=tuple(sorted(names)) if in_order else names)
 
 
 def catalogue_for(actuators: Actuators, length_m: float = USUAL_LENGTH_M) -> dict[str, Effect]:
@@ -131,9 +131,9 @@ def catalogue_with(
     """
     catalogue = dict(CATALOGUE) if vessel is None else catalogue_of(vessel)
     for file in files:
-        own = load_effects(file)
-        catalogue |= own
-        for effect in own.values():
+        loaded = load_effects(file)
+        catalogue |= loaded
+        for effect in loaded.values():
             _confuse_both_ways(catalogue, effect, in_order=False)
     for name in without:
         del catalogue[effect_named(name, catalogue).name]
@@ -146,7 +146,7 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     The file is executed. Raises :class:`ConfigurationError` if that fails or the list is not there.
     """
     effects: Any = load(f"{path}:EFFECTS" if str(path).endswith(".py") else str(path), "effects")
-    if not isinstance(effects, list | tuple) or not all(isinstance(each, Effect) for each in effects):
+    if not isinstance(effects, list | tuple) or not all(isinstance(entry, Effect) for entry in effects):
         raise ConfigurationError(
             "has no list of effects",
             where=str(path),
@@ -174,11 +174,11 @@ def parse_effect(text: str, catalogue: Catalogue = CATALOGUE) -> tuple[str, dict
     >>> parse_effect("ocean_current:speed_mps=0.3,direction_deg=40")
     ('ocean_current', {'speed_mps': 0.3, 'direction_deg': 40.0})
     """
-    name, _, rest = text.partition(":")
+    name, _, assignments = text.partition(":")
     effect = effect_named(name.strip(), catalogue)
-    possible = ",".join(f"{each.name}={each.typical:g}" for each in effect.parameters)
+    possible = ",".join(f"{parameter.name}={parameter.typical:g}" for parameter in effect.parameters)
     values: dict[str, float] = {}
-    for part in filter(None, rest.split(",")):
+    for part in filter(None, assignments.split(",")):
         key, _, number = part.partition("=")
         try:
             values[key.strip()] = float(number)

@@ -37,7 +37,7 @@ def _trimmed(plant: Plant, values: Values) -> Plant:
 
 def stern_m(plant: Plant) -> float:
     """Where the actuators at the stern are, on average [m]; the after perpendicular where there is none."""
-    aft = [x_m for each in plant.layout if (x_m := plant.number(f"{each.name}_x_m")) < 0.0]
+    aft = [x_m for actuator in plant.layout if (x_m := plant.number(f"{actuator.name}_x_m")) < 0.0]
     return sum(aft) / len(aft) if aft else -0.5 * plant.length_between_perpendiculars_m
 
 
@@ -60,8 +60,8 @@ def _lengthened(plant: Plant, values: Values) -> Plant:
     for name in hull.numbers:  # those without dimension grow with their units; each r is a lever arm
         lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + name.count("r")
         power[name] = lever - 0.2 if name in hull.resistance else lever
-    plant = plant.replaced(**{name: s**each * plant.number(name) for name, each in power.items()})
-    places = [f"{each.name}_x_m" for each in plant.layout]  # those ahead move ahead, those astern aft
+    plant = plant.replaced(**{name: s**exponent * plant.number(name) for name, exponent in power.items()})
+    places = [f"{actuator.name}_x_m" for actuator in plant.layout]  # those ahead move ahead, those astern aft
     return plant.shifted(
         length_between_perpendiculars_m=added_m,
         length_overall_m=added_m,
@@ -99,18 +99,18 @@ def _shallow(plant: Plant, values: Values) -> Plant:
         )
     ratio = plant.draught_m / values["depth_m"]
     slenderness = 2.0 * plant.draught_m / plant.length_between_perpendiculars_m
-    force, moment, turning = (aspect_growth(ratio, slenderness, each) for each in (2.3, 1.7, 0.7))
+    force, moment, turning = (aspect_growth(ratio, slenderness, exponent) for exponent in (2.3, 1.7, 0.7))
     before = plant
     hull = plant.hull_model
     plant = plant.scaled(force, "Yvd", *hull.sideways("Y")).scaled(moment, "Nrd", *hull.sideways("N"))
     plant = plant.scaled(turning, *hull.turning)
     _, Y_r, N_v, N_r = hull.linear
-    beside = {Y_r: (turning - 1.0) * before.Xud}
+    shifts = {Y_r: (turning - 1.0) * before.Xud}
     if hull.munk:
-        beside |= {
+        shifts |= {
             N_v: (moment - force) * before.Yvd - (moment - 1.0) * before.Xud, N_r: (turning - 1.0) * before.Yrd
         }  # fmt: skip
-    return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in beside.items()})
+    return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in shifts.items()})
 
 
 EFFECTS = (

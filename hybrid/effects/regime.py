@@ -55,8 +55,10 @@ class Regime:
 def steering_angles(actuators: Actuators) -> dict[str, tuple[str, ...]]:
     """By what their mean angle is called, the names of the actuators that steer alike: ``azimuth_deg``,
     ``rudder_deg``, ``nozzle_deg``."""
-    names = {each: tuple(one.name for one in actuators if one.steers_by == each) for each in ANGLES}
-    return {f"{each}_deg": some for each, some in names.items() if some}
+    names = {
+        angle: tuple(actuator.name for actuator in actuators if actuator.steers_by == angle) for angle in ANGLES
+    }
+    return {f"{angle}_deg": members for angle, members in names.items() if members}
 
 
 def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
@@ -72,8 +74,8 @@ def weights_of(actuators: Actuators) -> dict[str, tuple[float, Floats]]:
     result = {}
     for quantity, (control, members) in groups.items():
         weights = np.zeros(len(names))
-        for each in members:
-            column = names.index(f"{each}_{control}")
+        for member in members:
+            column = names.index(f"{member}_{control}")
             weights[column] = 1.0 / len(members) / (units[column] if control == "rpm" else 1.0)
         if members:
             result[quantity] = (_LINEAR if control == "rpm" else _ANGLE, weights)
@@ -158,8 +160,8 @@ def _row(regime: Regime, force: float, actuators: Actuators) -> tuple[float, ...
         if quantity is None:
             return (_ALWAYS, low, high, *np.zeros(size))
         if quantity in weights:
-            code, own = weights[quantity]
-            return (code, low, high, *own)
+            code, weight = weights[quantity]
+            return (code, low, high, *weight)
         if quantity not in MOTION:
             raise ConfigurationError(
                 f"this ship has no quantity {quantity!r} for a regime", fix=f"use {', '.join([*MOTION, *weights])}"
@@ -168,20 +170,22 @@ def _row(regime: Regime, force: float, actuators: Actuators) -> tuple[float, ...
 
     spans = [*regime.within.items(), *[(None, (-inf, inf))] * _CONDITIONS][:_CONDITIONS]
     blocks = [block(regime.grows_with, regime.at, inf), *(block(name, *span) for name, span in spans)]
-    return (force, float(AXES.index(regime.axis)), *(number for each in blocks for number in each))
+    return (force, float(AXES.index(regime.axis)), *(number for part in blocks for number in part))
 
 
 def _with_regime(plant: Plant, regime: Regime, force: float) -> Plant:
     """The plant with one more regime; all are one force to the compiler, which takes seconds over each new one."""
     row = _row(regime, force, plant.layout)
-    before = next((each.parameters for each in plant.forces if each.function is regime_forces), ())
+    before = next((term.parameters for term in plant.forces if term.function is regime_forces), ())
     used = [before[at : at + len(row)] for at in range(0, len(before), len(row))]
-    rows = [*(each for each in used if each[0] != 0.0), row]
+    rows = [*(used_row for used_row in used if used_row[0] != 0.0), row]
     if len(rows) > MOST:
         raise ConfigurationError(f"a model with {len(rows)} regimes", fix=f"give at most {MOST}")
     rows += [(0.0,) * len(row)] * (MOST - len(rows))
-    others = tuple(each for each in plant.forces if each.function is not regime_forces)
-    return replace(plant, forces=others).with_force(regime_forces, *(number for each in rows for number in each))
+    other_forces = tuple(term for term in plant.forces if term.function is not regime_forces)
+    return replace(plant, forces=other_forces).with_force(
+        regime_forces, *(number for regime_row in rows for number in regime_row)
+    )
 
 
 def quantities_along(actuators: Actuators, states: Floats, controls: Floats, wind: Floats) -> dict[str, Floats]:
@@ -194,7 +198,7 @@ def quantities_along(actuators: Actuators, states: Floats, controls: Floats, win
     coded = {name: (float(code), none) for code, name in enumerate(MOTION)}
     coded |= weights
     air = -wind[:, 1:] * np.column_stack([np.cos(wind[:, 0]), np.sin(wind[:, 0])])
-    return {name: _along(code, own, states, controls, air) for name, (code, own) in coded.items()}
+    return {name: _along(code, weight, states, controls, air) for name, (code, weight) in coded.items()}
 
 
 @njit(cache=True, error_model="numpy")
@@ -233,15 +237,15 @@ def regime_effect(name: str, regime: Regime, typical: float) -> Effect:
     )
 
 
-def as_file(found: Mapping[str, tuple[Regime, float]]) -> str:
+def as_file(regimes: Mapping[str, tuple[Regime, float]]) -> str:
     """A file of effects that has these regimes and their sizes by name; for ``--effects``."""
     head = '"""Effects that a diagnosis found: forces that the model lacks in some regimes of operation."""'
     imports = "from math import inf\n\nfrom hybrid.effects.regime import Regime, regime_effect"
-    return "\n".join([head, "", imports, "", "EFFECTS = [", *starmap(_entry, found.items()), "]", ""])
+    return "\n".join([head, "", imports, "", "EFFECTS = [", *starmap(_entry, regimes.items()), "]", ""])
 
 
-def _entry(name: str, found: tuple[Regime, float]) -> str:
-    regime, typical = found
-    within = ", ".join(f'"{each}": ({low!r}, {high!r})' for each, (low, high) in regime.within.items())
+def _entry(name: str, sized_regime: tuple[Regime, float]) -> str:
+    regime, typical = sized_regime
+    within = ", ".join(f'"{quantity}": ({low!r}, {high!r})' for quantity, (low, high) in regime.within.items())
     growth = f', "{regime.grows_with}", {regime.at!r}' if regime.grows_with else ""
     return f'    regime_effect("{name}", Regime("{regime.axis}", {{{within}}}{growth}), {abs(typical)!r}),'

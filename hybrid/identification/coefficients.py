@@ -68,9 +68,12 @@ def _coefficients(vessel: Vessel) -> Iterable[Coefficient]:
     yield from _of_table(vessel, "wind", vessel.wind, (), _POSITIVE)
     if vessel.wind.model != "none":
         yield _factor(vessel, "wind_load", WIND_LOAD_WIDTH)
-    for first, *others in _alike(vessel):
-        for each in _of_actuator(vessel, first):
-            yield replace(each, twins=tuple(_renamed(each.name, first.name, other.name) for other in others))
+    for first, *duplicates in _alike(vessel):
+        for coefficient in _of_actuator(vessel, first):
+            yield replace(
+                coefficient,
+                twins=tuple(_renamed(coefficient.name, first.name, duplicate.name) for duplicate in duplicates),
+            )
 
 
 _OWN = {"name": "", "y_m": 0.0, "behind": ""}
@@ -80,16 +83,16 @@ def _alike(vessel: Vessel) -> list[list[Any]]:
     """The actuators, grouped if identical but for name and side."""
     groups: dict[Any, list[Any]] = {}
     listed: tuple[Any, ...] = vessel.actuator
-    for each in listed:
-        same = replace(each, **{name: value for name, value in _OWN.items() if hasattr(each, name)})
-        groups.setdefault(same, []).append(each)
+    for actuator in listed:
+        same = replace(actuator, **{name: value for name, value in _OWN.items() if hasattr(actuator, name)})
+        groups.setdefault(same, []).append(actuator)
     return list(groups.values())
 
 
-def _renamed(name: str, one: str, other: str) -> str:
-    """The name of a coefficient of ``one`` actuator for the ``other``."""
+def _renamed(name: str, old: str, new: str) -> str:
+    """The name of a coefficient of the ``old`` actuator for the ``new`` one."""
     table, _, number = name.rpartition(".")
-    return f"{table.removesuffix(one)}{other}.{number}"
+    return f"{table.removesuffix(old)}{new}.{number}"
 
 
 def _of_actuator(vessel: Vessel, entry: Any) -> Iterable[Coefficient]:
@@ -113,17 +116,17 @@ def _of_table(
     """The coefficients of one table of the file: those with a stated error, and the ``usual`` ones."""
     width = USUAL_WIDTHS.get(label, USUAL_WIDTHS["actuator"])
     for name in (field.name for field in fields(entry)):
-        start, given = getattr(entry, name), vessel.estimated.get(f"{label}.{name}", 0.0)
-        if isinstance(start, float) and start != 0.0 and (given > 0.0 or name in usual):
-            yield Coefficient(f"{label}.{name}", start, float(given) or width, name in keeps_sign)
+        start, stated_error = getattr(entry, name), vessel.estimated.get(f"{label}.{name}", 0.0)
+        if isinstance(start, float) and start != 0.0 and (stated_error > 0.0 or name in usual):
+            yield Coefficient(f"{label}.{name}", start, float(stated_error) or width, name in keeps_sign)
 
 
 def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float]:
     """The values by name at deviations ``z`` [coefficients]."""
     return {
-        name: each.value(float(at))
-        for each, at in zip(coefficients, z, strict=True)
-        for name in (each.name, *each.twins)
+        name: coefficient.value(float(at))
+        for coefficient, at in zip(coefficients, z, strict=True)
+        for name in (coefficient.name, *coefficient.twins)
     }
 
 
@@ -136,7 +139,9 @@ def with_values(vessel: Vessel, values: Mapping[str, float]) -> Vessel:
     parts = {name: replace(getattr(vessel, name), **tables[name]) for name in ("inertia", "hull", "wind")
              if name in tables}  # fmt: skip
     listed: tuple[Any, ...] = vessel.actuator
-    actuators = tuple(replace(each, **tables.get(each.name, {})) for each in listed)
-    loads = {name.partition(".")[2]: own for name, own in tables.items() if name.startswith("effects.")}
-    changed = {name: own for name, own in loads.items() if name in vessel.effects or own != {"factor": 1.0}}
+    actuators = tuple(replace(actuator, **tables.get(actuator.name, {})) for actuator in listed)
+    loads = {name.partition(".")[2]: numbers for name, numbers in tables.items() if name.startswith("effects.")}
+    changed = {
+        name: numbers for name, numbers in loads.items() if name in vessel.effects or numbers != {"factor": 1.0}
+    }
     return replace(vessel, **parts, actuator=actuators, effects={**vessel.effects, **changed})

@@ -42,7 +42,7 @@ class Levels:
     forces: Floats
 
     @property
-    def own(self) -> Floats:
+    def variances(self) -> Floats:
         """The variances of all unknowns of a segment [6 + 3 + 3 PARTS]."""
         return np.concatenate([np.full(6, START_VARIANCE), self.forces[0], np.repeat(self.forces[1], PARTS)])
 
@@ -59,31 +59,31 @@ class Moments:
     def explained(self, levels: Levels) -> tuple[Floats, Floats, Floats]:
         """The estimated unknowns [S, Q], their covariance [S, Q, Q], and minus twice the log likelihood of each
         segment [S]."""
-        weight, scale = 1.0 / levels.noise, np.sqrt(levels.own)
+        weight, scale = 1.0 / levels.noise, np.sqrt(levels.variances)
         information = np.einsum("scqp,c->sqp", self.squares, weight) * np.outer(scale, scale) + np.eye(len(scale))
         information[:, range(len(scale)), range(len(scale))] *= 1.0 + _ROUNDING
         factor = np.linalg.inv(np.linalg.cholesky(information)) * scale
         covariance = factor.transpose(0, 2, 1) @ factor
         spoken = np.einsum("scq,c->sq", self.products, weight)
-        own = (covariance @ spoken[..., None])[..., 0]
+        unknowns = (covariance @ spoken[..., None])[..., 0]
         determinant = 2.0 * np.log(scale / np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        cost = self.rest(own) @ weight + (own**2 / levels.own).sum(axis=1) + determinant
-        return own, covariance, cost + self.count @ np.log(levels.noise)
+        cost = self.residual_squares(unknowns) @ weight + (unknowns**2 / levels.variances).sum(axis=1) + determinant
+        return unknowns, covariance, cost + self.count @ np.log(levels.noise)
 
-    def rest(self, own: Floats) -> Floats:
+    def residual_squares(self, unknowns: Floats) -> Floats:
         """The sums of squares [S, 6] left by the unknowns [S, Q]; unlike r'r less what is explained, never
         negative by rounding."""
-        bent = np.einsum("scqp,sp->scq", self.squares, own) - 2.0 * self.products
-        return np.asarray(np.maximum(self.total + np.einsum("scq,sq->sc", bent, own), 0.0))
+        bent = np.einsum("scqp,sp->scq", self.squares, unknowns) - 2.0 * self.products
+        return np.asarray(np.maximum(self.total + np.einsum("scq,sq->sc", bent, unknowns), 0.0))
 
 
-def moments_of(left: Floats, slopes: Floats) -> Moments:
-    """The moments of residuals ``left`` [S, T, 6], NaN without measurement, and their ``slopes`` [S, T, 6, Q]."""
-    known = np.isfinite(left)
-    Z = np.ascontiguousarray(np.where(known[..., None], slopes, 0.0).transpose(0, 2, 1, 3))
-    r = np.where(known, left, 0.0).transpose(0, 2, 1)
+def moments_of(residual: Floats, slopes: Floats) -> Moments:
+    """Moments of the ``residual`` [S, T, 6], NaN without measurement, and ``slopes`` [S, T, 6, Q]."""
+    finite = np.isfinite(residual)
+    Z = np.ascontiguousarray(np.where(finite[..., None], slopes, 0.0).transpose(0, 2, 1, 3))
+    r = np.where(finite, residual, 0.0).transpose(0, 2, 1)
     turned = Z.transpose(0, 1, 3, 2)
-    return Moments(turned @ Z, (turned @ r[..., None])[..., 0], (r**2).sum(axis=2), known.sum(axis=1))
+    return Moments(turned @ Z, (turned @ r[..., None])[..., 0], (r**2).sum(axis=2), finite.sum(axis=1))
 
 
 def estimate_levels(moments: Moments, first: Levels) -> Levels:
@@ -93,10 +93,10 @@ def estimate_levels(moments: Moments, first: Levels) -> Levels:
     where a level tends to zero.
     """
     most = [_MOST_NOISE] * first.noise.size + [_MOST_FORCE] * first.forces.size
-    bounds = [(log(_LEAST), log(each)) for each in most]
+    bounds = [(log(_LEAST), log(limit)) for limit in most]
     begin = np.log(np.append(first.noise, first.forces))
-    found = minimize(_cost, begin, moments, jac=True, method="L-BFGS-B", bounds=bounds)
-    return _levels(found.x)
+    optimum = minimize(_cost, begin, moments, jac=True, method="L-BFGS-B", bounds=bounds)
+    return _levels(optimum.x)
 
 
 def _levels(logs: Floats) -> Levels:
@@ -106,10 +106,10 @@ def _levels(logs: Floats) -> Levels:
 def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
     """Minus twice the log likelihood of log levels [12], and its gradient (Fisher's identity)."""
     levels = _levels(logs)
-    own, covariance, cost = moments.explained(levels)
-    rest = moments.rest(own) + np.einsum("scqp,spq->sc", moments.squares, covariance)
-    share = 1.0 - (own**2 + np.einsum("sqq->sq", covariance)) / levels.own
-    by_noise = moments.count - rest / levels.noise
+    unknowns, covariance, cost = moments.explained(levels)
+    squares = moments.residual_squares(unknowns) + np.einsum("scqp,spq->sc", moments.squares, covariance)
+    share = 1.0 - (unknowns**2 + np.einsum("sqq->sq", covariance)) / levels.variances
+    by_noise = moments.count - squares / levels.noise
     parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
     return float(cost.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
 
@@ -143,7 +143,7 @@ class _Place:
     z: Floats
     starts: Floats
     levels: Levels
-    left: Floats
+    residual: Floats
     slopes: Floats
     moments: Moments
     costs: Floats
@@ -176,9 +176,9 @@ def fit(
     if z is None:
         short = replace(model, segments=model.segments.split(PARTS))
         z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
-    found = _search(model, z, levels, rounds, part_of(progress, 1, 2))
-    information, scores, _ = _normal(model, found)
-    return Fit(found.z, covariance_of(information, scores), found.starts, found.levels)
+    place = _search(model, z, levels, rounds, part_of(progress, 1, 2))
+    information, scores, _ = _normal(model, place)
+    return Fit(place.z, covariance_of(information, scores), place.starts, place.levels)
 
 
 def _search(
@@ -219,7 +219,7 @@ def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float, f
         damped = total + damping * np.diag(np.diag(total))
         step = np.linalg.solve(damped, pull)
         expected = columns @ step[model.own_unknowns][..., None]
-        then = _moved(model, now, step, expected.reshape(now.left.shape))
+        then = _moved(model, now, step, expected.reshape(now.residual.shape))
         if then.cost < now.cost:
             return then, max(damping / 5.0, 1e-6), promise
         damping *= 8.0
@@ -229,10 +229,10 @@ def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float, f
 def _place(model: Model, z: Floats, starts: Floats, levels: Levels) -> _Place:
     seen, slopes = model.own_slopes(z, starts)
     inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
-    left, slopes = np.where(inside[:, None, None], model.segments.measured - seen, 0.0), np.nan_to_num(slopes)
-    moments = moments_of(left, slopes)
+    residual, slopes = np.where(inside[:, None, None], model.segments.measured - seen, 0.0), np.nan_to_num(slopes)
+    moments = moments_of(residual, slopes)
     costs = np.where(inside, moments.explained(levels)[2], np.inf)
-    return _Place(z, starts, levels, left, slopes, moments, costs)
+    return _Place(z, starts, levels, residual, slopes, moments, costs)
 
 
 def _with_levels(place: _Place) -> _Place:
@@ -251,7 +251,7 @@ def _settled(model: Model, place: _Place) -> _Place:
         )
     for _ in range(2):
         place = _with_levels(place)
-        place = _moved(model, place, np.zeros(model.size), np.zeros_like(place.left))
+        place = _moved(model, place, np.zeros(model.size), np.zeros_like(place.residual))
     return _with_levels(place)
 
 
@@ -261,9 +261,9 @@ def _moved(model: Model, place: _Place, step: Floats, expected: Floats) -> _Plac
 
     Far from the optimum the derivatives of a segment may throw its start far off: then it is kept.
     """
-    own, _, _ = moments_of(place.left - expected, place.slopes).explained(place.levels)
+    unknowns, _, _ = moments_of(place.residual - expected, place.slopes).explained(place.levels)
     z = place.z + step
-    then = _place(model, z, place.starts + own[:, :6] * model.start_scale, place.levels)
+    then = _place(model, z, place.starts + unknowns[:, :6] * model.start_scale, place.levels)
     if then.cost < place.cost:
         return then
     stay = _place(model, z, place.starts, place.levels)
@@ -275,15 +275,15 @@ def _normal(model: Model, place: _Place) -> tuple[Floats, Floats, Floats]:
     """Each segment's information on the unknowns [S, P, P], its score [S, P], and the derivatives [S, 6 T, p]
     with respect to the p of them that it depends on, :attr:`Model.own_unknowns`."""
     columns = model.slopes(place.z, place.starts)
-    weight = np.isfinite(place.left) / np.sqrt(place.levels.noise)
-    C, Z, r = (_weighted(each, weight) for each in (columns, place.slopes, np.nan_to_num(place.left)))
+    weight = np.isfinite(place.residual) / np.sqrt(place.levels.noise)
+    C, Z, r = (_weighted(array, weight) for array in (columns, place.slopes, np.nan_to_num(place.residual)))
     turned, segments, unknown = C.transpose(0, 2, 1), len(C), model.own_unknowns
     shared = turned @ Z
     taken = shared @ place.moments.explained(place.levels)[1]
     row, size = np.arange(segments)[:, None], model.size
     information, scores = np.zeros((segments, size, size)), np.zeros((segments, size))
-    said = turned @ C - taken @ shared.transpose(0, 2, 1)
-    information[row[..., None], unknown[:, :, None], unknown[:, None, :]] = said
+    information_left = turned @ C - taken @ shared.transpose(0, 2, 1)
+    information[row[..., None], unknown[:, :, None], unknown[:, None, :]] = information_left
     scores[row, unknown] = (turned @ r - taken @ (Z.transpose(0, 2, 1) @ r))[..., 0]
     return information, scores, columns.reshape(C.shape)
 

@@ -70,44 +70,50 @@ def repertoire_of(vessel: Vessel) -> tuple[str, ...]:
     return tuple(name for name in REPERTOIRE if able.get(name, True))
 
 
-def rank_trials(model: Model, found: Fit, names: Sequence[str]) -> list[Candidate]:
+def rank_trials(model: Model, fitted: Fit, names: Sequence[str]) -> list[Candidate]:
     """The expected information of each manoeuvre beside the present one, the best first, without those that the
     ship cannot make."""
     ranked = []
     for name in names:
         try:
-            told = _information(model, found, name)
+            information = _information(model, fitted, name)
         except SeatrialError:
             continue
-        ranked.append(_candidate(model, found, name, told))
-    return sorted(ranked, key=lambda each: -each.gain)
+        ranked.append(_candidate(model, fitted, name, information))
+    return sorted(ranked, key=lambda candidate: -candidate.gain)
 
 
-def _information(model: Model, found: Fit, name: str) -> Floats:
+def _information(model: Model, fitted: Fit, name: str) -> Floats:
     """The information of a simulated manoeuvre on the coefficients [P, P], its own surroundings unknown."""
-    ship = model.vessel_at(found.z)
+    ship = model.vessel_at(fitted.z)
     lasting = model.segments.duration_s
     silent = Noise().scaled(0.0)
     table, _ = simulate_trial(
         ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
     )
     rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
-    own, z = model.on_segments(rehearsed, found.z)
+    model_there, z = model.on_segments(rehearsed, fitted.z)
     kept = len(model.coefficients)
-    whole = information_at(own, z, rehearsed.start, found.levels)
-    if not np.isfinite(whole).all():
+    information = information_at(model_there, z, rehearsed.start, fitted.levels)
+    if not np.isfinite(information).all():
         raise ModelRangeError("the simulated manoeuvre leaves the model's range")
-    around = whole[kept:, kept:] + np.eye(own.size - kept)
-    return np.asarray(whole[:kept, :kept] - whole[:kept, kept:] @ np.linalg.solve(around, whole[kept:, :kept]))
+    around = information[kept:, kept:] + np.eye(model_there.size - kept)
+    return np.asarray(
+        information[:kept, :kept] - information[:kept, kept:] @ np.linalg.solve(around, information[kept:, :kept])
+    )
 
 
-def _candidate(model: Model, found: Fit, name: str, told: Floats) -> Candidate:
+def _candidate(model: Model, fitted: Fit, name: str, information: Floats) -> Candidate:
     kept = len(model.coefficients)
-    before = found.covariance[:kept, :kept]
-    after = np.linalg.inv(np.linalg.inv(before) + told)
+    before = fitted.covariance[:kept, :kept]
+    after = np.linalg.inv(np.linalg.inv(before) + information)
     was, then = np.sqrt(np.diag(before)), np.sqrt(np.diag(after))
     gain = 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])
-    newly = [each.name for each, a, b in zip(model.coefficients, was, then, strict=True) if a >= UNKNOWN > b]
+    newly = [
+        coefficient.name
+        for coefficient, a, b in zip(model.coefficients, was, then, strict=True)
+        if a >= UNKNOWN > b
+    ]
     minutes = SEGMENTS * model.segments.duration_s / 60.0
     return Candidate(name, minutes, gain, float(np.mean((then / was) ** 2)), tuple(newly))
 
@@ -151,8 +157,8 @@ class Judgement:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        said = {name: getattr(self, name) for name in ("horizon_s", "windows", "held_out")}
-        return {**said, "methods": scores_json(self.scores)}
+        result = {name: getattr(self, name) for name in ("horizon_s", "windows", "held_out")}
+        return {**result, "methods": scores_json(self.scores)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,9 +190,9 @@ class Identification(ModelResult):
     @property
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs of known coefficients that the data cannot separate, with their correlation."""
-        known = [number for number, each in enumerate(self.coefficients) if each.known]
-        names = [self.coefficients[number].name for number in known]
-        return correlated_pairs(names, self.correlation[np.ix_(known, known)])
+        indices = [number for number, coefficient in enumerate(self.coefficients) if coefficient.known]
+        names = [self.coefficients[number].name for number in indices]
+        return correlated_pairs(names, self.correlation[np.ix_(indices, indices)])
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON object of ``seatrial identify --json``."""
@@ -199,12 +205,12 @@ class Identification(ModelResult):
             "segments": self.segments,
             "segment_s": self.duration_s,
             "coefficients": {
-                own: {name: getattr(each, name) for name in names}
-                for each in self.coefficients
-                for own in (each.name, *each.twins)
+                name_or_twin: {name: getattr(estimate, name) for name in names}
+                for estimate in self.coefficients
+                for name_or_twin in (estimate.name, *estimate.twins)
             },
-            "correlated": [list(each) for each in self.entangled],
-            "surroundings": {name: dict(own) for name, own in self.surroundings.items()},
+            "correlated": [list(pair) for pair in self.entangled],
+            "surroundings": {name: dict(values) for name, values in self.surroundings.items()},
             "validation": None if judged is None else judged.as_dict(),
             "next_manoeuvres": to_json(self.candidates),
         }
@@ -227,33 +233,41 @@ def identify_tables(
     """
     with threadpool_limits(1, user_api="blas"):  # small matrices, for which threads do not pay
         wanted = set(only)
-        coefficients = [each for each in coefficients_of(vessel) if not only or wanted & {each.name, *each.twins}]
+        coefficients = [
+            coefficient
+            for coefficient in coefficients_of(vessel)
+            if not only or wanted & {coefficient.name, *coefficient.twins}
+        ]
         model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
-        found = fit(model, progress=progress)
-        return _identification(model, found, rank_trials(model, found, candidates)), found, model
+        fitted = fit(model, progress=progress)
+        return _identification(model, fitted, rank_trials(model, fitted, candidates)), fitted, model
 
 
-def _identification(model: Model, found: Fit, candidates: Sequence[Candidate]) -> Identification:
+def _identification(model: Model, fitted: Fit, candidates: Sequence[Candidate]) -> Identification:
     kept = len(model.coefficients)
-    deviation = np.sqrt(np.diag(found.covariance))[:kept]
+    deviation = np.sqrt(np.diag(fitted.covariance))[:kept]
     share = np.minimum(deviation, 1.0)
     estimates = [
-        _estimate(each, at, own) for each, at, own in zip(model.coefficients, found.z[:kept], share, strict=True)
+        _estimate(coefficient, at, error)
+        for coefficient, at, error in zip(model.coefficients, fitted.z[:kept], share, strict=True)
     ]
-    around, segments = model.around(found.z), model.segments
+    around, segments = model.around(fitted.z), model.segments
     return Identification(
-        vessel=identified_vessel(model, found.z, estimates),
+        vessel=identified_vessel(model, fitted.z, estimates),
         coefficients=tuple(estimates),
-        correlation=found.covariance[:kept, :kept] / np.outer(deviation, deviation),
+        correlation=fitted.covariance[:kept, :kept] / np.outer(deviation, deviation),
         surroundings={
-            name: {each.name: float(value) for each, value in zip(model.surroundings, own, strict=True)}
-            for name, own in zip(segments.names, around, strict=True)
+            name: {
+                surrounding.name: float(value)
+                for surrounding, value in zip(model.surroundings, values, strict=True)
+            }
+            for name, values in zip(segments.names, around, strict=True)
         },
         segments=len(segments),
         duration_s=segments.duration_s,
         left_out=segments.left_out,
         candidates=tuple(candidates),
-        tracks=(segments.measured[..., :2], model.reported(found.z, found.starts)[..., :2]),
+        tracks=(segments.measured[..., :2], model.reported(fitted.z, fitted.starts)[..., :2]),
     )
 
 
@@ -269,18 +283,18 @@ def _estimate(coefficient: Coefficient, at: float, share: float) -> Estimate:
 def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) -> Vessel:
     """The vessel with the coefficients at ``z`` and their errors in ``estimated``."""
     vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
-    for coefficient, each in zip(model.coefficients, estimates, strict=True):
-        if not coefficient.name.startswith("effects.") and each.value != 0.0:
-            own = abs(coefficient.start / each.value) if not coefficient.keeps_sign else 1.0
-            error = float(coefficient.width * each.share * own)
+    for coefficient, estimate in zip(model.coefficients, estimates, strict=True):
+        if not coefficient.name.startswith("effects.") and estimate.value != 0.0:
+            ratio = abs(coefficient.start / estimate.value) if not coefficient.keeps_sign else 1.0
+            error = float(coefficient.width * estimate.share * ratio)
             errors |= dict.fromkeys((coefficient.name, *coefficient.twins), error)
-    said = {
+    origin = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "identified_by": software_version(),
         "identified_start": model.vessel.name,
     }
-    return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **said})
+    return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **origin})
 
 
 BY_RECORDING, MOST_FOLDS = 3, 4
@@ -302,16 +316,18 @@ def folds_of(tables: Tables) -> tuple[list[Fold], str]:
         )
         return [(first, last)], "the last third of each recording"
     folds = min(len(names), MOST_FOLDS)
-    made: list[Fold] = []
+    result: list[Fold] = []
     for fold in range(folds):
         out = set(names[fold::folds])
-        kept, others = ({name: tables[name] for name in names if (name in out) == left} for left in (False, True))
-        made.append((kept, others))
-    return made, "each recording in turn" if folds == len(names) else f"recordings in {folds} groups"
+        kept, test = (
+            {name: tables[name] for name in names if (name in out) == held_out} for held_out in (False, True)
+        )
+        result.append((kept, test))
+    return result, "each recording in turn" if folds == len(names) else f"recordings in {folds} groups"
 
 
 def judge(
-    tables: Tables, model: Model, found: Fit, horizon_s: int, progress: Progress = lambda share: None
+    tables: Tables, model: Model, fitted: Fit, horizon_s: int, progress: Progress = lambda share: None
 ) -> Judgement | None:
     """Errors of predictions over ``horizon_s`` under the recorded commands; None without a window.
 
@@ -319,31 +335,31 @@ def judge(
     """
     folds, held_out = folds_of(tables)
     tracks: dict[str, list[np.ndarray]] = {}
-    for number, (kept, others) in enumerate(folds):
+    for number, (kept, test) in enumerate(folds):
         with threadpool_limits(1, user_api="blas"):
-            for name, track in _fold(kept, others, model, found, horizon_s).items():
+            for name, track in _fold(kept, test, model, fitted, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
         part_of(progress, number, len(folds))(1.0)
     if not tracks:
         return None
-    together = {name: np.concatenate(each) for name, each in tracks.items()}
+    together = {name: np.concatenate(parts) for name, parts in tracks.items()}
     measured = together.pop("measured")
     scores = {name: score(track, measured) for name, track in together.items()}
     return Judgement(horizon_s, len(measured), scores, held_out)
 
 
-def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int) -> dict[str, np.ndarray]:
+def _fold(kept: Tables, test: Tables, model: Model, fitted: Fit, horizon_s: int) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     length_m = model.vessel.dimensions.length_overall_m
     try:
-        even = {name: second_by_second(partial(resample, table)) for name, table in others.items()}
+        even = {name: second_by_second(partial(resample, table)) for name, table in test.items()}
         windows = dataset_of(even, horizon_s, _STRIDE_S, any_commands=True, length_m=length_m).windows
     except DataShortageError:
         return {}
-    own, identified = vessel_plant(model.vessel), _fitted_plant(kept, model, found)
+    original, identified = vessel_plant(model.vessel), _fitted_plant(kept, model, fitted)
     tracks = {
-        "constant_velocity": constant_velocity(filtered_starts(windows, own)),
-        "reference": reference(filtered_starts(windows, own), own),
+        "constant_velocity": constant_velocity(filtered_starts(windows, original)),
+        "reference": reference(filtered_starts(windows, original), original),
         "identified": reference(filtered_starts(windows, identified), identified),
         "measured": windows.track,
     }
@@ -351,8 +367,8 @@ def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int
     return {name: track[inside] for name, track in tracks.items()} if inside.any() else {}
 
 
-def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: Model, found: Fit) -> Plant:
+def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: Model, fitted: Fit) -> Plant:
     """The plant fitted to these tables alone, starting from the fit to all."""
     segments = segments_of(tables, vessel_plant(model.vessel), model.segments.duration_s)
-    own, z = model.on_segments(segments, found.z)
-    return vessel_plant(own.vessel_at(fit(own, z, levels=found.levels, rounds=_ROUNDS).z))
+    refitted, z = model.on_segments(segments, fitted.z)
+    return vessel_plant(refitted.vessel_at(fit(refitted, z, levels=fitted.levels, rounds=_ROUNDS).z))

@@ -85,8 +85,8 @@ class Model:
     @property
     def own_unknowns(self) -> Ints:
         """The unknowns that each segment depends on [S, coefficients + surroundings]."""
-        kept, each = len(self.coefficients), len(self.surroundings)
-        around = kept + self.segments.recording[:, None] * each + np.arange(each)
+        kept, count = len(self.coefficients), len(self.surroundings)
+        around = kept + self.segments.recording[:, None] * count + np.arange(count)
         return np.concatenate([np.tile(np.arange(kept), (len(around), 1)), around], axis=1)
 
     def vessel_at(self, z: Floats) -> Vessel:
@@ -95,8 +95,8 @@ class Model:
 
     def on_segments(self, segments: Segments, z: Floats) -> tuple[Model, Floats]:
         """The same coefficients on other segments, and ``z`` there, with unknown surroundings."""
-        own, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
-        return own, np.concatenate([z[:kept], np.zeros(own.size - kept)])
+        model, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
+        return model, np.concatenate([z[:kept], np.zeros(model.size - kept)])
 
     def plant(self, z: Floats) -> Plant:
         """The plant at the coefficients of ``z``, with a wider range, as a search needs."""
@@ -109,9 +109,9 @@ class Model:
 
     def around(self, z: Floats) -> Floats:
         """The surroundings [recordings, surroundings] of ``z``."""
-        own = z[len(self.coefficients) :].reshape(len(self.segments.names), len(self.surroundings))
-        widths = np.array([each.width for each in self.surroundings])
-        return np.asarray([each.neutral for each in self.surroundings] + own * widths)
+        deviations = z[len(self.coefficients) :].reshape(len(self.segments.names), len(self.surroundings))
+        widths = np.array([surrounding.width for surrounding in self.surroundings])
+        return np.asarray([surrounding.neutral for surrounding in self.surroundings] + deviations * widths)
 
     def reported(self, z: Floats, start: Floats) -> Floats:
         """What the sensors report of the segments [S, T, 6], from ``start`` [S, 6]."""
@@ -123,13 +123,20 @@ class Model:
         recording, [S, T, 6, coefficients + surroundings]."""
         plant, around = self.plant(z), self.around(z)
         moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
-        others = [around + _DIFFERENCE * row for row in np.diag([each.width for each in self.surroundings])]
-        variants = [(plant, around, start), *((self.plant(each), around, start) for each in moved)]
-        still, *states = self._run([*variants, *((plant, each, start) for each in others[:SIMULATED])])
-        states += [still] * (len(others) - SIMULATED)
+        shifted = [
+            around + _DIFFERENCE * row for row in np.diag([surrounding.width for surrounding in self.surroundings])
+        ]
+        variants = [(plant, around, start), *((self.plant(row), around, start) for row in moved)]
+        still, *states = self._run(
+            [*variants, *((plant, surroundings, start) for surroundings in shifted[:SIMULATED])]
+        )
+        states += [still] * (len(shifted) - SIMULATED)
         seen = self._seen(still, around)
-        settings = [around] * len(moved) + others
-        columns = [(self._seen(each, own) - seen) / _DIFFERENCE for each, own in zip(states, settings, strict=True)]
+        settings = [around] * len(moved) + shifted
+        columns = [
+            (self._seen(state, surroundings) - seen) / _DIFFERENCE
+            for state, surroundings in zip(states, settings, strict=True)
+        ]
         return np.stack(columns, axis=-1)
 
     def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
@@ -141,9 +148,9 @@ class Model:
         """
         plant, around = self.plant(z), self.around(z)
         starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
-        still, *moved = self._run([(plant, around, each) for each in (start, *starts)])
+        still, *moved = self._run([(plant, around, begin) for begin in (start, *starts)])
         seen = self._seen(still, around)
-        by_start = [(self._seen(each, around) - seen) / _DIFFERENCE for each in moved]
+        by_start = [(self._seen(state, around) - seen) / _DIFFERENCE for state in moved]
         pulses = self._pulses(plant, around, still)
         parts = pulses.reshape(*pulses.shape[:3], -1)
         return seen, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
@@ -158,7 +165,7 @@ class Model:
         onset = np.zeros((*still.shape, 3, PARTS + 1))
         for part in range(PARTS):
             first = part * steps // PARTS
-            moved = self._run([(each, around, still[:, first]) for each in pushed], first)
+            moved = self._run([(variant, around, still[:, first]) for variant in pushed], first)
             onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - still[:, first:, :, None]) / _DIFFERENCE
         return np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
 
@@ -173,10 +180,10 @@ class Model:
         """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` on."""
         segments = self.segments
         plants = np.concatenate([np.repeat(pack(plant), len(segments)) for plant, _, _ in variants])
-        own = np.concatenate([around[segments.recording] for _, around, _ in variants])
-        for number, each in enumerate(self.surroundings[:SIMULATED]):
-            plants[each.name] = own[:, number]
-        start = np.concatenate([each for _, _, each in variants])
+        surroundings = np.concatenate([around[segments.recording] for _, around, _ in variants])
+        for number, surrounding in enumerate(self.surroundings[:SIMULATED]):
+            plants[surrounding.name] = surroundings[:, number]
+        start = np.concatenate([begin for _, _, begin in variants])
         again = (len(variants), 1, 1)
         # what acts is drawn up from whole segments: a delay reaches back over the step that a run begins at
         controls = acting_controls(
@@ -192,10 +199,10 @@ class Model:
         """The readings of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
         sparse = states[:, : -1 : self.segments.every]
         seen = np.empty_like(sparse)
-        names = [each.name for each in self.surroundings[SIMULATED:]]
-        for number, own in enumerate(around):
+        names = [surrounding.name for surrounding in self.surroundings[SIMULATED:]]
+        for number, values in enumerate(around):
             mine = self.segments.recording == number
-            sensors = self.sensors.replaced(**dict(zip(names, own[SIMULATED:].tolist(), strict=True)))
+            sensors = self.sensors.replaced(**dict(zip(names, values[SIMULATED:].tolist(), strict=True)))
             seen[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
         return seen
 

@@ -110,22 +110,22 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     speed = _usual_speed(tables)
     length_m = plant.length_between_perpendiculars_m
     lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
-    dt_s, every = _steps(lasting, tables)
-    parts = [_cut(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
+    dt_s, steps = _steps(lasting, tables)
+    parts = [_cut(resample(table, 1.0 / dt_s), plant, steps) for table in tables.values()]
     number = [len(part[0]) for part in parts]
     measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
-    whole = Segments(
+    segments = Segments(
         measured, motion, controls, wind,
         recording=np.repeat(np.arange(len(parts)), number),
         names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(int(part[4]) for part in parts),
     )  # fmt: skip
-    if len(whole) < _LEAST:
+    if len(segments) < _LEAST:
         raise DataShortageError(
-            f"only {len(whole)} segments of {lasting:.0f} s have motion and controls",
+            f"only {len(segments)} segments of {lasting:.0f} s have motion and controls",
             where=", ".join(tables), fix="give longer recordings, or check these with `seatrial check`",
         )  # fmt: skip
-    every = -(-len(whole) // MOST)
-    return whole if every == 1 else whole.subset(np.arange(0, len(whole), every))
+    stride = -(-len(segments) // MOST)
+    return segments if stride == 1 else segments.subset(np.arange(0, len(segments), stride))
 
 
 def _usual_speed(tables: Mapping[str, pd.DataFrame]) -> float:
@@ -141,25 +141,25 @@ def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float,
     records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
     interval_s = float(np.median(np.concatenate(records)))
     apart_s = lasting_s / COMPARED
-    whole = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
-    dt_s = max(interval_s / whole, apart_s / MOST_EVERY)
-    every = whole * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / dt_s)
-    return float(1 / rate_fraction(1.0 / dt_s)), min(max(every, LEAST_EVERY), MOST_EVERY)
+    count = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
+    dt_s = max(interval_s / count, apart_s / MOST_EVERY)
+    steps = count * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / dt_s)
+    return float(1 / rate_fraction(1.0 / dt_s)), min(max(steps, LEAST_EVERY), MOST_EVERY)
 
 
-def _cut(table: pd.DataFrame, plant: Plant, every: int) -> tuple[Floats, Floats, Floats, Floats, int]:
+def _cut(table: pd.DataFrame, plant: Plant, interval: int) -> tuple[Floats, Floats, Floats, Floats, int]:
     """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
     check_ship(table_actuators(table), plant)
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(with_calm(table))
     motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
     motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
-    steps = COMPARED * every
+    steps = COMPARED * interval
     count = max(0, len(table) - 1) // steps
     rows = np.arange(count * steps).reshape(count, steps)
     ends = np.append(rows, rows[:, -1:] + 1, axis=1)
-    known = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
-    known &= np.isfinite(motion[rows[:, ::every]]).all(axis=(1, 2))
-    rows, ends = rows[known], ends[known]
-    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::every]
-    return measured[compared], motion[compared], acting, wind[rows], int((~known).sum())
+    complete = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
+    complete &= np.isfinite(motion[rows[:, ::interval]]).all(axis=(1, 2))
+    rows, ends = rows[complete], ends[complete]
+    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::interval]
+    return measured[compared], motion[compared], acting, wind[rows], int((~complete).sum())

@@ -30,7 +30,7 @@ def check_ship(recorded: Actuators, plant: Plant) -> None:
 
 def in_words(actuators: Actuators) -> str:
     """Actuators by name and kind."""
-    return ", ".join(f"{each.name} ({each.kind})" for each in actuators)
+    return ", ".join(f"{actuator.name} ({actuator.kind})" for actuator in actuators)
 
 
 def states_of(table: pd.DataFrame) -> Floats:

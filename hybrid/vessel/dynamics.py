@@ -224,10 +224,10 @@ def approach(p: Record, result: Control, acting: Control, order: Control, shares
     for i in range(len(p.actuators)):
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
         for j in range(CONTROLS_OF[kind]):
-            off = order[first + j] - acting[first + j]
+            difference = order[first + j] - acting[first + j]
             if IS_ANGLE[kind, j]:
-                off = wrapped(off)
-            result[first + j] = acting[first + j] + shares[i] * off
+                difference = wrapped(difference)
+            result[first + j] = acting[first + j] + shares[i] * difference
 
 
 @compiled
@@ -243,10 +243,10 @@ def take_up(p: Record, behind: Control, order: Control) -> None:
     for i in range(len(p.actuators)):
         kind, first, half = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL]), 0.5 * play_of(p, i)
         for j in range(CONTROLS_OF[kind]):
-            off = 0.0
+            offset = 0.0
             if IS_ANGLE[kind, j]:
-                off = min(max(wrapped(behind[first + j] - order[first + j]), -half), half)
-            behind[first + j] = order[first + j] + off
+                offset = min(max(wrapped(behind[first + j] - order[first + j]), -half), half)
+            behind[first + j] = order[first + j] + offset
 
 
 @compiled
@@ -262,8 +262,8 @@ def lag_over(p: Record, dt_s: float) -> Lag:
         constant = p.thruster_lag_s + (p.actuators[i, column] if column >= 0 else 0.0)
         if constant > 0.0:
             present = True
-            left = exp(-dt_s / constant)
-            mean[i], end[i] = 1.0 - constant / dt_s * (1.0 - left), 1.0 - left
+            decay = exp(-dt_s / constant)
+            mean[i], end[i] = 1.0 - constant / dt_s * (1.0 - decay), 1.0 - decay
     return Lag(present, mean, end)
 
 
@@ -326,11 +326,11 @@ def low_speed_damping(p: Record, u: float, v: float, r: float) -> tuple[float, f
     """
     if p.surge_damping_ps == 0.0 and p.sway_damping_ps == 0.0 and p.yaw_damping_ps == 0.0:
         return 0.0, 0.0, 0.0
-    left = exp(-FADING_S2PM2 * (u * u + v * v))
+    fading = exp(-FADING_S2PM2 * (u * u + v * v))
     x_G = p.centre_of_gravity_m
     yaw_inertia = p.yaw_inertia_kgm2 + p.mass_kg * x_G * x_G - p.Nrd
     return (
-        -left * p.surge_damping_ps * (p.mass_kg - p.Xud) * u,
-        -left * p.sway_damping_ps * (p.mass_kg - p.Yvd) * v,
-        -left * p.yaw_damping_ps * yaw_inertia * r,
+        -fading * p.surge_damping_ps * (p.mass_kg - p.Xud) * u,
+        -fading * p.sway_damping_ps * (p.mass_kg - p.Yvd) * v,
+        -fading * p.yaw_damping_ps * yaw_inertia * r,
     )

@@ -84,12 +84,12 @@ class Effect:
     @property
     def neutral(self) -> dict[str, float]:
         """The values at which the effect is not there."""
-        return {each.name: each.neutral for each in self.parameters}
+        return {parameter.name: parameter.neutral for parameter in self.parameters}
 
     @property
     def typical(self) -> dict[str, float]:
         """Values of an ordinary size."""
-        return {each.name: each.typical for each in self.parameters}
+        return {parameter.name: parameter.typical for parameter in self.parameters}
 
     def apply(self, plant: Plant, values: Values) -> Plant:
         """``plant`` with this effect at ``values``; parameters left out are neutral.
@@ -97,48 +97,49 @@ class Effect:
         At neutral values it is the same plant. Raises :class:`ConfigurationError` for a name that is no
         parameter or a value out of bounds.
         """
-        given = self.checked(values)
-        if self.absent(given):
+        complete = self.checked(values)
+        if self.absent(complete):
             return plant
-        return self.change(plant, given)
+        return self.change(plant, complete)
 
     def absent(self, values: Values) -> bool:
         """Whether the values mean that the effect is not there."""
         deciding = self.parameters[:1] if self.chart == "polar" else self.parameters
-        return all(values[each.name] == each.neutral for each in deciding)
+        return all(values[parameter.name] == parameter.neutral for parameter in deciding)
 
     def checked(self, values: Values) -> dict[str, float]:
         """``values`` completed with neutral ones, or :class:`ConfigurationError` saying what is possible."""
-        names = [each.name for each in self.parameters]
+        names = [parameter.name for parameter in self.parameters]
         unknown = [name for name in values if name not in names]
         if unknown:
             raise ConfigurationError(
                 f"effect {self.name} has no parameter {', '.join(unknown)}", fix=f"it has {', '.join(names)}"
             )
         complete = {**self.neutral, **{name: float(value) for name, value in values.items()}}
-        for each in self.parameters:
-            value = complete[each.name]
-            if isnan(value) or not each.low <= value <= each.high:
+        for parameter in self.parameters:
+            value = complete[parameter.name]
+            if isnan(value) or not parameter.low <= value <= parameter.high:
                 raise ConfigurationError(
-                    f"effect {self.name}: {each.name} = {value:g} is out of bounds",
-                    fix=f"give {each.low:g} to {each.high:g} {each.unit}".removesuffix(" 1"),  # the unit of factors
+                    f"effect {self.name}: {parameter.name} = {value:g} is out of bounds",
+                    # factors have the unit 1
+                    fix=f"give {parameter.low:g} to {parameter.high:g} {parameter.unit}".removesuffix(" 1"),
                 )
         return complete
 
     def free(self, values: Values) -> tuple[float, ...]:
         """Free coordinates of ``values``: zero where the effect is absent."""
         complete = {**self.neutral, **values}
-        numbers = [complete[each.name] for each in self.parameters]
+        numbers = [complete[parameter.name] for parameter in self.parameters]
         if self.chart == "polar":
             size, direction_deg = numbers
             return size * cos(radians(direction_deg)), size * sin(radians(direction_deg))
         if self.chart == "inverse_square":
             return tuple(1.0 / number**2 for number in numbers)
-        return tuple(number - each.neutral for number, each in zip(numbers, self.parameters, strict=True))
+        return tuple(number - parameter.neutral for number, parameter in zip(numbers, self.parameters, strict=True))
 
     def values(self, free: Sequence[float]) -> dict[str, float]:
         """The inverse of :meth:`free`."""
-        names = [each.name for each in self.parameters]
+        names = [parameter.name for parameter in self.parameters]
         if self.chart == "polar":
             along, across = free
             return {names[0]: hypot(along, across), names[1]: degrees(atan2(across, along)) % 360.0}
@@ -170,15 +171,15 @@ class Effect:
         if self.chart == "polar":
             return (first.smallest,) * 2
         if self.chart == "inverse_square":
-            return self.free({each.name: each.smallest for each in self.parameters})
-        return tuple(each.smallest for each in self.parameters)
+            return self.free({parameter.name: parameter.smallest for parameter in self.parameters})
+        return tuple(parameter.smallest for parameter in self.parameters)
 
     def as_dict(self) -> dict[str, Any]:
         """The effect as plain data, without its function; infinite numbers become ``None``."""
         plain = {key: getattr(self, key) for key in ("name", "family", "kind", "scope", "what", "source")}
         parameters = [
-            {key: None if value in (inf, -inf) else value for key, value in asdict(each).items()}
-            for each in self.parameters
+            {key: None if value in (inf, -inf) else value for key, value in asdict(parameter).items()}
+            for parameter in self.parameters
         ]
         return {**plain, "parameters": parameters, "confused_with": list(self.confused_with)}
 

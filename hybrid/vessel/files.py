@@ -91,7 +91,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
 def _stated(part: Any) -> Any:
     """A vessel or a part of it as plain data, without what is so by default."""
     if isinstance(part, tuple):
-        return [_stated(each) for each in part]
+        return [_stated(entry) for entry in part]
     if not is_dataclass(part):
         return dict(part) if isinstance(part, Mapping) else part
     values = {field.name: (getattr(part, field.name), field.default) for field in fields(part)}
@@ -106,20 +106,20 @@ def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **p
 
 
 def _names_in(tree: Tree) -> set[str]:
-    return {each["name"] for each in tree.get("actuator", ())}
+    return {actuator["name"] for actuator in tree.get("actuator", ())}
 
 
 def _difference(value: Any, base: Any) -> Any:
     """What of ``value`` its base does not already say; ``None`` or an empty table if it says all."""
     if _is_tables(value):
-        by_name = {each["name"]: each for each in base or ()}
-        changed = [each for each in value if each != by_name.get(each["name"])]
+        by_name = {table["name"]: table for table in base or ()}
+        changed = [table for table in value if table != by_name.get(table["name"])]
         return [
-            {**_difference(each, by_name.get(each["name"], {})), "name": each["name"]} for each in changed
+            {**_difference(table, by_name.get(table["name"], {})), "name": table["name"]} for table in changed
         ] or None
     if isinstance(value, Mapping) and isinstance(base, Mapping):
-        parts = {key: _difference(each, base.get(key)) for key, each in value.items()}
-        return {key: each for key, each in parts.items() if each is not None and each != {}}
+        parts = {key: _difference(member, base.get(key)) for key, member in value.items()}
+        return {key: member for key, member in parts.items() if member is not None and member != {}}
     return None if value == base else value
 
 
@@ -155,7 +155,7 @@ def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
         positive = KINDS[numbered["kind"]].positive if keys[0] == "actuator" else _POSITIVE.get(str(keys[0]), ())
         for name, number in numbered.items():
             numbers = number if isinstance(number, tuple) else (number,)
-            if not all(isinstance(each, str | None) or isfinite(each) for each in numbers):
+            if not all(isinstance(value, str | None) or isfinite(value) for value in numbers):
                 _complain(path, text, [*keys, name], f"is {number}", "give a finite number")
             if name in positive and number <= 0.0:
                 _complain(path, text, [*keys, name], f"is {number:g}", "give a number above zero")
@@ -163,9 +163,9 @@ def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
 
 def _check_references(vessel: Vessel, text: str, path: Path) -> None:
     """What one table says of another: a rudder is behind a propeller of the ship, an estimated number is there."""
-    propellers = [each.name for each in vessel.actuators if "propeller" in each.kind]
-    for number, each in enumerate(vessel.actuator):
-        behind = getattr(each, "behind", "")
+    propellers = [actuator.name for actuator in vessel.actuators if "propeller" in actuator.kind]
+    for number, entry in enumerate(vessel.actuator):
+        behind = getattr(entry, "behind", "")
         if behind and behind not in propellers:
             there = ", ".join(propellers) or "none; leave it out"
             _complain(path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {there}")
@@ -184,8 +184,8 @@ def _tables(vessel: Vessel) -> Iterator[tuple[list[str | int], Tree]]:
     """The tables of a vessel with numbers of the model, by their keys."""
     for key, value in asdict(vessel).items():
         if key == "actuator":
-            for number, each in enumerate(value):
-                yield [key, number], each
+            for number, table in enumerate(value):
+                yield [key, number], table
         elif isinstance(value, dict) and key not in _ADDED:
             yield [key], value
 
@@ -207,16 +207,16 @@ def _toml(tree: Tree, prefix: str = "") -> str:
     for key, value in tables.items():
         path = f"{prefix}{_key(key)}"
         if _is_tables(value):
-            text += "".join(f"\n[[{path}]]\n{_toml(dict(each), f'{path}.')}" for each in value)
+            text += "".join(f"\n[[{path}]]\n{_toml(dict(table), f'{path}.')}" for table in value)
             continue
         inner = _toml(dict(value), f"{path}.")
-        holds_tables_only = all(isinstance(each, Mapping) for each in value.values()) and value
+        holds_tables_only = all(isinstance(member, Mapping) for member in value.values()) and value
         text += inner if holds_tables_only else f"\n[{path}]\n{inner}"
     return text
 
 
 def _is_tables(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(each, Mapping) for each in value)
+    return isinstance(value, list) and bool(value) and all(isinstance(entry, Mapping) for entry in value)
 
 
 def _key(key: str) -> str:
@@ -276,11 +276,13 @@ def ships_of(vessel: Vessel) -> set[str]:
 def chosen(name: str, ships: set[str], trials: Trials) -> ChosenModel:
     """A model that is called ``name`` and is one of ``ships``, and whether the recordings name another."""
     named = [trial.vessel for trial in trials.values()]
-    one = "the recording names" if len(named) == 1 else "the recordings name"
-    others = sorted({Path(each).stem if each.endswith(".toml") else each for each in named if each} - ships)
-    if others:
-        return ChosenModel(name, f", not the ship that {one} ({', '.join(others)})")
-    return ChosenModel(name, "" if all(named) else f"; {one} no ship" if not any(named) else "; some name no ship")
+    subject = "the recording names" if len(named) == 1 else "the recordings name"
+    other_ships = sorted({Path(ship).stem if ship.endswith(".toml") else ship for ship in named if ship} - ships)
+    if other_ships:
+        return ChosenModel(name, f", not the ship that {subject} ({', '.join(other_ships)})")
+    return ChosenModel(
+        name, "" if all(named) else f"; {subject} no ship" if not any(named) else "; some name no ship"
+    )
 
 
 def _named_by(trials: Trials) -> str:
@@ -293,8 +295,8 @@ def _named_by(trials: Trials) -> str:
             fix="give recordings of one ship, or choose the model with --vessel",
         )
     for path, ship in named.items():
-        if found := vessel_of_ship(ship, path.parent):
-            return str(found)
+        if file := vessel_of_ship(ship, path.parent):
+            return str(file)
     unknown = [path for path, trial in trials.items() if trial.vessel or trial.actuators]
     if not unknown:
         return DEFAULT

@@ -154,11 +154,11 @@ class Vessel:
     @property
     def actuators(self) -> Actuators:
         """The names and kinds of the actuators, in the order of their controls."""
-        return tuple(Actuator(each.name, each.kind) for each in self.actuator)
+        return tuple(Actuator(actuator.name, actuator.kind) for actuator in self.actuator)
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
         """The actuators of one kind."""
-        return tuple(each for each in self.actuator if each.kind == kind)
+        return tuple(actuator for actuator in self.actuator if actuator.kind == kind)
 
 
 _PARTS = (Dimensions, Validity, Inertia, PrimedInertia, Wind, FujiwaraWind, NoWind, Vessel)

@@ -134,15 +134,15 @@ def _places_in(form: Form) -> dict[str, tuple[int, ...]]:
     """The places of all numbers; an actuator's own name comes before that of a number of its kind."""
     record = _places(dtype_of(len(form.actuators)))
     hull = {name: (int(record["hull"][number]),) for number, name in enumerate(HULLS[form.hull].numbers)}
-    own, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
-    for row, each in zip(record["actuators"], form.actuators, strict=True):
-        kind = KINDS[each.kind]
+    by_actuator, shared = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
+    for row, actuator in zip(record["actuators"], form.actuators, strict=True):
+        kind = KINDS[actuator.kind]
         for place, name in zip(row[FIRST_NUMBER:].astype(int).tolist(), kind.numbers, strict=False):
-            called = f"{each.name}_{name}"
-            own[called] = (*own.get(called, ()), place)
+            called = f"{actuator.name}_{name}"
+            by_actuator[called] = (*by_actuator.get(called, ()), place)
             if name in kind.shared:
                 shared[name] = (*shared.get(name, ()), place)
-    return {**shared, **own, **hull, **_SCALAR_PLACES}
+    return {**shared, **by_actuator, **hull, **_SCALAR_PLACES}
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,13 +173,13 @@ class Plant:
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
         """Every number by name; one of a kind without the actuators' names where it is the same in all."""
         result = {name: self.number(name) for name in (*SCALARS, *HULLS[self.form.hull].numbers)}
-        kinds = np.array([each.kind for each in self.layout])
+        kinds = np.array([actuator.kind for actuator in self.layout])
         table = pack(self)["actuators"][0]
-        for each, row in zip(self.layout, table, strict=True):
-            kind = KINDS[each.kind]
+        for actuator, row in zip(self.layout, table, strict=True):
+            kind = KINDS[actuator.kind]
             for place, name in enumerate(kind.numbers, FIRST_NUMBER):
-                alike = name in kind.shared and (table[kinds == each.kind, place] == row[place]).all()
-                result[name if alike else f"{each.name}_{name}"] = float(row[place])
+                alike = name in kind.shared and (table[kinds == actuator.kind, place] == row[place]).all()
+                result[name if alike else f"{actuator.name}_{name}"] = float(row[place])
         return result
 
     def replaced(self, **values: Any) -> Plant:
@@ -225,7 +225,7 @@ def _neutral(form: Form) -> NDArray[np.void]:
     for name, value in _NEUTRAL.items():
         packed[name] = value
     packed["hull_model"] = HULL_CODES[form.hull]
-    kinds = [each.kind for each in form.actuators]
+    kinds = [actuator.kind for actuator in form.actuators]
     packed["actuators"][0, :, KIND] = [CODES[kind] for kind in kinds]
     packed["actuators"][0, :, CONTROL] = np.cumsum([0, *(len(KINDS[kind].units) for kind in kinds[:-1])])
     return packed
@@ -246,22 +246,22 @@ def bare_plant(vessel: Vessel) -> Plant:
         **vessel.wind.numbers(length_m, vessel.dimensions.beam_m),
     }  # fmt: skip
     for part in (vessel.dimensions, vessel.inertia.in_si(vessel)):
-        values |= {each.name: getattr(part, each.name) for each in fields(part) if each.name != "model"}
+        values |= {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.name != "model"}
     packed, model = _neutral(form), HULLS[form.hull]
     for name, value in values.items():
         packed[name] = value
     stated = model.in_si(vessel.hull, vessel.water_density_kgpm3, length_m, draught_m)
     packed["hull"][0, : len(stated)] = stated
-    names = [each.name for each in vessel.actuators]
-    for row, each in zip(packed["actuators"][0], vessel.actuator, strict=True):
-        row[FIRST_NUMBER:][: len(KINDS[each.kind].numbers)] = _numbers_of(each, names)
+    names = [actuator.name for actuator in vessel.actuators]
+    for row, entry in zip(packed["actuators"][0], vessel.actuator, strict=True):
+        row[FIRST_NUMBER:][: len(KINDS[entry.kind].numbers)] = _numbers_of(entry, names)
     return _plant(form, packed)
 
 
 def _numbers_of(entry: Any, names: list[str]) -> list[float]:
     kind = KINDS[entry.kind]
-    given = {**kind.slots, **kind.numbers_of(entry)}
-    return [_as_number(given[name] if name in given else getattr(entry, name), names) for name in kind.numbers]
+    numbers = {**kind.slots, **kind.numbers_of(entry)}
+    return [_as_number(numbers[name] if name in numbers else getattr(entry, name), names) for name in kind.numbers]
 
 
 def _as_number(value: float | str, names: list[str]) -> float:
@@ -299,9 +299,9 @@ def pack(plants: Plants) -> NDArray[np.void]:
         raise ConfigurationError("no plant to simulate", fix="give one plant, or one for each run")
     if not isinstance(plants, np.ndarray):
         layout = plants[0].layout
-        if any(each.layout != layout for each in plants):
+        if any(plant.layout != layout for plant in plants):
             raise ConfigurationError("the plants have different actuators", fix="simulate each ship by itself")
-        return np.array([each.values for each in plants]).view(dtype_of(len(layout)))[:, 0]
+        return np.array([plant.values for plant in plants]).view(dtype_of(len(layout)))[:, 0]
     names = plants.dtype.names or ()
     size = plants.dtype["actuators"].shape[0] if "actuators" in names else 0
     if plants.dtype != dtype_of(size) or plants.ndim != 1:

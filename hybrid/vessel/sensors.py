@@ -26,17 +26,17 @@ SETTINGS = (
 """What of a plant :func:`measure` looks at."""
 
 
-def report_alike(one: Plant, other: Plant) -> bool:
+def report_alike(first: Plant, second: Plant) -> bool:
     """Whether the sensors of two plants report the same motion in the same way."""
-    return all(getattr(one, name) == getattr(other, name) for name in SETTINGS)
+    return all(getattr(first, name) == getattr(second, name) for name in SETTINGS)
 
 
-def move_alike(one: Plant, other: Plant) -> bool:
+def move_alike(first: Plant, second: Plant) -> bool:
     """Whether two plants of one ship differ in nothing but what their sensors report."""
-    if one.forces != other.forces:
+    if first.forces != second.forces:
         return False
-    places = {place for name in SETTINGS for place in places_of(one.form, name)}
-    pairs = enumerate(zip(one.values, other.values, strict=True))
+    places = {place for name in SETTINGS for place in places_of(first.form, name)}
+    pairs = enumerate(zip(first.values, second.values, strict=True))
     return all(a == b or place in places for place, (a, b) in pairs)
 
 
@@ -136,10 +136,10 @@ def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
     lower = np.clip(np.floor(times), 0, max(last - 1, 0)).astype(int)
     upper = np.minimum(lower + 1, last)
     t = (times - lower)[:, np.newaxis]
-    rest, left, right = 1.0 - t, values[..., lower, :], values[..., upper, :]
+    complement, before, after = 1.0 - t, values[..., lower, :], values[..., upper, :]
     return np.asarray(
-        rest**2 * ((1.0 + 2.0 * t) * left + t * slope[..., lower, :])
-        + t**2 * ((3.0 - 2.0 * t) * right - rest * slope[..., upper, :])
+        complement**2 * ((1.0 + 2.0 * t) * before + t * slope[..., lower, :])
+        + t**2 * ((3.0 - 2.0 * t) * after - complement * slope[..., upper, :])
     )
 
 
@@ -179,11 +179,11 @@ def acting_controls(controls: ArrayLike, delay_s: ArrayLike, dt_s: float, angles
     times = np.clip(np.arange(last + 1) + delay[..., np.newaxis] / dt_s, 0.0, last)
     lower = np.broadcast_to(np.floor(times).astype(int), recorded.shape[:-1])[..., np.newaxis]
     part = times[..., np.newaxis] - lower
-    left = np.take_along_axis(recorded, lower, axis=-2)
-    step = np.take_along_axis(recorded, np.minimum(lower + 1, last), axis=-2) - left
+    before = np.take_along_axis(recorded, lower, axis=-2)
+    step = np.take_along_axis(recorded, np.minimum(lower + 1, last), axis=-2) - before
     turn = step[..., angles]
     step[..., angles] = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
-    return np.asarray(left + part * step)
+    return np.asarray(before + part * step)
 
 
 @njit(cache=True)

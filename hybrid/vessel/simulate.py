@@ -63,17 +63,17 @@ def _make_run_all(stamp: int) -> Callable[..., None]:
     @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
     def run_all(
         plants: NDArray[np.void], start: Floats, controls: Floats, wind: Floats, dt_s: float, substeps: int,
-        acting: Floats, extra: ForceFunction | None, parameters: Floats, states: Floats, left: NDArray[np.int64],
+        acting: Floats, extra: ForceFunction | None, parameters: Floats, states: Floats, left_at: NDArray[np.int64],
     ) -> None:  # fmt: skip
         """Every run of a batch; inputs with a first dimension of one serve all runs."""
         for i in prange(states.shape[0]):
-            left[i] = run(
+            left_at[i] = run(
                 plants[i % plants.shape[0]], start[i % start.shape[0]], controls[i % controls.shape[0]],
                 wind[i % wind.shape[0]], dt_s, substeps, acting[i % acting.shape[0]], extra,
                 parameters[i % parameters.shape[0]], states[i],
             )  # fmt: skip
         if stamp == 0:
-            left[:] = -1
+            left_at[:] = -1
 
     return run_all  # type: ignore[no-any-return]
 
@@ -125,12 +125,12 @@ def simulate_batch(
     _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
     begin, control, air, acting = arrays
     states = np.empty((number, control.shape[1] + 1, 6))
-    left = np.empty(number, dtype=np.int64)
+    left_at = np.empty(number, dtype=np.int64)
     steps = substeps or steps_for(dt_s)
     kernel = run_all if number > 1 else _run_one
     with threads_for(number * control.shape[1] * steps):
-        kernel(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left)
-    return Runs(states, left)
+        kernel(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left_at)
+    return Runs(states, left_at)
 
 
 def simulate(
@@ -180,8 +180,8 @@ _NAMES = ("start", "controls", "wind", "acting_start")
 
 def _run_one(plants: Any, *arguments: Any) -> None:
     """One run without the cost of starting threads; arguments as those of the parallel kernel."""
-    start, controls, wind, dt_s, substeps, acting, extra, parameters, states, left = arguments
-    left[0] = run(
+    start, controls, wind, dt_s, substeps, acting, extra, parameters, states, left_at = arguments
+    left_at[0] = run(
         plants[0], start[0], controls[0], wind[0], dt_s, substeps, acting[0], extra, parameters[0], states[0]
     )
 
@@ -211,11 +211,11 @@ def _inputs(
 
 def _shaped(values: ArrayLike, dimensions: int, width: int, name: str) -> Floats:
     array = np.ascontiguousarray(values, dtype=np.float64)
-    given = array.shape
+    shape = array.shape
     if array.ndim == dimensions - 1:
         array = array[np.newaxis]
     if array.ndim != dimensions or array.shape[-1] != width:
-        raise InputError(f"{name} has shape {given}, the last dimension must be {width}")
+        raise InputError(f"{name} has shape {shape}, the last dimension must be {width}")
     return array
 
 
@@ -239,22 +239,22 @@ def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     """
     if isinstance(plants, np.ndarray):
         return None, _NONE
-    each: Sequence[Plant] = (plants,) if isinstance(plants, Plant) else plants
+    batch: Sequence[Plant] = (plants,) if isinstance(plants, Plant) else plants
     sizes: dict[ForceFunction, int] = {}
-    for plant in each:
+    for plant in batch:
         for force in plant.forces:
             sizes.setdefault(force.function, len(force.parameters))
     if not sizes:
         return None, _NONE
-    parameters = np.array([_row(plant, sizes) for plant in each])
-    return _chain(tuple(sizes.items()), len(each[0].layout)), parameters
+    parameters = np.array([_row(plant, sizes) for plant in batch])
+    return _chain(tuple(sizes.items()), len(batch[0].layout)), parameters
 
 
 def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:
-    own = {force.function: force.parameters for force in plant.forces}
+    by_function = {force.function: force.parameters for force in plant.forces}
     row: list[float] = []
     for function, size in sizes.items():
-        row += [1.0, *own[function]] if function in own else [0.0] * (1 + size)
+        row += [1.0, *by_function[function]] if function in by_function else [0.0] * (1 + size)
     return row
 
 

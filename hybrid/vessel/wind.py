@@ -118,7 +118,9 @@ class FujiwaraWind:
 
     def numbers(self, length_m: float, beam_m: float) -> WindNumbers:
         """What a plant holds of it."""
-        harmonics = (each + _NO_TABLE[len(each) :] for each in fujiwara(self, length_m, beam_m))
+        harmonics = (
+            coefficients + _NO_TABLE[len(coefficients) :] for coefficients in fujiwara(self, length_m, beam_m)
+        )
         areas = {name: getattr(self, name) for name in _AREAS}
         return {**areas, **dict(zip(("CX", "CY", "CN"), harmonics, strict=True)), "wind_model": HARMONICS}
 

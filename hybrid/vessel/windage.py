@@ -35,10 +35,10 @@ def conditions_of(vessel: Vessel) -> Conditions:
 
 
 def known_conditions(
-    recorded: Iterable[tuple[Trial, pd.DataFrame]], ship: Vessel | None, given: Conditions | None = None
+    recorded: Iterable[tuple[Trial, pd.DataFrame]], ship: Vessel | None, stated: Conditions | None = None
 ) -> Conditions:
-    """What is known for the corrections: what is ``given``, then what recordings say, then the vessel file."""
-    known = given or Conditions()
+    """What is known for the corrections: what is ``stated``, then what recordings say, then the vessel file."""
+    conditions = stated or Conditions()
     for trial, table in recorded:
-        known = known.with_known(recorded_conditions(trial, table))
-    return known if ship is None else known.with_known(conditions_of(ship))
+        conditions = conditions.with_known(recorded_conditions(trial, table))
+    return conditions if ship is None else conditions.with_known(conditions_of(ship))

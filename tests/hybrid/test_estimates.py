@@ -55,7 +55,7 @@ def all_estimates(ship: Particulars, diameter_m: float, blades: tuple[float, flo
         "w": w,
         "t": hull.thrust_deduction(ship, diameter_m),
         **devices.interaction(ship, w.value),
-        **propeller.open_water(*blades, known=1.0),
+        **propeller.open_water(*blades, error_factor=1.0),
     }
 
 

@@ -37,7 +37,7 @@ wind tunnel."""
 
 def positive_names(form: Form) -> tuple[str, ...]:
     """Coefficients that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
-    kinds = dict.fromkeys(each.kind for each in form.actuators)
+    kinds = dict.fromkeys(actuator.kind for actuator in form.actuators)
     damping = HULLS[form.hull].keeps_sign
     areas = () if form.hull == "polynomial" else _WIND_AREAS
     return (*_POSITIVE, *damping, *areas, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
@@ -46,8 +46,8 @@ def positive_names(form: Form) -> tuple[str, ...]:
 def signed_names(form: Form) -> tuple[str, ...]:
     """Coefficients that may change sign, including each actuator's own."""
     hull = HULLS[form.hull]
-    own = (f"{each.name}_{name}" for each in form.actuators for name in KINDS[each.kind].adapted)
-    return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *own)
+    adapted = (f"{actuator.name}_{name}" for actuator in form.actuators for name in KINDS[actuator.kind].adapted)
+    return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *adapted)
 
 
 def parameter_names(form: Form) -> tuple[str, ...]:
@@ -97,11 +97,11 @@ def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> 
 def _mean_control(past: Floats, actuators: Actuators) -> Floats:
     """The controls at second 0 [N, controls], averaged over the preceding seconds in which they were steady."""
     recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(actuators)
-    most = np.array([most for each in actuators for most in KINDS[each.kind].still])
-    off = recent - recent[:, :1]
-    off[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
-    still = np.cumprod((np.abs(off) < most).all(axis=2), axis=1)[..., None]
-    return np.asarray(recent[:, 0] + (np.nan_to_num(off) * still).sum(axis=1) / still.sum(axis=1))
+    most = np.array([most for actuator in actuators for most in KINDS[actuator.kind].still])
+    deviation = recent - recent[:, :1]
+    deviation[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
+    still = np.cumprod((np.abs(deviation) < most).all(axis=2), axis=1)[..., None]
+    return np.asarray(recent[:, 0] + (np.nan_to_num(deviation) * still).sum(axis=1) / still.sum(axis=1))
 
 
 def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
@@ -109,8 +109,8 @@ def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
     exp(-t / ``gust_s``), the optimal forecast of gusts as a first-order process."""
     vectors = _wind_vectors(past)
     mean, now = _mean_vector(vectors), _mean_vector(vectors[:, :_GUSTING_S])
-    left = np.exp(-(np.arange(horizon_s) + 0.5) / gust_s)
-    expected = mean[:, None] + (now - mean)[:, None] * left
+    decay = np.exp(-(np.arange(horizon_s) + 0.5) / gust_s)
+    expected = mean[:, None] + (now - mean)[:, None] * decay
     return np.ascontiguousarray(np.stack([np.angle(expected), np.abs(expected)], axis=-1))
 
 
@@ -139,8 +139,8 @@ def _wind_vectors(past: Floats) -> Complexes:
 
 def _mean_vector(vectors: Complexes) -> Complexes:
     """The mean of the finite vectors [N], zero if there are none."""
-    known = np.isfinite(vectors)
-    return np.asarray(np.where(known, vectors, 0.0).sum(axis=1) / known.sum(axis=1).clip(min=1))
+    finite = np.isfinite(vectors)
+    return np.asarray(np.where(finite, vectors, 0.0).sum(axis=1) / finite.sum(axis=1).clip(min=1))
 
 
 def parameter(vector: Floats, name: str) -> float:
@@ -153,12 +153,12 @@ def _adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
     """The positions of the vector's parameters in a flat plant, their indices, and the number that keep their
     sign."""
     positive = positive_names(form)
-    every = [
+    pairs = [
         (place, number)
         for number, name in enumerate((*positive, *signed_names(form)))
         for place in places_of(form, name)
     ]
-    return [place for place, _ in every], [number for _, number in every], len(positive)
+    return [place for place, _ in pairs], [number for _, number in pairs], len(positive)
 
 
 def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
@@ -183,9 +183,9 @@ def _adapt_plant(stored: bytes, plant: Plant) -> NDArray[np.void]:
     packed["current_north_mps"] += CURRENT_MPS * parameter(vector, "current_north")
     packed["current_east_mps"] += CURRENT_MPS * parameter(vector, "current_east")
     packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * parameter(vector, LAG))
-    own = plant.drift_force_n
-    north = own * plant.drift_north + heavier * DRIFT_N * parameter(vector, "drift_north")
-    east = own * plant.drift_east + heavier * DRIFT_N * parameter(vector, "drift_east")
+    drift_n = plant.drift_force_n
+    north = drift_n * plant.drift_north + heavier * DRIFT_N * parameter(vector, "drift_north")
+    east = drift_n * plant.drift_east + heavier * DRIFT_N * parameter(vector, "drift_east")
     size = np.hypot(north, east)
     packed["drift_force_n"] = size
     packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)

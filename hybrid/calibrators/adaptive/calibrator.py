@@ -181,8 +181,8 @@ class AdaptiveCalibrator(Calibrator):
             drawn = self._drawn(windows, clear_of(windows, fold != member, fold == member), member)
             vectors.append(adapt(self._model, *drawn, part_of(progress, member, members)))
         self.vectors_ = np.stack(vectors)
-        every = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
-        self.covariance_ = covariance_at(self.vectors_.mean(axis=0), self._model, *every)
+        all_drawn = self._drawn(windows, np.ones(len(windows), dtype=bool), members)
+        self.covariance_ = covariance_at(self.vectors_.mean(axis=0), self._model, *all_drawn)
         self.range_ = start_range(windows)
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
@@ -245,7 +245,7 @@ class AdaptiveCalibrator(Calibrator):
         before = hindcast_windows(windows, HINDCAST_S)
         tracks, spread_m = self._candidate_tracks(vectors, self._observed(windows))
         hindcasts, _ = self._candidate_tracks(vectors, self._observed(before))
-        hindcast_m = np.stack([mean_distances(each, before.track) for each in hindcasts])
+        hindcast_m = np.stack([mean_distances(hindcast, before.track) for hindcast in hindcasts])
         mean = vectors.mean(axis=0)[None]
         minutes = self._last_minutes(windows, lambda observed: self._candidate_tracks(mean, observed)[0])
         return _Candidates(tracks, hindcast_m, spread_m, minutes)
@@ -257,14 +257,14 @@ class AdaptiveCalibrator(Calibrator):
         none of them was recorded. ``predict`` gives their tracks [.., H+1, 3]."""
         if len(windows) > _AT_ONCE:
             halves = np.array_split(np.arange(len(windows)), 2)
-            return np.concatenate([self._last_minutes(windows.subset(each), predict) for each in halves], axis=1)
+            return np.concatenate([self._last_minutes(windows.subset(half), predict) for half in halves], axis=1)
         begins = range(self.hindcast_s_, PAST_S - _EVERY_S, _EVERY_S)
         before = hindcast_windows(windows, *begins, horizon_s=self.hindcast_s_)
-        error_m = np.stack([mean_distances(each, before.track) for each in predict(self._observed(before))])
+        error_m = np.stack([mean_distances(hindcast, before.track) for hindcast in predict(self._observed(before))])
         error_m = error_m.reshape(-1, len(begins), len(windows))
-        known = np.isfinite(error_m)
-        total = np.log(np.where(known, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
-        return np.where(known.any(axis=1), total / known.sum(axis=1).clip(min=1), np.nan)
+        finite = np.isfinite(error_m)
+        total = np.log(np.where(finite, error_m, 1.0) + _LEAST_LOG_M).sum(axis=1)
+        return np.where(finite.any(axis=1), total / finite.sum(axis=1).clip(min=1), np.nan)
 
     def _predicted(
         self, windows: PredictionWindows, candidates: _Candidates, vector: Floats
@@ -292,18 +292,18 @@ class AdaptiveCalibrator(Calibrator):
         closer = [follow_closer(vector, more) for more in _CLOSER]
 
         def follow(observed: Observations) -> list[Floats]:
-            runs = (run_observer(each, self._model, observed) for each in closer)
+            runs = (run_observer(variant, self._model, observed) for variant in closer)
             return [states[..., :3] + waves for states, waves in runs]
 
-        every = np.stack([tracks, *candidates.tracks[1:], *follow(self._observed(windows))])
+        all_tracks = np.stack([tracks, *candidates.tracks[1:], *follow(self._observed(windows))])
         logs = np.concatenate([candidates.minutes, self._last_minutes(windows, follow)])
-        known = np.isfinite(logs)
-        logs = np.where(known, logs, self.usual_.mean)
-        usable = np.asarray(np.isfinite(every).all(axis=(2, 3)) & (known | ~known.any(axis=0)))
+        finite = np.isfinite(logs)
+        logs = np.where(finite, logs, self.usual_.mean)
+        usable = np.asarray(np.isfinite(all_tracks).all(axis=(2, 3)) & (finite | ~finite.any(axis=0)))
         usable[0] |= ~usable.any(axis=0)
         weight = np.where(usable, np.exp(-_MINUTES_POWER * (logs - logs.min(axis=0))), 0.0)
         weight /= weight.sum(axis=0)
-        return average_tracks(weight, every), (weight * logs).sum(axis=0)
+        return average_tracks(weight, all_tracks), (weight * logs).sum(axis=0)
 
     def _member_states(self, vectors: Floats, observations: Observations) -> tuple[Floats, Floats, Floats]:
         """The members' mean states [N, H+1, 6] and wave motion [N, H+1, 3], and the standard deviation of their
@@ -326,16 +326,16 @@ class AdaptiveCalibrator(Calibrator):
 
         Windows in which the adapted model leaves its range are NaN.
         """
-        known = np.isfinite(candidates.hindcast_m)
+        finite = np.isfinite(candidates.hindcast_m)
         weight = np.zeros_like(candidates.hindcast_m)
         weight[0] = 1.0
         if np.isfinite(power):
             error_m = np.nan_to_num(candidates.hindcast_m, nan=np.inf) + _LEAST_RATIO * self.usual_.hindcast_m
-            weight = np.where(known[0], error_m**-power, weight)
+            weight = np.where(finite[0], error_m**-power, weight)
         usable = np.isfinite(candidates.tracks).all(axis=(2, 3)) | (np.arange(_CANDIDATES) == 0)[:, None]
         weight = np.where(usable, weight, 0.0)
         weight = weight / weight.sum(axis=0)
-        hindcast_m = np.where(known, candidates.hindcast_m, _UNKNOWN_RATIO * self.usual_.hindcast_m)
+        hindcast_m = np.where(finite, candidates.hindcast_m, _UNKNOWN_RATIO * self.usual_.hindcast_m)
         return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
     def _uncertainty(self, hindcast_m: Floats, spread_m: Floats, minutes: Floats) -> Floats:
@@ -401,8 +401,8 @@ def starts_of(windows: PredictionWindows) -> Floats:
     """
     observations = observations_of(windows)
     recent = observations.past[:, :_RECENT_S]
-    known = np.isfinite(recent).all(axis=2, keepdims=True)
-    mean = np.where(known, recent, 0.0).sum(axis=1) / known.sum(axis=1)
+    finite = np.isfinite(recent).all(axis=2, keepdims=True)
+    mean = np.where(finite, recent, 0.0).sum(axis=1) / finite.sum(axis=1)
     control, angles = observations.control, angle_columns(windows.actuators)
     control = control if windows.commands is not None else control[:, :1]
     shafts = [column for column in range(control.shape[2]) if column not in angles]
@@ -421,7 +421,7 @@ def start_range(windows: PredictionWindows) -> Floats:
 def start_domain(windows: PredictionWindows, trained: Floats, share: float) -> DomainOfApplicability:
     """The windows' starts compared with the :func:`start_range` in training, which they may exceed by a ``share``
     of it, or by the smallest margin."""
-    kinds = [KINDS[each.kind] for each in windows.actuators]
+    kinds = [KINDS[actuator.kind] for actuator in windows.actuators]
     shafts = [most for kind in kinds for most, angle in zip(kind.alike, kind.angles, strict=True) if not angle]
     angles = [_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(windows.actuators)))
     low, high = trained

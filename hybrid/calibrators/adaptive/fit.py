@@ -47,14 +47,14 @@ def adapt(
     ``overlap`` is the share of a window that is its own, at most one. Seconds without a measured position are
     NaN and ignored.
     """
-    off, known = _differences(plant, windows, track)
+    differences_at, complete = _differences(plant, windows, track)
     vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
-    now = off(vector)
+    now = differences_at(vector)
     for step in range(steps):
         progress(step / steps)
-        weight = _whitening(now, known, overlap, plant)
-        slope = _slope(off, vector, now, weight)
-        better = _step(off, vector, now, slope, weight, damping)
+        weight = _whitening(now, complete, overlap, plant)
+        slope = _slope(differences_at, vector, now, weight)
+        better = _step(differences_at, vector, now, slope, weight, damping)
         if better is None:
             break
         before, after, vector, now, damping = better
@@ -66,9 +66,9 @@ def adapt(
 def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Floats, overlap: float) -> Floats:
     """The covariance of the vector [parameters, parameters] at the minimum, by a quadratic approximation of the
     cost; in directions without data it is the prior's, one. Arguments as those of :func:`adapt`."""
-    off, known = _differences(plant, windows, track)
-    now = off(vector)
-    slope = _slope(off, vector, now, _whitening(now, known, overlap, plant))
+    differences_at, complete = _differences(plant, windows, track)
+    now = differences_at(vector)
+    slope = _slope(differences_at, vector, now, _whitening(now, complete, overlap, plant))
     slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # those at the edge of the model's range say nothing
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
@@ -86,17 +86,17 @@ def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Ca
     return off, ~unknown
 
 
-def _whitening(now: Floats, known: Bools, overlap: float, plant: Plant) -> Floats:
+def _whitening(now: Floats, complete: Bools, overlap: float, plant: Plant) -> Floats:
     """The factor of each difference [N, H, 3]: its second's scale, its window's weight."""
-    scale = 1.48 * np.sqrt(_median_where(known, now**2)) + _LEAST * min(
+    scale = 1.48 * np.sqrt(_median_where(complete, now**2)) + _LEAST * min(
         1.0, plant.length_overall_m / _USUAL_LENGTH_M
     )
     return np.asarray(_weights(now / scale, overlap) / scale)
 
 
-def _median_where(known: Bools, squares: Floats) -> Floats:
+def _median_where(complete: Bools, squares: Floats) -> Floats:
     """The median over the windows in which a second is known and the model in its range: [H, 3]."""
-    usable = known[..., None] & np.isfinite(squares)
+    usable = complete[..., None] & np.isfinite(squares)
     ordered = np.sort(np.where(usable, squares, np.inf), axis=0)
     middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
     median = np.take_along_axis(ordered, middle[None], axis=0)[0]
@@ -106,24 +106,29 @@ def _median_where(known: Bools, squares: Floats) -> Floats:
 def _weights(whitened: Floats, overlap: float) -> Floats:
     """The square root of each window's weight [N, 1, 1]; zero for windows outside the model's range."""
     size = np.sqrt(np.mean(whitened**2, axis=(1, 2)))
-    known = np.isfinite(size)
-    robust = np.where(known, np.minimum(1.0, _OUTLYING / np.maximum(np.where(known, size, 1.0), 1e-9)), 0.0)
+    finite = np.isfinite(size)
+    robust = np.where(finite, np.minimum(1.0, _OUTLYING / np.maximum(np.where(finite, size, 1.0), 1e-9)), 0.0)
     share = overlap * _NUMBERS_A_WINDOW / (whitened.shape[1] * whitened.shape[2])
     return np.asarray(np.sqrt(share * robust))[:, None, None]
 
 
-def _slope(off: Callable[[Floats], Floats], vector: Floats, now: Floats, weight: Floats) -> Floats:
+def _slope(differences_at: Callable[[Floats], Floats], vector: Floats, now: Floats, weight: Floats) -> Floats:
     """The derivative of the weighted differences with respect to each parameter [N H 3, parameters]."""
     columns = np.empty((now.size, len(vector)))
     for number in range(len(vector)):
         moved = vector.copy()
         moved[number] += _DIFFERENCE
-        columns[:, number] = np.nan_to_num((off(moved) - now) / _DIFFERENCE * weight).ravel()
+        columns[:, number] = np.nan_to_num((differences_at(moved) - now) / _DIFFERENCE * weight).ravel()
     return columns
 
 
 def _step(
-    off: Callable[[Floats], Floats], vector: Floats, now: Floats, slope: Floats, weight: Floats, damping: float
+    differences_at: Callable[[Floats], Floats],
+    vector: Floats,
+    now: Floats,
+    slope: Floats,
+    weight: Floats,
+    damping: float,
 ) -> tuple[float, float, Floats, Floats, float] | None:
     """Costs before and after, vector, differences and damping after the first step that lowers the cost; None
     if none does."""
@@ -139,7 +144,7 @@ def _step(
     while damping < _GIVE_UP:
         damped = normal + np.eye(len(vector)) + damping * np.diag(1.0 + np.diag(normal))
         tried = vector - np.linalg.solve(damped, pull)
-        then = off(tried)
+        then = differences_at(tried)
         after = cost(tried, then)
         if after < before:
             return before, after, tried, then, max(damping / 5.0, 1e-6)

@@ -64,11 +64,11 @@ class Parameters:
     @property
     def identified(self) -> tuple[Parameter, ...]:
         """Those that the data determine."""
-        return tuple(each for each in self.every if each.identified)
+        return tuple(parameter for parameter in self.every if parameter.identified)
 
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs of identified parameters that the data cannot separate, with their correlation."""
-        return correlated_pairs([each.name for each in self.identified], self.correlation)
+        return correlated_pairs([parameter.name for parameter in self.identified], self.correlation)
 
 
 def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
@@ -84,11 +84,11 @@ def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
     names = list(units)
     signs = positive_names(form)
-    every = [
+    parameters = [
         _parameter(names[place], vector[place], deviation[place], names[place] in signs, *units[names[place]])
         for place in order
     ]
-    return Parameters(tuple(every), correlation)
+    return Parameters(tuple(parameters), correlation)
 
 
 Natural = Callable[[float], float]
@@ -98,8 +98,8 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
     """Unit, the reference model's value and the conversion from deviation to value, for each parameter of ship
     and environment. Wind is relative to the measured one."""
 
-    def added(own: float, usual: float) -> Natural:
-        return lambda z: own + usual * z
+    def added(model_value: float, usual: float) -> Natural:
+        return lambda z: model_value + usual * z
 
     heavier = plant.mass_kg / STEADY_MASS_KG
     units: dict[str, tuple[str, float, Natural]] = {}
@@ -107,16 +107,16 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
     factors |= dict.fromkeys(signed_names(plant.form), lambda z: 1.0 + USUAL_SHARE * z)
     units |= {name: ("times the model's", 1.0, natural) for name, natural in factors.items()}
     for name, usual in STEADY.items():
-        own = float(getattr(plant, name))
-        units[name] = ("N m" if name.endswith("_nm") else "N", own, added(own, heavier * usual))
+        steady = float(getattr(plant, name))
+        units[name] = ("N m" if name.endswith("_nm") else "N", steady, added(steady, heavier * usual))
     for axis in ("north", "east"):
         current_mps = float(getattr(plant, f"current_{axis}_mps"))
         drift_n = plant.drift_force_n * float(getattr(plant, f"drift_{axis}"))
         units[f"current_{axis}"] = ("m/s", current_mps, added(current_mps, CURRENT_MPS))
         units[f"drift_{axis}"] = ("N", drift_n, added(drift_n, heavier * DRIFT_N))
         units[f"wind_{axis}"] = ("m/s", 0.0, added(0.0, WIND_MPS))
-    own = plant.thruster_lag_s
-    return units | {LAG: ("s", own, lambda z: max(0.0, own + LAG_S * z))}
+    lag_s = plant.thruster_lag_s
+    return units | {LAG: ("s", lag_s, lambda z: max(0.0, lag_s + LAG_S * z))}
 
 
 def _parameter(

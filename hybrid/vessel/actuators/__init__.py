@@ -43,17 +43,17 @@ IS_ANGLE = np.array([[*kind.angles, *[False] * (_WIDEST - len(kind.angles))] for
 
 def control_units(actuators: Actuators) -> Floats:
     """What a ship's control channels are multiplied with to be controls in SI: [controls]."""
-    return np.array([unit for each in actuators for unit in KINDS[each.kind].units])
+    return np.array([unit for actuator in actuators for unit in KINDS[actuator.kind].units])
 
 
 def control_labels(actuators: Actuators) -> tuple[str, ...]:
     """The names of a ship's controls in SI: ``port_rps``, ``port_angle``, ``tunnel_rpm``."""
-    return tuple(f"{each.name}_{label}" for each in actuators for label in KINDS[each.kind].labels)
+    return tuple(f"{actuator.name}_{label}" for actuator in actuators for label in KINDS[actuator.kind].labels)
 
 
 def angle_columns(actuators: Actuators) -> list[int]:
     """Which of a ship's controls are angles."""
-    angles = [angle for each in actuators for angle in KINDS[each.kind].angles]
+    angles = [angle for actuator in actuators for angle in KINDS[actuator.kind].angles]
     return [number for number, angle in enumerate(angles) if angle]
 
 

@@ -106,8 +106,8 @@ def for_each_and_all(
 
     def effect(name: str, group: tuple[str, ...]) -> Effect:
         def changed(plant: Plant, values: Values) -> Plant:
-            for each in group:
-                plant = change(plant, f"{each}_{number}", values[parameter.name])
+            for actuator in group:
+                plant = change(plant, f"{actuator}_{number}", values[parameter.name])
             return plant
 
         besides = (one_is_like if len(group) == 1 else ()) + (all_are_like if group == names else ())
@@ -115,11 +115,11 @@ def for_each_and_all(
             name,
             family=family,
             kind="actuator",
-            what=what.format(names=" and ".join(each.replace("_", " ") for each in group)),
+            what=what.format(names=" and ".join(actuator.replace("_", " ") for actuator in group)),
             source=source,
             parameters=(parameter,),
             change=changed,
-            confused_with=tuple(sorted({*(each for each, _ in groups), *like, *besides} - {name})),
+            confused_with=tuple(sorted({*(effect_name for effect_name, _ in groups), *like, *besides} - {name})),
         )
 
     return tuple(effect(name, group) for name, group in groups)

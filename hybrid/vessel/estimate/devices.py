@@ -77,11 +77,11 @@ class Tunnel:
 Device = TypeVar("Device", Propeller, Azimuth, Rudder, Tunnel)
 
 
-def device(kind: type[Device], said: str | Device) -> Device:
+def device(kind: type[Device], source: str | Device) -> Device:
     """A device as an object, from an object or a text. Raises :class:`InputError` for what it cannot be."""
-    if isinstance(said, kind):
-        return said
-    text = str(said)
+    if isinstance(source, kind):
+        return source
+    text = str(source)
     try:
         return TypeAdapter(kind).validate_python(_pairs(kind, text))
     except ValidationError as error:
@@ -89,13 +89,13 @@ def device(kind: type[Device], said: str | Device) -> Device:
 
 
 def _pairs(kind: type[Any], text: str) -> dict[str, str]:
-    known = {field.name for field in fields(kind)}
+    names = {field.name for field in fields(kind)}
     pairs: dict[str, str] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
-        key, equals, value = (each.strip() for each in part.partition("="))
+        key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
             key, value = "name", key
-        if key not in known or key in pairs:
+        if key not in names or key in pairs:
             raise _cannot(kind, text, f"{key!r} is {'said twice' if key in pairs else 'not known'}")
         pairs[key] = value
     return pairs
@@ -131,10 +131,10 @@ ODD_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Driven:
-    """A propulsor of the file: its table, what was said of it, its place, and its shaft at service speed."""
+    """A propulsor of the file: its table, the screw as given, its place, and its shaft at service speed."""
 
     table: Table
-    said: Propeller | Azimuth
+    screw: Propeller | Azimuth
     x_m: float
     y_m: float
     wake: float
@@ -143,23 +143,23 @@ class Driven:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is odd about it, a sentence each."""
-        rpm = self.said.rpm
+        rpm = self.screw.rpm
         if rpm is None or abs(rpm / self.rpm - 1.0) < ODD_SHARE:
             return ()
         return (
-            f"{self.said.name} is said to turn {rpm:g} rpm at service speed, the estimates need {self.rpm:.4g}",
+            f"{self.screw.name} is said to turn {rpm:g} rpm at service speed, the estimates need {self.rpm:.4g}",
         )
 
 
-def listed(kind: type[Device], said: Sequence[str | Device]) -> list[Device]:
+def listed(kind: type[Device], sources: Sequence[str | Device]) -> list[Device]:
     """The devices of a kind; those without a name get that of their kind, with the side of a pair, or a number."""
-    word, given = kind.__name__.lower(), [device(kind, each) for each in said]
-    usual = [f"{word}_{number + 1}" for number in range(len(given))]
+    word, devices = kind.__name__.lower(), [device(kind, source) for source in sources]
+    usual = [f"{word}_{number + 1}" for number in range(len(devices))]
     if kind is Tunnel:
         usual[:2] = ["bow", "stern"]
-    elif len(given) <= 2:
-        usual = [word] if len(given) == 1 else [f"port_{word}", f"starboard_{word}"]
-    return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=False)]
+    elif len(devices) <= 2:
+        usual = [word] if len(devices) == 1 else [f"port_{word}", f"starboard_{word}"]
+    return [replace(entry, name=entry.name or name) for entry, name in zip(devices, usual, strict=False)]
 
 
 def driven(ship: Particulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]) -> list[Driven]:
@@ -167,71 +167,78 @@ def driven(ship: Particulars, propellers: Sequence[Propeller], azimuths: Sequenc
     both: list[Propeller | Azimuth] = [*propellers, *azimuths]
     shafts = _abeam(ship, len(propellers), -0.48 * ship.length_m)
     places = [*shafts, *_pod_places(ship, len(azimuths))]
-    share = hull.resistance_n(ship) / sum(each.diameter**2 for each in both)
-    return [_driven(ship, each, place, share * each.diameter**2) for each, place in zip(both, places, strict=True)]
+    share = hull.resistance_n(ship) / sum(screw.diameter**2 for screw in both)
+    return [
+        _driven(ship, screw, place, share * screw.diameter**2) for screw, place in zip(both, places, strict=True)
+    ]
 
 
-def _driven(ship: Particulars, said: Propeller | Azimuth, place: tuple[float, float], drag_n: float) -> Driven:
-    x_m, y_m = said.x if said.x is not None else place[0], said.y if said.y is not None else place[1]
-    wake = hull.wake_fraction(ship, said.diameter)
-    deduction = hull.thrust_deduction(ship, said.diameter)
+def _driven(ship: Particulars, screw: Propeller | Azimuth, place: tuple[float, float], drag_n: float) -> Driven:
+    x_m, y_m = screw.x if screw.x is not None else place[0], screw.y if screw.y is not None else place[1]
+    wake = hull.wake_fraction(ship, screw.diameter)
+    deduction = hull.thrust_deduction(ship, screw.diameter)
     inflow, thrust_n = (1.0 - wake.value) * ship.service_speed_mps, drag_n / (1.0 - deduction.value)
-    pitch_ratio, known = _pitch_ratio(ship, said, inflow, thrust_n)
-    k = screws.quadratic(pitch_ratio, said.area_ratio, said.blades)
-    rpm = 60.0 * screws.service_rps(thrust_n, inflow, said.diameter, k, ship.water_density_kgpm3)
+    pitch_ratio, error_factor = _pitch_ratio(ship, screw, inflow, thrust_n)
+    k = screws.quadratic(pitch_ratio, screw.area_ratio, screw.blades)
+    rpm = 60.0 * screws.service_rps(thrust_n, inflow, screw.diameter, k, ship.water_density_kgpm3)
     rows: dict[str, Cell] = {
-        "name": said.name,
-        "kind": _kind(said),
+        "name": screw.name,
+        "kind": _kind(screw),
         "x_m": x_m,
         "y_m": y_m,
-        **_blades(ship, said, pitch_ratio, known, wake, deduction),
+        **_blades(ship, screw, pitch_ratio, error_factor, wake, deduction),
         "limit_rpm": Estimate(RESERVE * rpm, source=f"{rpm:.4g} rpm at service speed, and a reserve"),
         "shaft_lag_s": _lag(ship, 1.0),
     }
-    return Driven(Table("[[actuator]]", said.name, rows), said, x_m, y_m, wake.value, rpm)
+    return Driven(Table("[[actuator]]", screw.name, rows), screw, x_m, y_m, wake.value, rpm)
 
 
-def _kind(said: Propeller | Azimuth) -> str:
-    if isinstance(said, Azimuth):
+def _kind(screw: Propeller | Azimuth) -> str:
+    if isinstance(screw, Azimuth):
         return "azimuth"
-    return "controllable_propeller" if said.controllable else "propeller"
+    return "controllable_propeller" if screw.controllable else "propeller"
 
 
 def _pitch_ratio(
-    ship: Particulars, said: Propeller | Azimuth, inflow: float, thrust_n: float
+    ship: Particulars, screw: Propeller | Azimuth, inflow: float, thrust_n: float
 ) -> tuple[float, float]:
-    """The pitch ratio said, or the one that fits the shaft speed said, or a usual one; and how well it is known."""
-    if said.pitch_ratio is not None:
-        return said.pitch_ratio, 1.0
-    if said.rpm is None:
+    """The pitch ratio given, or the one that fits the given shaft speed, or a usual one, and its error factor."""
+    if screw.pitch_ratio is not None:
+        return screw.pitch_ratio, 1.0
+    if screw.rpm is None:
         return USUAL_PITCH_RATIO, TYPICAL
-    n, D = said.rpm / 60.0, said.diameter
+    n, D = screw.rpm / 60.0, screw.diameter
     wanted = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
-    return screws.fitting_pitch_ratio(wanted, inflow / (n * D), said.area_ratio, said.blades), FITTED
+    return screws.fitting_pitch_ratio(wanted, inflow / (n * D), screw.area_ratio, screw.blades), FITTED
 
 
 def _blades(
-    ship: Particulars, said: Propeller | Azimuth, pitch: float, known: float, wake: Estimate, deduction: Estimate
+    ship: Particulars,
+    screw: Propeller | Azimuth,
+    pitch: float,
+    error_factor: float,
+    wake: Estimate,
+    deduction: Estimate,
 ) -> dict[str, Cell]:
     """The rows of a propeller, or of a pod, that say what it thrusts; ``pitch`` by diameter."""
-    if isinstance(said, Azimuth):
+    if isinstance(screw, Azimuth):
         return {
-            "propeller_diameter_m": said.diameter,
-            **screws.pod(pitch, said.area_ratio, said.blades, known, wake, deduction),
-            "azimuth_rate_limit_dps": said.rate or Estimate(12.0, source="two turns a minute, usual"),
+            "propeller_diameter_m": screw.diameter,
+            **screws.pod(pitch, screw.area_ratio, screw.blades, error_factor, wake, deduction),
+            "azimuth_rate_limit_dps": screw.rate or Estimate(12.0, source="two turns a minute, usual"),
             "azimuth_lag_s": _lag(ship, 1.0),
         }
-    k = screws.open_water(pitch, said.area_ratio, said.blades, known)
+    k = screws.open_water(pitch, screw.area_ratio, screw.blades, error_factor)
     return {
-        "diameter_m": said.diameter,
-        "pitch_m": pitch * said.diameter,
+        "diameter_m": screw.diameter,
+        "pitch_m": pitch * screw.diameter,
         **k,
         "thrust_deduction": deduction,
         "wake_0": wake,
         "wake_decay": Estimate(4.0, 0.3, HIRANO),
         "wake_x_m": Estimate(-0.5 * ship.length_m, 0.3, HIRANO),
         **screws.astern(k["k_0"].value),
-        **({"pitch_lag_s": _lag(ship, 3.0)} if said.controllable else {}),
+        **({"pitch_lag_s": _lag(ship, 3.0)} if screw.controllable else {}),
     }
 
 
@@ -254,28 +261,28 @@ def _pod_places(ship: Particulars, count: int) -> list[tuple[float, float]]:
     return [*_abeam(ship, forward, x), *_abeam(ship, count - forward, -x)]
 
 
-def rudders(ship: Particulars, given: Sequence[Rudder], propellers: Sequence[Driven]) -> list[Table]:
+def rudders(ship: Particulars, devices: Sequence[Rudder], propellers: Sequence[Driven]) -> list[Table]:
     """The rudders, each behind the propeller it names or the one it is nearest to."""
-    shafts = [each for each in propellers if isinstance(each.said, Propeller)]
-    return [_rudder(ship, each, shafts, number, len(given)) for number, each in enumerate(given)]
+    shafts = [unit for unit in propellers if isinstance(unit.screw, Propeller)]
+    return [_rudder(ship, rudder, shafts, number, len(devices)) for number, rudder in enumerate(devices)]
 
 
-def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
-    before = _before(said, shafts, number, count)
-    beside = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
-    area_m2 = Estimate(said.area) if said.area else usual_area(ship).times(1.0 / count)
-    span = said.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
+def _rudder(ship: Particulars, rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
+    before = _before(rudder, shafts, number, count)
+    usual_y_m = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
+    area_m2 = Estimate(rudder.area) if rudder.area else usual_area(ship).times(1.0 / count)
+    span = rudder.span or min(sqrt(USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
     numbers = interaction(ship, before.wake if before else 0.0)
     straight = numbers["flow_straightening"]
     L = ship.length_m
     rows: dict[str, Cell] = {
-        "name": said.name,
+        "name": rudder.name,
         "kind": "rudder",
-        "x_m": said.x if said.x is not None else -0.5 * L,
-        "y_m": said.y if said.y is not None else beside,
-        **({"behind": before.said.name} if before else {}),
+        "x_m": rudder.x if rudder.x is not None else -0.5 * L,
+        "y_m": rudder.y if rudder.y is not None else usual_y_m,
+        **({"behind": before.screw.name} if before else {}),
         "area_m2": area_m2,
-        "span_m": said.span or Estimate(span, source="aspect ratio 1.6, within the draught"),
+        "span_m": rudder.span or Estimate(span, source="aspect ratio 1.6, within the draught"),
         "t_R": numbers["t_R"],
         "a_H": numbers["a_H"],
         "x_H_m": numbers["x_H"].times(L),
@@ -288,57 +295,58 @@ def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: i
             if before
             else {"inflow_factor": Estimate(0.8, source="assumed")}
         ),
-        "limit_deg": said.limit or Estimate(35.0, source="usual"),
-        "rate_limit_dps": said.rate or Estimate(usual_rate_dps(ship), source="65 degrees in 28 s at 100 m, SOLAS"),
+        "limit_deg": rudder.limit or Estimate(35.0, source="usual"),
+        "rate_limit_dps": rudder.rate
+        or Estimate(usual_rate_dps(ship), source="65 degrees in 28 s at 100 m, SOLAS"),
         "lag_s": _lag(ship, 0.5),
     }
-    return Table("[[actuator]]", said.name, rows)
+    return Table("[[actuator]]", rudder.name, rows)
 
 
-def _before(said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Driven | None:
+def _before(rudder: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Driven | None:
     """The propeller in whose race a rudder is; None for one that is in no race."""
-    if said.behind is None:
+    if rudder.behind is None:
         if len(shafts) == count:
             return shafts[number]
         return shafts[len(shafts) // 2] if count == 1 and len(shafts) % 2 == 1 else None
-    if not said.behind:
+    if not rudder.behind:
         return None
-    names = [each.said.name for each in shafts]
-    if said.behind not in names:
+    names = [unit.screw.name for unit in shafts]
+    if rudder.behind not in names:
         raise InputError(
-            f"rudder {said.name!r} is behind {said.behind!r}",
+            f"rudder {rudder.name!r} is behind {rudder.behind!r}",
             why=f"the propellers are called {', '.join(names) or 'nothing: there are none'}",
             fix="name one of these",
         )
-    return shafts[names.index(said.behind)]
+    return shafts[names.index(rudder.behind)]
 
 
-def tunnel(ship: Particulars, said: Tunnel) -> Table:
+def tunnel(ship: Particulars, thruster: Tunnel) -> Table:
     """A tunnel thruster, at its usual place by its name; its force goes with the square of its shaft."""
-    x = (-0.42 if "stern" in said.name or "aft" in said.name else 0.42) * ship.length_m
-    force = _tunnel_force(said)
-    return Table("[[actuator]]", said.name, {
-        "name": said.name,
+    x = (-0.42 if "stern" in thruster.name or "aft" in thruster.name else 0.42) * ship.length_m
+    force = _tunnel_force(thruster)
+    return Table("[[actuator]]", thruster.name, {
+        "name": thruster.name,
         "kind": "tunnel",
-        "x_m": said.x if said.x is not None else x,
+        "x_m": thruster.x if thruster.x is not None else x,
         "cubic_n": 0.0,
-        "quadratic_n": force.times(said.rpm**-2),
+        "quadratic_n": force.times(thruster.rpm**-2),
         "linear_n": 0.0,
-        "limit_rpm": said.rpm,
+        "limit_rpm": thruster.rpm,
         "shaft_lag_s": _lag(ship, 1.0),
     })  # fmt: skip
 
 
-def _tunnel_force(said: Tunnel) -> Estimate:
-    if said.force is not None:
-        return Estimate(said.force, 0.1, "full force given, with the shaft squared")
-    if said.diameter is None or said.power is None:
+def _tunnel_force(thruster: Tunnel) -> Estimate:
+    if thruster.force is not None:
+        return Estimate(thruster.force, 0.1, "full force given, with the shaft squared")
+    if thruster.diameter is None or thruster.power is None:
         raise InputError(
-            f"of tunnel thruster {said.name!r} the force is not known",
+            f"of tunnel thruster {thruster.name!r} the force is not known",
             why="it follows from the force at full rpm, or from diameter and power",
-            fix=f"write {said.name},force=N or {said.name},diameter=M,power=KW",
+            fix=f"write {thruster.name},force=N or {thruster.name},diameter=M,power=KW",
         )
-    return screws.tunnel_force(said.diameter, said.power)
+    return screws.tunnel_force(thruster.diameter, thruster.power)
 
 
 MATSUMOTO = "Matsumoto and Suemitsu 1980"

@@ -88,11 +88,11 @@ def new_vessel(
     )  # fmt: skip
     driven = devices.driven(ship, shafts, pods)
     actuators = [
-        *(each.table for each in driven),
+        *(unit.table for unit in driven),
         *devices.rudders(ship, listed(Rudder, rudders), driven),
-        *(devices.tunnel(ship, each) for each in listed(Tunnel, tunnels)),
+        *(devices.tunnel(ship, thruster) for thruster in listed(Tunnel, tunnels)),
     ]
-    check_actuators(Actuator(each.label, str(each.rows["kind"])) for each in actuators)
+    check_actuators(Actuator(table.label, str(table.rows["kind"])) for table in actuators)
     tables = [
         _dimensions(ship, length_overall_m or length_m),
         _validity(ship),
@@ -101,12 +101,12 @@ def new_vessel(
         _wind(ship, frontal_area_m2, lateral_area_m2),
         *actuators,
     ]
-    warnings = (*outside_samples(ship), *(warning for each in driven for warning in each.warnings))
-    rpm = {each.said.name: each.rpm for each in driven}
-    made = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
+    warnings = (*outside_samples(ship), *(warning for unit in driven for warning in unit.warnings))
+    rpm = {unit.screw.name: unit.rpm for unit in driven}
+    vessel = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
     if output is not None:
-        made.save(output)
-    return made
+        vessel.save(output)
+    return vessel
 
 
 def course_stable(ship: Particulars) -> bool:

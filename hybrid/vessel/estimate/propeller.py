@@ -60,14 +60,14 @@ def quadratic(pitch_ratio: float, area_ratio: float, blades: int) -> tuple[float
     return float(k_0), float(k_1), float(k_2)
 
 
-def open_water(pitch_ratio: float, area_ratio: float, blades: int, known: float) -> Estimates:
+def open_water(pitch_ratio: float, area_ratio: float, blades: int, error_factor: float) -> Estimates:
     """``k_0 k_1 k_2`` with their usual errors: a stock propeller is within 5 % of the series at zero speed.
 
-    ``known`` multiplies the errors: 1 for a propeller whose particulars are known, more for a typical one.
+    ``error_factor`` multiplies the errors: 1 for a propeller whose particulars are known, more for a typical one.
     """
     k_0, k_1, k_2 = quadratic(pitch_ratio, area_ratio, blades)
     numbers = {"k_0": (k_0, 0.05), "k_1": (k_1, 0.10), "k_2": (k_2, 0.25)}
-    return {name: Estimate(value, error * known, B_SERIES) for name, (value, error) in numbers.items()}
+    return {name: Estimate(value, error * error_factor, B_SERIES) for name, (value, error) in numbers.items()}
 
 
 def service_rps(
@@ -86,7 +86,7 @@ def service_rps(
 def fitting_pitch_ratio(thrust_coefficient_wanted: float, J: float, area_ratio: float, blades: int) -> float:
     """The pitch ratio of a B-series propeller that has a K_T at ``J``; the end of the series if none has."""
     pitch = np.linspace(0.5, 1.4, 181)
-    thrust = [float(thrust_coefficient(np.array(J), each, area_ratio, blades)) for each in pitch]
+    thrust = [float(thrust_coefficient(np.array(J), ratio, area_ratio, blades)) for ratio in pitch]
     return float(pitch[int(np.argmin(np.abs(np.array(thrust) - thrust_coefficient_wanted)))])
 
 
@@ -118,19 +118,19 @@ def tunnel_force(diameter_m: float, power_kw: float) -> Estimate:
 
 
 def pod(
-    pitch_ratio: float, area_ratio: float, blades: int, known: float, wake: Estimate, deduction: Estimate
+    pitch_ratio: float, area_ratio: float, blades: int, error_factor: float, wake: Estimate, deduction: Estimate
 ) -> Estimates:
     """Thrust and side force coefficients of a pod with an open propeller.
 
     Along the pod K_T of the B-series, in the inflow (1 - w) u and with what the hull takes, (1 - t); across it the
     coefficients fitted to the forces that the maker of R/V Gunnerus' pods states.
     """
-    k = open_water(pitch_ratio, area_ratio, blades, known)
-    inflow, left = 1.0 - wake.value, 1.0 - deduction.value
+    k = open_water(pitch_ratio, area_ratio, blades, error_factor)
+    inflow, delivered = 1.0 - wake.value, 1.0 - deduction.value
     factors = {
-        "thrust_nn": ("k_0", left),
-        "thrust_nu": ("k_1", left * inflow),
-        "thrust_uu": ("k_2", left * inflow**2),
+        "thrust_nn": ("k_0", delivered),
+        "thrust_nu": ("k_1", delivered * inflow),
+        "thrust_uu": ("k_2", delivered * inflow**2),
     }
     along = {
         name: Estimate(k[of].value * factor, (k[of].error ** 2 + 0.07**2) ** 0.5, k[of].source)

@@ -12,7 +12,7 @@ from typing import Any
 
 def coefficients_of(entry: type) -> tuple[str, ...]:
     """The names of the coefficients in a model's ``[hull]`` table: its numbers that have no usual value."""
-    return tuple(each.name for each in fields(entry) if each.name != "model" and each.default is MISSING)
+    return tuple(field.name for field in fields(entry) if field.name != "model" and field.default is MISSING)
 
 
 def as_stated(entry: Any, water_density_kgpm3: float, length_m: float, draught_m: float) -> tuple[float, ...]:

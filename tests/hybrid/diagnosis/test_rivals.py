@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import accept, as_legs_agree
+from hybrid.diagnosis.acceptance import accept, penalise_by_leg_scatter
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.select_effects import (
@@ -64,9 +64,9 @@ def test_the_likelier_of_two_plays_is_named(mistaken: Evidence) -> None:
 
 def test_log_odds_count_as_they_are_where_legs_scatter_as_noise_does() -> None:
     said = np.array([4.0, 1.0, 3.0, 2.0, 6.0])
-    assert as_legs_agree(16.0, said, said) == 16.0
-    assert as_legs_agree(-3.0, -said, said) == -3.0
-    assert as_legs_agree(10.0, np.array([30.0, -20.0]), np.ones(2)) == 10.0  # too few legs to tell
+    assert penalise_by_leg_scatter(16.0, said, said) == 16.0
+    assert penalise_by_leg_scatter(-3.0, -said, said) == -3.0
+    assert penalise_by_leg_scatter(10.0, np.array([30.0, -20.0]), np.ones(2)) == 10.0  # too few legs to tell
 
 
 @pytest.mark.parametrize("scatter", [1.0, 6.0])
@@ -74,7 +74,9 @@ def test_the_truth_is_seldom_thrown_out_where_legs_scatter(scatter: float) -> No
     """The rival is right, and legs scatter by more than the noise that was estimated has it."""
     random, legs, each = np.random.default_rng(2), 14, 0.5
     draws = random.normal(-each, np.sqrt(2.0 * each * scatter), (2000, legs))
-    thrown_out = np.mean([as_legs_agree(float(gains.sum()), gains, np.ones(legs)) > CLOSE for gains in draws])
+    thrown_out = np.mean(
+        [penalise_by_leg_scatter(float(gains.sum()), gains, np.ones(legs)) > CLOSE for gains in draws]
+    )
     plainly = np.mean(draws.sum(axis=1) > CLOSE)
     assert thrown_out <= 0.02
     assert thrown_out <= plainly

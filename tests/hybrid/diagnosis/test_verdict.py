@@ -14,7 +14,7 @@ from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.sensor_consistency import find_contradictions
-from hybrid.diagnosis.verdict import intervals, makes_worse, that_predict, verdict_of
+from hybrid.diagnosis.verdict import drop_non_predictive, intervals, makes_worse, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
 from hybrid.report.diagnosis_sentences import unknown_cause
 from hybrid.vessel.plant import Plant
@@ -84,7 +84,7 @@ def test_an_error_of_a_sensor_is_named_where_it_predicts_legs_left_out(plant: Pl
     assert sensors.names == ("heading_bias",)
     both = (*sensors.names, "sway_bias")
     tests = {name: acceptance_tests(sensors.evidence, both, name) for name in both}
-    named = that_predict(replace(sensors, names=both, tests=tests), unseen_windows(log, model))
+    named = drop_non_predictive(replace(sensors, names=both, tests=tests), unseen_windows(log, model))
     assert named is not None
     assert (named.names, list(named.tests)) == (("heading_bias",), ["heading_bias"])
 
