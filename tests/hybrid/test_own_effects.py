@@ -93,7 +93,7 @@ def test_the_list_in_the_terminal_is_whole() -> None:
     """Every effect with its kind, parameters and rivals stands under its family."""
     app = typer.Typer()
     cli.mount(app)
-    result = CliRunner().invoke(app, ["effects"])
+    result = CliRunner().invoke(app, ["effects"], env={"COLUMNS": "112"})
     assert result.exit_code == 0
     words = set(result.stdout.replace(",", " ").split())
     assert {effect.name for effect in CATALOGUE.values()} <= words
