@@ -287,7 +287,7 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     _helm(helm, motion, time_s)
     helm.set_ylabel(f"{motion.steering or 'helm'}\n[deg]")
     below.plot(time_s, motion.heading_deg - motion.at("heading_deg", start), color=PURPLE)
-    below.set_ylabel("heading off\nthe start [deg]")
+    below.set_ylabel("turned\n[deg]")
     for axes in (above, middle, helm, below):
         axes.axvspan(0.0, end - start, color="#56B4E9", alpha=0.12, linewidth=0)
     several = len(motion.drives) + len(motion.tunnels) > 1

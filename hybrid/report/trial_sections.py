@@ -241,12 +241,12 @@ MOST_LEFT_OUT = 12
 
 
 def left_out_lines(case: Case) -> list[str]:
-    """What only began like a test, and why it is none; of many the first ones, and how many more."""
+    """Why nothing could be looked for, and what only began like a test; of many the first, and how many more."""
     several = len(case.products) > 1
     lines = [
-        (f"{name}: " if several else "") + left_out_line(candidate)
+        (f"{name}: " if several else "") + in_words(line)
         for name, made in case.products.items()
-        for candidate in made.left_out
+        for line in (*made.shortfalls, *map(left_out_line, made.left_out))
     ]
     more = len(lines) - MOST_LEFT_OUT
     return [*lines[:MOST_LEFT_OUT], *([f"{more} more in the output of manoeuvres"] if more > 0 else [])]
