@@ -55,7 +55,7 @@ def speed_power(
     ] = None,
     wind_coefficients: Annotated[
         Path | None,
-        typer.Option(help="A table of the ship's wind resistance: columns angle [deg] off the bow and C_AA."),
+        typer.Option(help="A table of the ship's wind resistance: columns angle off the bow in degrees and C_AA."),
     ] = None,
     vessel: VesselOption = None,
     power: Annotated[

@@ -51,9 +51,11 @@ def test_a_zigzag_is_one_with_all_its_swings(craft: Craft, swings: int, angle_de
     sailed = sail_zigzag(craft, swings, angle_deg, angle_deg, seed, lead_s(craft))
     (run,), _ = steered(sailed.table)
     assert run.kind == "zigzag"
-    assert abs(run.settings["swings"] - swings) <= 1.0  # the last may end before it is held
+    lost = swings - run.settings["swings"]
+    assert abs(lost) <= 1.0  # one at either end may be over before its helm is held
     start_s = (run.start - sailed.table.index[0]).total_seconds()
-    assert start_s == pytest.approx(sailed.orders_s[0], abs=1.0 + 1.0 / craft.rate_hz)
+    nearest_s = min(sailed.orders_s[: 1 + (lost > 0.0)], key=lambda order_s: abs(order_s - start_s))
+    assert start_s == pytest.approx(nearest_s, abs=1.0 + 1.0 / craft.rate_hz)
     assert run.settings["switch_deg"] == pytest.approx(angle_deg, abs=4.0)
 
 

@@ -297,7 +297,7 @@ def recorded(folder: Path, name: str, change: Callable[[pd.DataFrame], pd.DataFr
 def invoked(*arguments: str) -> str:
     app = typer.Typer()
     cli.mount(app)
-    result = CliRunner().invoke(app, ["validate", *arguments])
+    result = CliRunner().invoke(app, ["validate", *arguments], env={"COLUMNS": "200"})
     assert result.exit_code == 0, result.output
     return result.stdout
 
