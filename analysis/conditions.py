@@ -13,7 +13,7 @@ from acquisition.config.conditions import Conditions
 from acquisition.config.run_sheet import conditions_of
 from acquisition.core.trial import Trial
 from analysis.kinematics import mean_wind
-from analysis.quality.samples import ASSUMED
+from analysis.quality.samples import is_assumed
 
 BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
 """The mean speeds from which the force of the wind is one more, by the World Meteorological Organization."""
@@ -51,8 +51,7 @@ def sea_state_of(words: str) -> int | None:
 def recorded_conditions(trial: Trial, table: pd.DataFrame) -> Conditions:
     """What a recording itself tells: its ``[conditions]`` and run sheet, the mean wind, the water's temperature."""
     warm = float(table["water_temperature_degc"].mean()) if "water_temperature_degc" in table else float("nan")
-    is_assumed = table.attrs.get("sources", {}).get(_WIND[0]) == [ASSUMED]
-    air = table.reindex(columns=_WIND).dropna().iloc[: 0 if is_assumed else None]
+    air = table.reindex(columns=_WIND).dropna().iloc[: 0 if is_assumed(table, _WIND[0]) else None]
     measured = Conditions(
         water_depth_m=trial.water_depth_m, draught_m=trial.draught_m, trim_m=trial.trim_m,
         sea_state=sea_state_of(trial.sea_state), beaufort=beaufort(mean_wind(air)[0]) if len(air) else None,

@@ -129,10 +129,9 @@ class Statement:
 
     def added_to(self, trial: Trial) -> Trial:
         """A recording's trial with all that is stated here."""
-        own = self.trial.as_trial(self.conditions, self.instruments, self.particulars)
-        stated = {
-            entry.name: value for entry in fields(Trial) if (value := getattr(own, entry.name)) not in ("", None)
-        }
+        statement = self.trial.as_trial(self.conditions, self.instruments, self.particulars)
+        values = {entry.name: getattr(statement, entry.name) for entry in fields(Trial)}
+        stated = {name: value for name, value in values.items() if value not in ("", None)}
         merged = {
             "conditions": self.conditions.with_known(conditions_of(trial)).as_text(),
             "accuracy": _text({**accuracy_of(trial), **self.instruments.accuracy}),
@@ -161,13 +160,21 @@ def load_statement(path: Path | str) -> Statement:
     return Statement(conditions=validate(tree, text, path, Conditions))
 
 
-def statement_text(path: Path | None, recordings: Path) -> str:
-    """The statement of a file as text, without one that of :data:`CONDITIONS_FILE` in a folder of recordings or
-    beside one; empty where there is none. Raises :class:`ConfigurationError`.
+def statement_file(path: Path | None, *places: Path) -> Path | None:
+    """The file that states what recordings do not: the one given, else the first :data:`CONDITIONS_FILE` in a
+    folder or beside a recording of these places; None where there is none."""
+    folders = (place if place.is_dir() else place.parent for place in places)
+    files = (folder / CONDITIONS_FILE for folder in folders)
+    return path or next((file for file in files if file.is_file()), None)
+
+
+def statement_text(path: Path | None, *places: Path) -> str:
+    """The statement of :func:`statement_file` as text, empty where there is none.
+
+    Raises :class:`ConfigurationError`.
     """
-    beside = (recordings if recordings.is_dir() else recordings.parent) / CONDITIONS_FILE
-    found = path or (beside if beside.is_file() else None)
-    return "" if found is None else load_statement(found).as_text()
+    file = statement_file(path, *places)
+    return "" if file is None else load_statement(file).as_text()
 
 
 def conditions_of(trial: Trial) -> Conditions:

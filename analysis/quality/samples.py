@@ -59,6 +59,11 @@ def judged_as(channel: Channel) -> tuple[str, str]:
     return ("environment" if channel.name.startswith("apparent_wind_") else channel.group), channel.unit
 
 
+def is_assumed(table: pd.DataFrame, name: str) -> bool:
+    """Whether a channel's values were assumed at an import and not measured."""
+    return bool(table.attrs.get("sources", {}).get(name) == [ASSUMED])
+
+
 def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]:
     """Which samples have a value, in the order of measured time: their places, times [ns], values.
 

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
-from acquisition.config.run_sheet import statement_text
+from acquisition.config.run_sheet import statement_file, statement_text
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from acquisition.core.files import make_folder, write_text, written_together
 from acquisition.core.progress import Progress, part_of
@@ -182,7 +182,7 @@ def trial_report(
     case = load_case(
         recordings, choices.calibrator, choices.vessel, choices.horizon_s,
         part=choices.part, repair=choices.repair, allow_seen=choices.allow_seen, length_m=choices.length_m,
-        method=choices.method, statement=statement_text(choices.conditions, recordings[0]),
+        method=choices.method, statement=statement_text(choices.conditions, recordings[0], folder),
     )  # fmt: skip
     made = case.products  # what is wrong is said before anything is written
     make_folder(folder)
@@ -220,7 +220,9 @@ def batch_reports(
     _refuse_elsewhere(out, recordings)
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
-    own, pages, failed = replace(choices, repair=choices.repair and options.repair), list[Path](), dict[str, str]()
+    stated = statement_file(choices.conditions, recordings)
+    own = replace(choices, repair=choices.repair and options.repair, conditions=stated)
+    pages, failed = list[Path](), dict[str, str]()
     done = [row for row in summary.rows if row["status"] == "done"]
     for number, row in enumerate(done):
         share = part_of(progress, number, len(done))

@@ -25,7 +25,7 @@ from analysis.manoeuvres.indices import Manoeuvre, unit_of
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.report import index_cells
 from analysis.products import Products
-from analysis.quality.samples import ASSUMED, white_noise
+from analysis.quality.samples import ASSUMED, is_assumed, white_noise
 from analysis.report.run_sheet import has_date
 from analysis.report.words import in_words
 from analysis.speed_power.report import power_text
@@ -121,11 +121,6 @@ def _before(test: NumberedRun) -> pd.DataFrame:
 def measured(table: pd.DataFrame, names: Sequence[str]) -> list[str]:
     """Those of some channels that a table has values of, other than assumed ones."""
     return [name for name in names if name in table and table[name].notna().any() and not is_assumed(table, name)]
-
-
-def is_assumed(table: pd.DataFrame, name: str) -> bool:
-    """Whether a channel's values were assumed at an import and not measured."""
-    return bool(table.attrs.get("sources", {}).get(name) == [ASSUMED])
 
 
 def _shafts(table: pd.DataFrame) -> list[str]:

@@ -17,6 +17,7 @@ from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.report import index_cells, left_out_line, plain_name
 from analysis.manoeuvres.standards import NOT_FOR_SHIP, RESOLUTION, condition_shortfalls
 from analysis.products import Products
+from analysis.quality.samples import is_assumed
 from analysis.report.manoeuvre_plots import PICTURED
 from analysis.report.pages import events_of
 from analysis.report.quality_page import counts_of
@@ -28,7 +29,7 @@ from hybrid.report.case import Case
 from hybrid.report.diagnosis_map_plots import axis_title
 from hybrid.report.errors import Calibration, Residuals, largest_residuals
 from hybrid.report.tables import score_rows
-from hybrid.report.trial_form import NumberedRun, is_assumed
+from hybrid.report.trial_form import NumberedRun
 from hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
@@ -174,6 +175,11 @@ def pictured(runs: Sequence[NumberedRun], rows: Sequence[IndexRow], most: int = 
     return sorted(ordered[:most], key=lambda run: run.number)
 
 
+def sheets_of(case: Case) -> list[NumberedRun]:
+    """The runs of a trial that have a sheet of their own."""
+    return pictured(case.runs, [row for rows in case.index_rows.values() for row in rows])
+
+
 def common_notes(shown: Sequence[Manoeuvre]) -> list[str]:
     """What is to be known of all of several manoeuvres, which their captions then leave out."""
     if len(shown) < 2:
@@ -196,12 +202,12 @@ def picture_caption(each: Manoeuvre, common: Sequence[str] = ()) -> str:
 
 def ship_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
     """The particulars of a ship and her loading, as far as they are known."""
-    return _known(_ship_rows(case, vessel))
+    return _without_unknown(_ship_rows(case, vessel))
 
 
 def condition_facts(case: Case, vessel: str) -> list[tuple[str, str]]:
     """When, where and in what weather a ship's trial was made, as far as that is known."""
-    return _known(_condition_rows(case, vessel))
+    return _without_unknown(_condition_rows(case, vessel))
 
 
 def unstated(case: Case, vessel: str) -> list[str]:
@@ -210,7 +216,7 @@ def unstated(case: Case, vessel: str) -> list[str]:
     return [label for label, value in rows if value == UNKNOWN]
 
 
-def _known(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
+def _without_unknown(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
     return [row for row in rows if row[1] != UNKNOWN]
 
 
@@ -232,8 +238,7 @@ def _condition_rows(case: Case, vessel: str) -> list[tuple[str, str]]:
 
 def indices_of_sheets(case: Case) -> IndexComparisons:
     """The indices of the model for the tests that have a sheet; the page would be long with all."""
-    rows = [row for vessel_rows in case.index_rows.values() for row in vessel_rows]
-    starts = {run.manoeuvre.start for run in pictured(case.runs, rows)}
+    starts = {run.manoeuvre.start for run in sheets_of(case)}
     return replace(case.indices, rows=tuple(row for row in case.indices.rows if row.start in starts))
 
 
@@ -299,13 +304,12 @@ def _pooled(sheets: Iterable[list[tuple[str, str]]]) -> list[tuple[str, str]]:
     for label, value in (row for sheet in sheets for row in sheet):
         values.setdefault(label, []).append(value)
     rows = []
-    for label, every in values.items():
-        distinct = list(dict.fromkeys(every))
-        stated = [value for value in distinct if value != UNKNOWN and not value.startswith("unknown")] or distinct[
-            :1
-        ]
-        if len(stated) <= _MOST_VALUES:  # what differs from test to test is in the programme
-            rows.append((label, "; ".join(stated)))
+    for label, repeated in values.items():
+        distinct = list(dict.fromkeys(repeated))
+        stated = [value for value in distinct if value != UNKNOWN and not value.startswith("unknown")]
+        shown = stated or distinct[:1]
+        if len(shown) <= _MOST_VALUES:  # what differs from test to test is in the programme
+            rows.append((label, "; ".join(shown)))
     return rows
 
 

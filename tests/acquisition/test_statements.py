@@ -66,6 +66,8 @@ def test_file_of_conditions_alone_and_file_of_tables(tmp_path: Path) -> None:
         statement_text(None, tmp_path) == statement_text(None, tmp_path / "a.mcap") == statement_text(tables, alone)
     )
     assert statement_text(None, tmp_path / "elsewhere" / "a.mcap") == ""
+    in_subfolder = tmp_path / "recordings" / "a.mcap"
+    assert statement_text(None, in_subfolder, tmp_path) == statement_text(tables)
 
 
 @pytest.mark.parametrize(
